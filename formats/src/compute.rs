@@ -1,0 +1,253 @@
+//! `DATBOX/COMPUTE.RON`: what LMGC90 keeps in the user's command script - the time step, the
+//! solver's settings, self-gravity, output and scheduled events.
+//!
+//! One table below gives each option's name, type, default, unit and help text; the file's
+//! reader, the flags of cd-solve and the documentation all come from it.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Fault, Faults};
+
+/// Newtonian constant of gravitation, m^3 kg^-1 s^-2 (CODATA 2018 and 2022).
+pub const GRAVITATIONAL_CONSTANT: f64 = 6.67430e-11;
+
+/// Something that happens once, at the start of the first step whose time is not before `time`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Event {
+    /// s
+    pub time: f64,
+    pub action: Action,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Action {
+    /// Adds a rigid rotation of all free bodies about their common centre of mass, rad/s.
+    AddSpin([f64; 3]),
+    /// Adds a velocity to all free bodies, m/s.
+    AddVelocity([f64; 3]),
+    /// Sets the uniform gravity, m/s^2.
+    SetGravity([f64; 3]),
+    /// Sets the option `quench`.
+    SetQuench(f64),
+}
+
+macro_rules! options {
+    ($($(#[doc = $help:literal])+ $name:ident : $type:ty = $default:expr, $flag:ty, [$($arg:tt)*];)+) => {
+        /// The options of a run; see the table in `docs/files.md`.
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct Compute { $($(#[doc = $help])+ pub $name: $type,)+ }
+
+        impl Default for Compute {
+            fn default() -> Self { Compute { $($name: $default,)+ } }
+        }
+
+        /// The same options as flags; one that is given wins over the file.
+        #[derive(Debug, Clone, Default, clap::Args)]
+        #[command(next_help_heading = "Options of COMPUTE.RON")]
+        pub struct Flags { $($(#[doc = $help])+ #[arg(long, $($arg)*)] pub $name: Option<$flag>,)+ }
+
+        impl Compute {
+            /// The options with those flags put in their place.
+            pub fn with(mut self, flags: &Flags) -> Self {
+                $(if let Some(value) = &flags.$name { self.$name = value.clone().into(); })+
+                self
+            }
+
+            /// Name, default and help text of every option, in the order of the file.
+            pub fn table() -> Vec<(&'static str, String, String)> {
+                let default = Compute::default();
+                vec![$((
+                    stringify!($name),
+                    ron::to_string(&default.$name).unwrap_or_default(),
+                    [$($help),+].concat().trim().to_string(),
+                ),)+]
+            }
+        }
+    };
+}
+
+options! {
+    /// Time step h, s.
+    dt: f64 = 1.0e-3, f64, [value_name = "S"];
+    /// Number of steps to make, counted from time 0; wins over end_time.
+    steps: Option<u64> = None, u64, [value_name = "N"];
+    /// Time at which the run ends, s.
+    end_time: Option<f64> = None, f64, [value_name = "S"];
+    /// Weight of the step's end in the theta-scheme, 0.5 to 1: 0.5 keeps the energy of smooth motion, more damps it.
+    theta: f64 = 0.5, f64, [value_name = "X"];
+    /// Residual |F(r)|/|F(0)| at which the contact solver stops.
+    tol: f64 = 1.0e-3, f64, [value_name = "X"];
+    /// Gauss-Seidel sweeps after which a step is reported as not converged, and goes on.
+    max_sweeps: u64 = 2000, u64, [value_name = "N"];
+    /// Distance within which contacts are listed, m; without it, that of each row of TACT_BEHAV.DAT.
+    alert: Option<f64> = None, f64, [value_name = "M"];
+    /// Newtonian attraction between all free bodies.
+    self_gravity: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
+    /// Newtonian constant of gravitation, m^3 kg^-1 s^-2.
+    gravity_constant: f64 = GRAVITATIONAL_CONSTANT, f64, [value_name = "X"];
+    /// RMS relative error allowed in the self-gravity; the direct sum keeps any that is at least 1e-14.
+    gravity_error: f64 = 1.0e-3, f64, [value_name = "X"];
+    /// Share of every free body's velocity that is taken away at the start of each step: 0 none, 1 brings an aggregate to true rest.
+    quench: f64 = 0.0, f64, [num_args = 0..=1, require_equals = true, default_missing_value = "1.0", value_name = "X"];
+    /// Steps between two snapshots.
+    output_every: u64 = 100, u64, [value_name = "N"];
+    /// Threads; 0 takes all processors. Never changes a result.
+    threads: usize = 0, usize, [value_name = "N"];
+    /// Also writes DOF.OUT.k and Vloc_Rloc.OUT.k in the syntax of LMGC90.
+    text: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
+    /// Scheduled events, as in COMPUTE.RON: [(time: 100.0, action: AddSpin((0.0, 0.0, 1e-5)))].
+    events: Vec<Event> = Vec::new(), Events, [value_name = "RON"];
+}
+
+/// A list of events given on the command line.
+#[derive(Debug, Clone)]
+pub struct Events(Vec<Event>);
+
+impl std::str::FromStr for Events {
+    type Err = ron::error::SpannedError;
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        ron::from_str(text).map(Events)
+    }
+}
+
+impl From<Events> for Vec<Event> {
+    fn from(events: Events) -> Self {
+        events.0
+    }
+}
+
+impl Compute {
+    /// Reads a file; unknown fields and values out of range are faults.
+    pub fn read(path: &Path) -> Result<Self, Faults> {
+        let text = crate::atomic::read_text(path)?;
+        let compute: Compute = from_ron(path, &text, "options")?;
+        compute.check(path)?;
+        Ok(compute)
+    }
+
+    /// The text of the file, each option behind its help text.
+    pub fn to_text(&self) -> String {
+        let pretty = ron::ser::PrettyConfig::new().new_line("\n").depth_limit(2);
+        let mut text = String::from("// Options of cd-solve; a flag of the same name wins.\n");
+        text += &ron::ser::to_string_pretty(self, pretty).unwrap_or_default();
+        text.push('\n');
+        text
+    }
+
+    /// All values that no run could use.
+    pub fn check(&self, source: &Path) -> Result<(), Faults> {
+        let mut faults = Faults::default();
+        let mut expect = |holds: bool, name: &str, found: String, expected: &str| {
+            if !holds {
+                faults.push(Fault::new(source, None, name, found, format!("expected {expected}")));
+            }
+        };
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        expect(positive(self.dt), "dt", format!("{}", self.dt), "a finite time step > 0 s");
+        expect(
+            self.end_time.is_none_or(|t| t.is_finite() && t >= 0.0),
+            "end_time",
+            format!("{:?}", self.end_time),
+            "a finite time >= 0 s",
+        );
+        expect((0.5..=1.0).contains(&self.theta), "theta", format!("{}", self.theta), "0.5 to 1");
+        expect(positive(self.tol) && self.tol < 1.0, "tol", format!("{}", self.tol), "more than 0 and less than 1");
+        expect(self.max_sweeps > 0, "max_sweeps", format!("{}", self.max_sweeps), "at least 1");
+        expect(
+            self.alert.is_none_or(|a| a.is_finite() && a >= 0.0),
+            "alert",
+            format!("{:?}", self.alert),
+            "a finite distance >= 0 m",
+        );
+        expect(
+            self.gravity_constant.is_finite() && self.gravity_constant >= 0.0,
+            "gravity_constant",
+            format!("{}", self.gravity_constant),
+            "a finite number >= 0",
+        );
+        expect(
+            positive(self.gravity_error) && self.gravity_error >= 1e-14,
+            "gravity_error",
+            format!("{}", self.gravity_error),
+            "at least 1e-14",
+        );
+        expect((0.0..=1.0).contains(&self.quench), "quench", format!("{}", self.quench), "0 to 1");
+        expect(self.output_every > 0, "output_every", format!("{}", self.output_every), "at least 1");
+        for (k, event) in self.events.iter().enumerate() {
+            let values = match &event.action {
+                Action::AddSpin(v) | Action::AddVelocity(v) | Action::SetGravity(v) => v.to_vec(),
+                Action::SetQuench(q) => vec![*q],
+            };
+            let in_range = !matches!(event.action, Action::SetQuench(q) if !(0.0..=1.0).contains(&q));
+            expect(
+                event.time.is_finite() && values.iter().all(|v| v.is_finite()) && in_range,
+                &format!("events, number {}", k + 1),
+                format!("{event:?}"),
+                "a finite time and finite values, quench from 0 to 1",
+            );
+        }
+        faults.into_result(())
+    }
+
+    /// The number of steps asked for, from `steps` or `end_time`; none when neither is given.
+    pub fn last_step(&self) -> Option<u64> {
+        // A thousandth of a step of slack: end_time / dt seldom divides exactly.
+        self.steps.or_else(|| self.end_time.map(|end| (end / self.dt - 1e-3).ceil().max(0.0) as u64))
+    }
+}
+
+/// Reads RON; a fault names line and column.
+pub fn from_ron<T: serde::de::DeserializeOwned>(path: &Path, text: &str, object: &str) -> Result<T, Faults> {
+    let options = ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME);
+    options.from_str(text).map_err(|error| {
+        let mut fault = Fault::new(
+            path,
+            Some(error.span.start.line),
+            object,
+            error.code.to_string(),
+            "expected RON as described in docs/files.md",
+        );
+        fault.column = Some(error.span.start.col);
+        fault.into()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_round_trips_and_flags_win() {
+        let compute = Compute {
+            dt: 0.1 + 0.2,
+            steps: Some(7),
+            events: vec![Event { time: 3.0, action: Action::AddSpin([0.0, 0.0, 1e-5]) }],
+            ..Compute::default()
+        };
+        let path = Path::new("COMPUTE.RON");
+        let read: Compute = from_ron(path, &compute.to_text(), "options").unwrap();
+        assert_eq!(read, compute);
+        let flags = Flags { theta: Some(1.0), ..Flags::default() };
+        assert_eq!(read.with(&flags), Compute { theta: 1.0, ..compute });
+    }
+
+    #[test]
+    fn faults_name_line_and_column_or_the_option() {
+        let path = Path::new("COMPUTE.RON");
+        let faults = from_ron::<Compute>(path, "(\n  dt: 1.0,\n  speed: 3,\n)", "options").unwrap_err();
+        assert!(faults.to_string().starts_with("COMPUTE.RON:3:"), "{faults}");
+        let wrong = Compute { dt: f64::NAN, theta: 0.4, ..Compute::default() };
+        assert_eq!(wrong.check(path).unwrap_err().0.len(), 2);
+    }
+
+    #[test]
+    fn end_time_gives_whole_steps() {
+        let compute = Compute { dt: 0.1, end_time: Some(0.3), ..Compute::default() };
+        assert_eq!(compute.last_step(), Some(3)); // 0.3 / 0.1 is 2.9999999999999996
+    }
+}

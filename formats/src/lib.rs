@@ -1,0 +1,24 @@
+//! What stands in the files that link cd-pre, cd-solve and cd-post. No physics.
+//!
+//! | module | file |
+//! |---|---|
+//! | [`bodies`] | `DATBOX/BODIES.DAT`: shapes, materials, reference positions |
+//! | [`bulk_behav`] | `DATBOX/BULK_BEHAV.DAT`: densities, uniform gravity |
+//! | [`tact_behav`] | `DATBOX/TACT_BEHAV.DAT`: contact laws, which pair of colours follows which |
+//! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities and forces |
+//! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
+//! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
+//! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
+//! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: all that a restart needs, bit for bit |
+
+pub mod atomic;
+pub mod bodies;
+pub mod bulk_behav;
+pub mod compute;
+pub mod dof;
+pub mod drv_dof;
+pub mod error;
+pub mod scan;
+pub mod snapshot;
+pub mod tact_behav;
+pub mod vloc_rloc;

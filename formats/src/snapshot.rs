@@ -1,0 +1,463 @@
+//! `OUTBOX/snapshot-NNNNNN.npz`: the state at one instant, all that a restart needs, bit for bit.
+//!
+//! An uncompressed zip archive of npy arrays, little-endian, and `meta.npy`, the bytes of a JSON
+//! text. `numpy.load(file)` opens it. NNNNNN is the number of the step. The same state gives the
+//! same bytes: no date, host, thread count or duration is in the file.
+
+use std::fs;
+use std::io::{Cursor, Read, Write};
+use std::path::{Path, PathBuf};
+
+use bytemuck::Pod;
+use serde::{Deserialize, Serialize};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
+
+use crate::atomic;
+use crate::error::{Fault, Faults};
+
+#[cfg(target_endian = "big")]
+compile_error!("snapshots are written from memory as little-endian arrays");
+
+/// Version of the file's form; a reader refuses a later one.
+pub const FORMAT: u32 = 1;
+
+/// What [`BodyArrays::body_shape`] holds.
+pub const SHAPE_SPHERE: u8 = 0;
+pub const SHAPE_PLANE: u8 = 1;
+
+/// [`BodyArrays::body_driven`] of a body with all six components of its velocity imposed: a wall.
+pub const DRIVEN_ALL: u8 = 0b11_1111;
+
+/// What [`ContactArrays::contact_status`] holds.
+pub const STATUS_NO_CONTACT: u8 = 0;
+pub const STATUS_STICK: u8 = 1;
+pub const STATUS_SLIDE: u8 = 2;
+
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Snapshot {
+    pub meta: Meta,
+    pub bodies: BodyArrays,
+    pub contacts: ContactArrays,
+}
+
+/// The JSON text `meta`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Meta {
+    /// [`FORMAT`]
+    pub format: u32,
+    /// Program and version that wrote the file.
+    pub program: String,
+    pub step: u64,
+    /// s
+    pub time: f64,
+    /// Time step, s; 0 before the first step.
+    pub h: f64,
+    pub parameters: Parameters,
+    /// Names that `body_colour`, `body_material`, `contact_law` are indices of.
+    pub colours: Vec<String>,
+    pub materials: Vec<MaterialName>,
+    pub laws: Vec<LawName>,
+    pub ledger: Ledger,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MaterialName {
+    pub name: String,
+    /// kg/m^3
+    pub density: f64,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LawName {
+    pub nickname: String,
+    pub kind: String,
+    pub parameters: Vec<f64>,
+}
+
+/// The options that decide the result.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Parameters {
+    pub theta: f64,
+    pub tol: f64,
+    pub max_sweeps: u64,
+    pub alert: Option<f64>,
+    pub self_gravity: bool,
+    /// m^3 kg^-1 s^-2
+    pub gravity_constant: f64,
+    pub gravity_error: f64,
+    /// Uniform gravity now in force, m/s^2.
+    pub uniform_gravity: [f64; 3],
+    pub quench: f64,
+    /// Events of COMPUTE.RON that have happened.
+    pub events_done: u64,
+}
+
+/// Running sums over the steps since step 0, and what they are compared with.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Ledger {
+    /// Kinetic and potential energy at step 0, J.
+    pub energy_start: f64,
+    /// Work of the contacts, J: the sum of r.(u+ + u-)/2, negative when they dissipate.
+    pub contact_work: f64,
+    /// Kinetic energy put in by events, imposed forces and taken by `quench`, J.
+    pub outside_work: f64,
+    /// Linear momentum of the free bodies at step 0 plus what walls, uniform gravity, forces and events gave, kg m/s.
+    pub momentum_expected: [f64; 3],
+    /// Angular momentum about the origin, likewise, kg m^2/s.
+    pub angular_momentum_expected: [f64; 3],
+    /// Largest sum of m |v| over the free bodies so far, kg m/s.
+    pub momentum_scale: f64,
+    /// Largest penetration over the mean radius so far.
+    pub penetration_largest: f64,
+    pub steps_unconverged: u64,
+    /// The last step that was not converged.
+    pub last_unconverged: Option<u64>,
+    pub sweeps: u64,
+}
+
+impl Default for Meta {
+    fn default() -> Self {
+        Meta {
+            format: FORMAT,
+            program: String::new(),
+            step: 0,
+            time: 0.0,
+            h: 0.0,
+            parameters: Parameters::default(),
+            colours: Vec::new(),
+            materials: Vec::new(),
+            laws: Vec::new(),
+            ledger: Ledger::default(),
+        }
+    }
+}
+
+/// An element of an array: its npy type and the shape of one row.
+trait Element: Pod {
+    const DESCR: &'static str;
+    const ROW: &'static [usize];
+}
+
+macro_rules! elements {
+    ($($type:ty = $descr:literal, $row:expr;)+) => {
+        $(impl Element for $type { const DESCR: &'static str = $descr; const ROW: &'static [usize] = &$row; })+
+    };
+}
+
+elements! {
+    f64 = "<f8", [];
+    [f64; 3] = "<f8", [3];
+    [f64; 4] = "<f8", [4];
+    [[f64; 3]; 3] = "<f8", [3, 3];
+    u64 = "<u8", [];
+    u32 = "<u4", [];
+    [u32; 2] = "<u4", [2];
+    u16 = "<u2", [];
+    u8 = "|u1", [];
+}
+
+macro_rules! arrays {
+    ($(#[$outer:meta])* $group:ident { $($(#[doc = $help:literal])+ $name:ident : $type:ty,)+ }) => {
+        $(#[$outer])*
+        #[derive(Debug, Clone, PartialEq, Default)]
+        pub struct $group { $($(#[doc = $help])+ pub $name: Vec<$type>,)+ }
+
+        impl $group {
+            /// Name, element type, shape of a row and meaning of every array.
+            pub fn table() -> Vec<(&'static str, &'static str, &'static [usize], &'static str)> {
+                vec![$((stringify!($name), <$type as Element>::DESCR, <$type as Element>::ROW, concat!($($help),+)),)+]
+            }
+
+            fn write(&self, archive: &mut Archive) -> zip::result::ZipResult<()> {
+                $(archive.put(stringify!($name), &self.$name)?;)+
+                Ok(())
+            }
+
+            fn read(entries: &mut Entries) -> Self {
+                let rows = None;
+                $(let $name = entries.take(stringify!($name), rows); let rows = rows.or($name.as_ref().map(Vec::len));)+
+                let _ = rows;
+                $group { $($name: $name.unwrap_or_default(),)+ }
+            }
+        }
+    };
+}
+
+arrays! {
+    /// One row a body; walls are bodies.
+    BodyArrays {
+        /// Number of the body in BODIES.DAT, from 1
+        body_id: u64,
+        /// Position of the centre of mass, m
+        body_x: [f64; 3],
+        /// Unit quaternion w, x, y, z from the body's frame to the world
+        body_q: [f64; 4],
+        /// Velocity of the centre of mass, m/s
+        body_v: [f64; 3],
+        /// Angular velocity in the body's frame, rad/s
+        body_w: [f64; 3],
+        /// Angular velocity in the world's frame, rad/s: what a sphere's restart uses
+        body_w_world: [f64; 3],
+        /// Mass, kg
+        body_mass: f64,
+        /// Principal moments of inertia, kg m^2
+        body_inertia: [f64; 3],
+        /// Radius of the sphere of equal volume, m; of a plane, 0
+        body_radius: f64,
+        /// Half lengths of a plane along its axes, m; of a sphere, its radius three times
+        body_half_lengths: [f64; 3],
+        /// 0 sphere, 1 plane
+        body_shape: u8,
+        /// Bit k set: velocity component k is imposed; 63 is a wall
+        body_driven: u8,
+        /// Index into the colours of meta
+        body_colour: u16,
+        /// Index into the materials of meta
+        body_material: u16,
+    }
+}
+
+arrays! {
+    /// One row a contact listed in the last step, in the configuration where it was detected.
+    ContactArrays {
+        /// Row of the candidate and of the antagonist in the body arrays
+        contact_body: [u32; 2],
+        /// Feature of the candidate and of the antagonist that touch: a sphere 0; a plane 0 its upper, 1 its lower face, 2 its rim
+        contact_feature: [u32; 2],
+        /// Point of contact, m
+        contact_point: [f64; 3],
+        /// Rows n, t, s; n points from the antagonist to the candidate, n x t = s
+        contact_frame: [[f64; 3]; 3],
+        /// Gap, m, > 0 apart
+        contact_gap: f64,
+        /// Force on the candidate along n, t, s, N: impulse / h
+        contact_force: [f64; 3],
+        /// Impulse on the candidate along n, t, s, N s
+        contact_impulse: [f64; 3],
+        /// Velocity of the candidate relative to the antagonist along n, t, s at the step's end, m/s
+        contact_velocity: [f64; 3],
+        /// 0 no contact, 1 stick, 2 slide
+        contact_status: u8,
+        /// Index into the laws of meta
+        contact_law: u8,
+    }
+}
+
+struct Archive(ZipWriter<Cursor<Vec<u8>>>);
+
+impl Archive {
+    fn put<T: Element>(&mut self, name: &str, rows: &[T]) -> zip::result::ZipResult<()> {
+        let shape: String =
+            std::iter::once(rows.len()).chain(T::ROW.iter().copied()).map(|n| format!("{n}, ")).collect();
+        let mut header = format!("{{'descr': '{}', 'fortran_order': False, 'shape': ({shape}), }}", T::DESCR);
+        // Magic, version and length take 10 bytes; the data start on a multiple of 64.
+        let padded = (10 + header.len() + 1).div_ceil(64) * 64 - 10;
+        header.extend(std::iter::repeat_n(' ', padded - 1 - header.len()));
+        header.push('\n');
+        // The default date of an entry is the format's first, 1 January 1980.
+        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true);
+        self.0.start_file(format!("{name}.npy"), options)?;
+        self.0.write_all(b"\x93NUMPY\x01\x00")?;
+        self.0.write_all(&(padded as u16).to_le_bytes())?;
+        self.0.write_all(header.as_bytes())?;
+        self.0.write_all(bytemuck::cast_slice(rows))?;
+        Ok(())
+    }
+}
+
+struct Entries<'a> {
+    path: &'a Path,
+    archive: ZipArchive<Cursor<Vec<u8>>>,
+    faults: Faults,
+}
+
+impl Entries<'_> {
+    /// The array `name`, of `rows` rows if that is known; a fault, and nothing, if it is not there as it should be.
+    fn take<T: Element>(&mut self, name: &str, rows: Option<usize>) -> Option<Vec<T>> {
+        let taken = self.entry(name).and_then(|bytes| npy_rows::<T>(&bytes)).and_then(|array| match rows {
+            Some(rows) if rows != array.len() => Err(format!("has {} rows, others have {rows}", array.len())),
+            _ => Ok(array),
+        });
+        taken
+            .map_err(|found| {
+                let expected = format!("expected an npy array of type {} with rows of shape {:?}", T::DESCR, T::ROW);
+                self.faults.push(Fault::new(self.path, None, format!("array {name}"), found, expected));
+            })
+            .ok()
+    }
+
+    fn entry(&mut self, name: &str) -> Result<Vec<u8>, String> {
+        let mut entry = self.archive.by_name(&format!("{name}.npy")).map_err(|error| error.to_string())?;
+        let mut bytes = Vec::new();
+        entry.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+        Ok(bytes)
+    }
+}
+
+/// The rows of an npy file of format version 1, C order.
+fn npy_rows<T: Element>(bytes: &[u8]) -> Result<Vec<T>, String> {
+    let short = || "is cut short".to_string();
+    if bytes.get(..8) != Some(b"\x93NUMPY\x01\x00") {
+        return Err("is no npy array of version 1.0".into());
+    }
+    let length = u16::from_le_bytes([*bytes.get(8).ok_or_else(short)?, *bytes.get(9).ok_or_else(short)?]) as usize;
+    let header = std::str::from_utf8(bytes.get(10..10 + length).ok_or_else(short)?).map_err(|e| e.to_string())?;
+    let data = &bytes[10 + length..];
+    if !header.contains(&format!("'descr': '{}'", T::DESCR)) || !header.contains("'fortran_order': False") {
+        return Err(format!("has the header {}", header.trim()));
+    }
+    let shape: Vec<usize> = header
+        .split("'shape': (")
+        .nth(1)
+        .and_then(|rest| rest.split(')').next())
+        .map(|inside| inside.split(',').filter_map(|n| n.trim().parse().ok()).collect())
+        .unwrap_or_default();
+    let row_bytes = size_of::<T>();
+    if shape.is_empty() || shape[1..] != *T::ROW || shape[0].checked_mul(row_bytes) != Some(data.len()) {
+        return Err(format!("has shape {shape:?} and {} bytes of data", data.len()));
+    }
+    Ok(data.chunks_exact(row_bytes).map(bytemuck::pod_read_unaligned).collect())
+}
+
+impl Snapshot {
+    /// The bytes of the file.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut archive = Archive(ZipWriter::new(Cursor::new(Vec::new())));
+        let meta = serde_json::to_vec(&self.meta).expect("meta holds nothing that JSON lacks");
+        (|| {
+            archive.put("meta", &meta)?;
+            self.bodies.write(&mut archive)?;
+            self.contacts.write(&mut archive)?;
+            Ok::<_, zip::result::ZipError>(archive.0.finish()?.into_inner())
+        })()
+        .expect("writing to memory")
+    }
+
+    pub fn write(&self, path: &Path) -> Result<(), Faults> {
+        atomic::write(path, &self.to_bytes())
+    }
+
+    /// Reads and checks a file: checksums, shapes, equal numbers of rows, indices in range.
+    pub fn read(path: &Path) -> Result<Self, Faults> {
+        let bytes = fs::read(path).map_err(|error| Fault::io(path, "read", &error))?;
+        let refuse = |found: String| {
+            Faults::from(Fault::new(path, None, "snapshot", found, "expected an .npz file of cd-solve"))
+        };
+        let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| refuse(error.to_string()))?;
+        let mut entries = Entries { path, archive, faults: Faults::default() };
+        let meta_text: Vec<u8> = entries.take("meta", None).unwrap_or_default();
+        let version: serde_json::Value =
+            serde_json::from_slice(&meta_text).map_err(|e| refuse(format!("meta: {e}")))?;
+        if version["format"].as_u64() != Some(FORMAT.into()) {
+            return Err(refuse(format!("meta: format {}; this program reads {FORMAT}", version["format"])));
+        }
+        let meta: Meta = serde_json::from_slice(&meta_text).map_err(|error| refuse(format!("meta: {error}")))?;
+        let bodies = BodyArrays::read(&mut entries);
+        let contacts = ContactArrays::read(&mut entries);
+        entries.faults.into_result(())?;
+        let snapshot = Snapshot { meta, bodies, contacts };
+        snapshot.check_indices().map_err(refuse)?;
+        Ok(snapshot)
+    }
+
+    fn check_indices(&self) -> Result<(), String> {
+        let Snapshot { meta, bodies, contacts } = self;
+        let bodies_count = bodies.body_id.len();
+        let in_range = contacts.contact_body.iter().flatten().all(|&b| (b as usize) < bodies_count)
+            && contacts.contact_law.iter().all(|&l| (l as usize) < meta.laws.len())
+            && bodies.body_colour.iter().all(|&c| (c as usize) < meta.colours.len())
+            && bodies.body_material.iter().all(|&m| (m as usize) < meta.materials.len());
+        if in_range { Ok(()) } else { Err("an index points outside its table".into()) }
+    }
+}
+
+/// `OUTBOX/snapshot-NNNNNN.npz` for a step.
+pub fn path(outbox: &Path, step: u64) -> PathBuf {
+    outbox.join(format!("snapshot-{step:06}.npz"))
+}
+
+/// The snapshots of a folder by step; a folder that is absent has none.
+pub fn list(outbox: &Path) -> Vec<(u64, PathBuf)> {
+    let mut found: Vec<(u64, PathBuf)> = fs::read_dir(outbox)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|entry| {
+            let name = entry.file_name().into_string().ok()?;
+            let step = name.strip_prefix("snapshot-")?.strip_suffix(".npz")?.parse().ok()?;
+            Some((step, entry.path()))
+        })
+        .collect();
+    found.sort();
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Snapshot {
+        let mut s = Snapshot::default();
+        s.meta.time = 0.1 + 0.2;
+        s.meta.colours = vec!["BLUEx".into()];
+        s.meta.materials = vec![MaterialName { name: "ROCKx".into(), density: 2700.0 }];
+        s.bodies.body_id = vec![1, 2];
+        s.bodies.body_x = vec![[-0.0, 5e-324, 1.0 / 3.0], [1e300, -1.0, 0.0]];
+        s.bodies.body_q = vec![[1.0, 0.0, 0.0, 0.0]; 2];
+        s.bodies.body_v = vec![[0.0; 3]; 2];
+        s.bodies.body_w = vec![[0.0; 3]; 2];
+        s.bodies.body_w_world = vec![[0.0; 3]; 2];
+        s.bodies.body_mass = vec![1.0; 2];
+        s.bodies.body_inertia = vec![[1.0; 3]; 2];
+        s.bodies.body_radius = vec![1.0; 2];
+        s.bodies.body_half_lengths = vec![[1.0; 3]; 2];
+        s.bodies.body_shape = vec![SHAPE_SPHERE; 2];
+        s.bodies.body_driven = vec![0; 2];
+        s.bodies.body_colour = vec![0; 2];
+        s.bodies.body_material = vec![0; 2];
+        s
+    }
+
+    #[test]
+    fn round_trips_every_bit_with_and_without_contacts() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = path(folder.path(), 12);
+        let snapshot = sample();
+        snapshot.write(&path).unwrap();
+        let read = Snapshot::read(&path).unwrap();
+        assert_eq!(read, snapshot);
+        assert_eq!(read.to_bytes(), snapshot.to_bytes()); // -0.0 == 0.0, so compare bytes too
+        assert_eq!(list(folder.path()), vec![(12, path)]);
+    }
+
+    #[test]
+    fn refuses_what_is_damaged() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("snapshot-000000.npz");
+        let bytes = sample().to_bytes();
+        for cut in [0, 10, bytes.len() / 2, bytes.len() - 1] {
+            fs::write(&path, &bytes[..cut]).unwrap();
+            Snapshot::read(&path).unwrap_err();
+        }
+        let place = bytes.windows(8).position(|w| w == 1e300f64.to_le_bytes()).unwrap();
+        let mut flipped = bytes.clone();
+        flipped[place] ^= 1;
+        fs::write(&path, &flipped).unwrap();
+        assert!(Snapshot::read(&path).unwrap_err().to_string().contains("body_x"));
+    }
+
+    #[test]
+    fn refuses_indices_and_rows_that_do_not_fit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("snapshot-000000.npz");
+        let mut wrong = sample();
+        wrong.bodies.body_material[1] = 3;
+        wrong.write(&path).unwrap();
+        assert!(Snapshot::read(&path).unwrap_err().to_string().contains("outside its table"));
+        let mut short = sample();
+        short.bodies.body_mass.pop();
+        short.write(&path).unwrap();
+        assert!(Snapshot::read(&path).unwrap_err().to_string().contains("array body_mass: has 1 rows"));
+    }
+}
