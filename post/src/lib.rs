@@ -1,1 +1,201 @@
+//! cd-post: from the snapshots of cd-solve to what is looked at.
+//!
+//! `read` ([`frame`]) -> `derive` ([`derive`]) -> `write` ([`write`]): each snapshot of
+//! `DIR/OUTBOX` becomes a [`Frame`], a [`Row`] of `POSTPRO/series.csv` and the files of
+//! `DISPLAY/`; the rows together become plots, the last frame a picture.
 
+use std::collections::HashSet;
+use std::ffi::OsString;
+use std::fs;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+
+use cd_formats::error::{Fault, Faults};
+use cd_formats::{atomic, snapshot};
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
+
+pub mod derive;
+pub mod frame;
+pub mod write;
+
+use derive::Row;
+use frame::Frame;
+use write::display;
+
+/// Measures the snapshots of a case and draws them.
+///
+/// Reads DIR/OUTBOX/snapshot-*.npz; writes DIR/POSTPRO (series.csv, plots, a picture) and
+/// DIR/DISPLAY (ParaView files: open grains.pvd, contacts.pvd, walls.pvd).
+#[derive(Debug, Clone, Parser)]
+#[command(name = "cd-post", version)]
+pub struct Options {
+    /// The case directory
+    #[arg(default_value = ".")]
+    pub dir: PathBuf,
+    /// Take every Nth snapshot, counted from the first, and the last
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub every: u32,
+    /// Write no plots and no picture
+    #[arg(long)]
+    pub no_plots: bool,
+    /// Write no ParaView files
+    #[arg(long)]
+    pub no_vtk: bool,
+    /// Threads; 0 takes all cores. Results do not depend on it
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub threads: usize,
+}
+
+/// The program: reads the command line, does the work, prints messages.
+///
+/// Returns the exit status: 0 done; 1 done, with something reported; 2 input refused, each fault on
+/// a line of stderr as `cd-post: file: object: found; expected`.
+pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
+    let options = match Options::try_parse_from(args) {
+        Ok(options) => options,
+        Err(error) => {
+            let _ = error.print();
+            return error.exit_code();
+        }
+    };
+    let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {
+        Ok(pool) => pool,
+        Err(error) => {
+            eprintln!("cd-post: --threads: {}: {error}; expected a number that the system allows", options.threads);
+            return 2;
+        }
+    };
+    match pool.install(|| process(&options)) {
+        Ok(notes) => {
+            notes.iter().for_each(|note| eprintln!("cd-post: {note}"));
+            i32::from(!notes.is_empty())
+        }
+        Err(faults) => {
+            eprint!("{}", faults.report("cd-post"));
+            2
+        }
+    }
+}
+
+/// Does the work of [`run`]; returns what is worth a report.
+///
+/// Snapshots go through in batches of as many as there are threads, so memory holds no more than
+/// these. The files that name others (`series.csv`, `*.pvd`) are written last: if a snapshot is
+/// refused, they are those of before.
+pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
+    let outbox = options.dir.join("OUTBOX");
+    let selected = select(&outbox, options.every)?;
+    let bar = progress(selected.len());
+    let mut rows = Vec::with_capacity(selected.len());
+    let mut last = None;
+    for batch in selected.chunks(rayon::current_num_threads()) {
+        let measured: Vec<Result<(Frame, Row), Faults>> = batch
+            .par_iter()
+            .map(|(_, path)| {
+                let frame = Frame::read(path)?;
+                let row = Row::of(&frame);
+                if !options.no_vtk {
+                    draw(&options.dir, &frame)?;
+                }
+                Ok((frame, row))
+            })
+            .collect();
+        let mut faults = Faults::default();
+        for result in measured {
+            if let Some((frame, row)) = faults.gather(result) {
+                rows.push(row);
+                last = Some(frame);
+            }
+        }
+        faults.into_result(())?;
+        bar.inc(batch.len() as u64);
+    }
+    bar.finish_and_clear();
+    let last = last.expect("select gives at least one");
+
+    let postpro = options.dir.join("POSTPRO");
+    atomic::write(&postpro.join("series.csv"), write::series::text(&rows).as_bytes())?;
+    println!("cd-post: {} snapshots of {}", rows.len(), outbox.display());
+    println!("  series   {}", postpro.join("series.csv").display());
+    if !options.no_vtk {
+        finish_display(&options.dir, &rows, !last.walls.is_empty())?;
+        println!("  ParaView {}", options.dir.join("DISPLAY").join("grains.pvd").display());
+    }
+    Ok(notes(&rows))
+}
+
+/// The snapshots to take: every `every`th, and the last.
+fn select(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>, Faults> {
+    let expected = "expected snapshot-*.npz, the results of cd-solve";
+    let refuse = |found: &str| Faults::from(Fault::new(outbox, None, "folder", found, expected));
+    if !outbox.is_dir() {
+        return Err(refuse("is not there"));
+    }
+    let all = snapshot::list(outbox);
+    let last = all.len().checked_sub(1).ok_or_else(|| refuse("holds no snapshot"))?;
+    let taken = |k: usize| k == last || k.is_multiple_of(every as usize);
+    Ok(all.into_iter().enumerate().filter(|(k, _)| taken(*k)).map(|(_, found)| found).collect())
+}
+
+/// A bar on a terminal, nothing otherwise.
+fn progress(count: usize) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("cd-post {bar:40} {pos}/{len} snapshots, {eta} left");
+    ProgressBar::new(count as u64).with_style(style.expect("a fixed template"))
+}
+
+/// Writes the ParaView files of one frame.
+fn draw(dir: &Path, frame: &Frame) -> Result<(), Faults> {
+    let path = |kind| dir.join("DISPLAY").join(display::file_name(kind, frame.meta.step));
+    atomic::write(&path("grains"), &display::grains(frame))?;
+    atomic::write(&path("contacts"), &display::contacts(frame))?;
+    if !frame.walls.is_empty() {
+        atomic::write(&path("walls"), &display::walls(frame))?;
+    }
+    Ok(())
+}
+
+/// Writes the collections, and takes away the files of an earlier run that they do not name.
+fn finish_display(dir: &Path, rows: &[Row], with_walls: bool) -> Result<(), Faults> {
+    let display = dir.join("DISPLAY");
+    let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
+    let mut current = HashSet::new();
+    for kind in display::KINDS.into_iter().filter(|kind| *kind != "walls" || with_walls) {
+        let name = format!("{kind}.pvd");
+        atomic::write(&display.join(&name), display::collection(kind, &times).as_bytes())?;
+        current.insert(name);
+        current.extend(times.iter().map(|(step, _)| display::file_name(kind, *step)));
+    }
+    for entry in fs::read_dir(&display).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if display::is_ours(&name) && !current.contains(&name) {
+            fs::remove_file(entry.path()).map_err(|error| Fault::io(&entry.path(), "removed", &error))?;
+        }
+    }
+    Ok(())
+}
+
+/// What a user should know though the work is done.
+fn notes(rows: &[Row]) -> Vec<String> {
+    let empty = rows.iter().filter(|row| row.n_grains == 0).count();
+    if empty == 0 {
+        vec![]
+    } else {
+        vec![format!("{empty} of {} snapshots hold no grain: their fields are empty", rows.len())]
+    }
+}
+
+#[cfg(test)]
+#[path = "../tests/samples/mod.rs"]
+mod samples;
+
+#[cfg(test)]
+impl samples::Scene {
+    fn frame(&self) -> Frame {
+        Frame::of(self.snapshot.clone())
+    }
+}

@@ -1,0 +1,214 @@
+//! The smallest ball around the grains.
+
+use nalgebra::DMatrix;
+
+use crate::frame::{Grain, Vec3};
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ball {
+    /// m
+    pub centre: Vec3,
+    /// m
+    pub radius: f64,
+}
+
+impl Ball {
+    /// m^3
+    pub fn volume(&self) -> f64 {
+        4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3)
+    }
+
+    /// How far `other` sticks out, m: < 0 inside.
+    fn excess(&self, other: &Ball) -> f64 {
+        (other.centre - self.centre).norm() + other.radius - self.radius
+    }
+}
+
+/// The smallest ball that contains all grains (spheres of [`Grain::radius`]); NaN without grains.
+pub fn enclosing_ball(grains: &[Grain]) -> Ball {
+    let balls: Vec<Ball> = grains.iter().map(|g| Ball { centre: g.x, radius: g.radius }).collect();
+    smallest_enclosing(&balls)
+}
+
+/// What sticks out less than this share of the radius is inside: some hundred roundings.
+const ROUNDING: f64 = 1e-13;
+
+/// The smallest ball that contains `balls`, to round-off.
+///
+/// At most four of them, the basis, decide it. Beginning with one, the ball that sticks out most is
+/// taken in, and the smallest enclosing ball of these at most five is found by trying every subset
+/// of at most four ([`tangent`]). The radius grows at each turn, so it ends, after some ten turns
+/// in practice, each of which looks at every ball once.
+///
+/// Source: Fischer & Gaertner (2003), "The smallest enclosing ball of balls: combinatorial
+/// structure and algorithms" (an LP-type problem of dimension 4; Welzl's recursion fails on balls).
+pub fn smallest_enclosing(balls: &[Ball]) -> Ball {
+    let Some(first) = balls.iter().max_by(|a, b| a.radius.total_cmp(&b.radius)) else {
+        return Ball { centre: Vec3::repeat(f64::NAN), radius: f64::NAN };
+    };
+    let (mut basis, mut best) = (vec![*first], *first);
+    loop {
+        let excess = |ball: &&Ball| best.excess(ball);
+        let Some(worst) = balls.iter().max_by(|a, b| excess(a).total_cmp(&excess(b))) else { return best };
+        let sticks_out = best.excess(worst);
+        if sticks_out <= ROUNDING * best.radius {
+            return best;
+        }
+        basis.push(*worst);
+        match smallest_of_few(&basis) {
+            Some((subset, ball)) if ball.radius > best.radius => (basis, best) = (subset, ball),
+            // Round-off stands in the way of a better one: what is missing is of its order.
+            _ => return Ball { centre: best.centre, radius: best.radius + sticks_out },
+        }
+    }
+}
+
+/// The smallest ball around at most five balls and the subset that decides it, by trying all subsets.
+fn smallest_of_few(balls: &[Ball]) -> Option<(Vec<Ball>, Ball)> {
+    (1..1u32 << balls.len())
+        .filter(|subset| subset.count_ones() <= 4)
+        .filter_map(|subset| {
+            let chosen: Vec<Ball> =
+                balls.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1).map(|(_, b)| *b).collect();
+            let ball = tangent(&chosen)?;
+            let encloses = balls.iter().all(|b| ball.excess(b) <= ROUNDING * ball.radius);
+            encloses.then_some((chosen, ball))
+        })
+        .min_by(|(_, a), (_, b)| a.radius.total_cmp(&b.radius))
+}
+
+/// The smallest ball that touches all of one to four balls from outside, |c - c_k| = R - R_k, with its
+/// centre in the plane, line or space that their centres span; none if there is no such ball.
+///
+/// With y = c - c_0 = sum l_j d_j, d_j = c_j - c_0, the differences of the squares are linear:
+/// 2 d_j.y = d_j^2 + R_0^2 - R_j^2 + 2 R (R_j - R_0), so l = p + q R, and |y|^2 = (R - R_0)^2
+/// is a quadratic equation for R.
+fn tangent(balls: &[Ball]) -> Option<Ball> {
+    let (first, others) = balls.split_first()?;
+    if others.is_empty() {
+        return Some(*first);
+    }
+    let arms: Vec<Vec3> = others.iter().map(|b| b.centre - first.centre).collect();
+    let size = arms.len();
+    let gram = DMatrix::from_fn(size, size, |i, j| 2.0 * arms[i].dot(&arms[j]));
+    // With s = R - R_0 and e_j = R_j - R_0: 2 d_j.y = d_j^2 - e_j^2 + 2 s e_j.
+    let right = DMatrix::from_fn(size, 2, |j, column| {
+        let e = others[j].radius - first.radius;
+        if column == 0 { arms[j].norm_squared() - e * e } else { 2.0 * e }
+    });
+    let solved = gram.lu().solve(&right)?;
+    let combine = |column: usize| arms.iter().enumerate().map(|(j, d)| *d * solved[(j, column)]).sum::<Vec3>();
+    let (p, q) = (combine(0), combine(1));
+    // |p + q s|^2 = s^2
+    let (a, half_b, c) = (q.norm_squared() - 1.0, p.dot(&q), p.norm_squared());
+    let root = (half_b * half_b - a * c).max(0.0).sqrt();
+    let smallest = balls.iter().map(|b| b.radius - first.radius).fold(0.0, f64::max);
+    // c / (..) avoids the cancellation of -b + root, and also serves a = 0.
+    let far = -half_b - root.copysign(half_b);
+    [far / a, c / far]
+        .into_iter()
+        .filter(|s| s.is_finite() && *s >= smallest * (1.0 - ROUNDING))
+        .min_by(f64::total_cmp)
+        .map(|s| Ball { centre: first.centre + p + q * s, radius: first.radius + s })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn ball(x: f64, y: f64, z: f64, radius: f64) -> Ball {
+        Ball { centre: Vec3::new(x, y, z), radius }
+    }
+
+    #[track_caller]
+    fn assert_ball(found: Ball, expected: Ball) {
+        let error = (found.centre - expected.centre).norm().max((found.radius - expected.radius).abs());
+        assert!(error <= 1e-13 * expected.radius, "{found:?} {expected:?}");
+    }
+
+    #[test]
+    fn closed_forms() {
+        assert_ball(smallest_enclosing(&[ball(1.0, 2.0, 3.0, 4.0)]), ball(1.0, 2.0, 3.0, 4.0));
+        // Side by side: from -1 to 7.
+        assert_ball(
+            smallest_enclosing(&[ball(0.0, 0.0, 0.0, 1.0), ball(5.0, 0.0, 0.0, 2.0)]),
+            ball(3.0, 0.0, 0.0, 4.0),
+        );
+        // One inside the other.
+        assert_ball(
+            smallest_enclosing(&[ball(0.5, 0.0, 0.0, 0.2), ball(0.0, 0.0, 0.0, 2.0)]),
+            ball(0.0, 0.0, 0.0, 2.0),
+        );
+        // Regular triangle and tetrahedron: circumscribed radius and that of the spheres.
+        let h = 3f64.sqrt() / 2.0;
+        let triangle = [ball(1.0, 0.0, 0.0, 0.25), ball(-0.5, h, 0.0, 0.25), ball(-0.5, -h, 0.0, 0.25)];
+        assert_ball(smallest_enclosing(&triangle), ball(0.0, 0.0, 0.0, 1.25));
+        let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+        let tetrahedron = corners.map(|[x, y, z]| ball(x, y, z, 0.5));
+        assert_ball(smallest_enclosing(&tetrahedron), ball(0.0, 0.0, 0.0, 3f64.sqrt() + 0.5));
+        assert!(smallest_enclosing(&[]).radius.is_nan());
+    }
+
+    #[test]
+    fn many_on_one_sphere_do_not_confuse_it() {
+        // A cube's corners, its face centres and doubles: far more balls than a basis on the boundary.
+        let mut balls = Vec::new();
+        for k in 0..16 {
+            let sign = |bit: u32| if k >> bit & 1 == 0 { -1.0 } else { 1.0 };
+            balls.push(ball(100.0 + sign(0), 200.0 + sign(1), sign(2), 0.1));
+        }
+        let found = smallest_enclosing(&balls);
+        assert!((found.radius - 3f64.sqrt() - 0.1).abs() < 1e-12, "{found:?}");
+    }
+
+    /// The least of max_k |c - c_k| + R_k over c, by a pattern search: a convex function.
+    fn by_search(balls: &[Ball]) -> f64 {
+        let radius = |c: Vec3| balls.iter().map(|b| (c - b.centre).norm() + b.radius).fold(0.0, f64::max);
+        let (mut c, mut step) = (balls[0].centre, 20.0);
+        let directions: Vec<Vec3> =
+            (0..27).map(|k| Vec3::new((k % 3) as f64 - 1.0, (k / 3 % 3) as f64 - 1.0, (k / 9) as f64 - 1.0)).collect();
+        while step > 1e-9 {
+            let next = directions.iter().map(|d| c + d * step).min_by(|a, b| radius(*a).total_cmp(&radius(*b)));
+            match next {
+                Some(next) if radius(next) < radius(c) => c = next,
+                _ => step /= 2.0,
+            }
+        }
+        radius(c)
+    }
+
+    fn balls(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Ball>> {
+        let one = (-10.0..10.0, -10.0..10.0, -10.0..10.0, 0.0..3.0).prop_map(|(x, y, z, r)| ball(x, y, z, r));
+        prop::collection::vec(one, count)
+    }
+
+    proptest! {
+        #[test]
+        fn equals_the_best_of_all_subsets(balls in balls(1..9)) {
+            // Every subset of at most four of all the balls, without the walk from basis to basis.
+            let found = smallest_enclosing(&balls);
+            let mut best = f64::INFINITY;
+            for subset in (1..1u32 << balls.len()).filter(|s| s.count_ones() <= 4) {
+                let chosen: Vec<Ball> =
+                    (0..balls.len()).filter(|k| subset >> k & 1 == 1).map(|k| balls[k]).collect();
+                if let Some(b) = tangent(&chosen)
+                    && balls.iter().all(|other| b.excess(other) <= 1e-11 * b.radius)
+                {
+                    best = best.min(b.radius);
+                }
+            }
+            prop_assert!((found.radius - best).abs() <= 1e-10 * best, "{} {}", found.radius, best);
+        }
+
+        #[test]
+        fn encloses_and_cannot_be_beaten_by_a_search(balls in balls(1..60)) {
+            let found = smallest_enclosing(&balls);
+            for b in &balls {
+                prop_assert!(found.excess(b) <= 1e-12 * found.radius);
+            }
+            // A pattern search can stall in the creases of the maximum, so it is only a bound.
+            prop_assert!(found.radius <= by_search(&balls) * (1.0 + 1e-12));
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! What is measured on a frame, one idea a file, and the row of `series.csv` they make together.
+//!
+//! | module | observables |
+//! |---|---|
+//! | [`coordination`] | contacts per grain, rattlers |
+//! | [`enclosing`] | the smallest ball around the grains, solid fraction |
+//! | [`stress`] | stress of the whole and of each grain, pressure, virial |
+//! | [`energy`] | kinetic and potential energies |
+//! | [`motion`] | centre of mass, momenta, spin, semi-axes |
+//! | [`fragments`] | groups of grains that touch |
+//!
+//! Every function takes grains in any number. A mean over nothing is 0/0, so a value that is not
+//! defined comes out as NaN; the writers leave it blank.
+
+pub mod coordination;
+pub mod enclosing;
+pub mod energy;
+pub mod fragments;
+pub mod motion;
+pub mod stress;
+
+use crate::frame::{Frame, Vec3};
+
+/// A value as it stands in `series.csv`.
+pub trait Field {
+    fn text(&self) -> String;
+    fn number(&self) -> f64;
+}
+
+impl Field for u64 {
+    fn text(&self) -> String {
+        self.to_string()
+    }
+    fn number(&self) -> f64 {
+        *self as f64
+    }
+}
+
+impl Field for f64 {
+    /// The shortest decimal that reads back as the same number; blank if there is none.
+    fn text(&self) -> String {
+        if self.is_finite() { format!("{self:?}") } else { String::new() }
+    }
+    fn number(&self) -> f64 {
+        *self
+    }
+}
+
+macro_rules! columns {
+    ($($name:ident: $type:ty, $unit:literal, $help:literal;)+) => {
+        /// One row of `series.csv`: the observables of one snapshot.
+        #[allow(non_snake_case)] // the symbols of the method are the names of the columns
+        #[derive(Debug, Clone, PartialEq, Default)]
+        pub struct Row { $(#[doc = concat!($help, "; unit: ", $unit)] pub $name: $type,)+ }
+
+        impl Row {
+            /// Name, unit and meaning of each column, in the order of the file.
+            pub const COLUMNS: &'static [(&'static str, &'static str, &'static str)] =
+                &[$((stringify!($name), $unit, $help),)+];
+
+            /// The fields of the line, in the order of [`Row::COLUMNS`].
+            pub fn texts(&self) -> Vec<String> {
+                vec![$(self.$name.text(),)+]
+            }
+
+            /// The values, in the order of [`Row::COLUMNS`]; NaN where undefined.
+            pub fn numbers(&self) -> Vec<f64> {
+                vec![$(self.$name.number(),)+]
+            }
+        }
+    };
+}
+
+columns! {
+    step: u64, "1", "number of the step";
+    time: f64, "s", "time";
+    n_contacts: u64, "1", "contacts that carry force";
+    Z: f64, "1", "mean number of contacts that carry force per grain";
+    Z_no_rattlers: f64, "1", "the same without rattlers";
+    rattler_fraction: f64, "1", "share of grains held by too few contacts";
+    nu: f64, "1", "solid fraction of the smallest enclosing ball";
+    R_enclosing: f64, "m", "radius of the smallest enclosing ball";
+    pressure: f64, "Pa", "a third of the trace of the mean stress of the contacts, > 0 compression";
+    pressure_virial: f64, "Pa", "the pressure that balances the loads at rest";
+    a: f64, "m", "longest semi-axis of the uniform ellipsoid of equal inertia";
+    b: f64, "m", "middle semi-axis";
+    c: f64, "m", "shortest semi-axis";
+    Ec_mean: f64, "J", "kinetic energy per grain, translation and rotation";
+    Ec_rot_mean: f64, "J", "kinetic energy of rotation per grain";
+    E_grav: f64, "J", "potential energy of the self-gravity, 0 without";
+    spin_x: f64, "rad/s", "angular velocity of the rigid body of equal inertia and angular momentum";
+    spin_y: f64, "rad/s", "the same along y";
+    spin_z: f64, "rad/s", "the same along z";
+    L_x: f64, "kg m^2/s", "angular momentum about the centre of mass, spins of the grains included";
+    L_y: f64, "kg m^2/s", "the same along y";
+    L_z: f64, "kg m^2/s", "the same along z";
+    n_fragments: u64, "1", "groups of touching grains";
+    largest_fraction: f64, "1", "share of the mass in the heaviest group";
+    n_grains: u64, "1", "grains";
+    mass: f64, "kg", "mass of the grains";
+    pressure_kinetic: f64, "Pa", "pressure of the motion about the centre of mass";
+    Ec_rigid_mean: f64, "J", "kinetic energy of the rigid motion of the whole per grain";
+    E_uniform: f64, "J", "potential energy in the uniform gravity, 0 at the origin";
+    com_x: f64, "m", "centre of mass";
+    com_y: f64, "m", "the same along y";
+    com_z: f64, "m", "the same along z";
+    P_x: f64, "kg m/s", "linear momentum";
+    P_y: f64, "kg m/s", "the same along y";
+    P_z: f64, "kg m/s", "the same along z";
+    penetration: f64, "1", "largest penetration of the contacts over the mean radius";
+}
+
+impl Row {
+    /// Measures everything on a frame.
+    pub fn of(frame: &Frame) -> Row {
+        let grains = &frame.grains;
+        let count = grains.len() as f64;
+        let coordination = coordination::coordination(frame);
+        let ball = enclosing::enclosing_ball(grains);
+        let volume = ball.volume();
+        let gravity = energy::self_gravity_constant(frame);
+        let whole = motion::Whole::of(grains);
+        let [a, b, c] = whole.semi_axes();
+        let spin = whole.spin();
+        let (e_translation, e_rotation) = energy::kinetic(grains);
+        let fragments = fragments::fragments(frame);
+        let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / count;
+        Row {
+            step: frame.meta.step,
+            time: frame.meta.time,
+            n_contacts: frame.active().count() as u64,
+            Z: coordination.z,
+            Z_no_rattlers: coordination.z_no_rattlers,
+            rattler_fraction: coordination.rattler_fraction,
+            nu: grains.iter().map(|g| g.volume()).sum::<f64>() / volume,
+            R_enclosing: ball.radius,
+            pressure: stress::pressure(&stress::mean_stress(frame, volume)),
+            pressure_virial: stress::virial_pressure(frame, volume),
+            a,
+            b,
+            c,
+            Ec_mean: (e_translation + e_rotation) / count,
+            Ec_rot_mean: e_rotation / count,
+            E_grav: gravity.map_or(0.0, |g| energy::gravitational(grains.iter().map(|k| (k.x, k.mass)), g)),
+            spin_x: spin.x,
+            spin_y: spin.y,
+            spin_z: spin.z,
+            L_x: whole.angular_momentum.x,
+            L_y: whole.angular_momentum.y,
+            L_z: whole.angular_momentum.z,
+            n_fragments: fragments.len() as u64,
+            largest_fraction: fragments.first().copied().unwrap_or(f64::NAN),
+            n_grains: grains.len() as u64,
+            mass: whole.mass,
+            pressure_kinetic: stress::kinetic_pressure(grains, whole.velocity(), volume),
+            Ec_rigid_mean: whole.rigid_energy() / count,
+            E_uniform: energy::uniform(grains, Vec3::from(frame.meta.parameters.uniform_gravity)),
+            com_x: whole.x.x,
+            com_y: whole.x.y,
+            com_z: whole.x.z,
+            P_x: whole.momentum.x,
+            P_y: whole.momentum.y,
+            P_z: whole.momentum.z,
+            penetration: frame.contacts.iter().map(|c| -c.gap).fold(0.0, f64::max) / mean_radius,
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! Stress carried by the contacts, and the pressure that balances the loads.
+//!
+//! Positions are those where the contacts were looked for ([`Grain::x_contact`]): forces act there
+//! in the time-stepping scheme, so that the balance between both pressures holds to the solver's
+//! tolerance, not just to first order in the step.
+
+use crate::derive::energy::{gravitational, self_gravity_constant};
+use crate::frame::{Frame, Grain, Mat3, Vec3};
+
+/// Mean stress of the whole, Pa: sigma = (1/V) sum f (x) l over the contacts between grains.
+///
+/// f is the force on the candidate, l = x_candidate - x_antagonist the branch vector;
+/// `volume` V in m^3. Row: component of f; column: component of l. Compression is positive.
+/// Two grains a distance d apart that push each other with F give sigma = F d / V along their line.
+///
+/// Source: Love (1892); Weber (1966).
+pub fn mean_stress(frame: &Frame, volume: f64) -> Mat3 {
+    let sum: Mat3 = frame
+        .active()
+        .filter_map(|contact| {
+            let (candidate, antagonist) = contact.pair()?;
+            let branch = frame.grains[candidate].x_contact - frame.grains[antagonist].x_contact;
+            Some(contact.force * branch.transpose())
+        })
+        .sum();
+    sum / volume
+}
+
+/// A third of the trace, Pa, > 0 in compression.
+pub fn pressure(stress: &Mat3) -> f64 {
+    stress.trace() / 3.0
+}
+
+/// The pressure that balances the loads at rest, Pa: -(1/3V) sum (x_i - x_com).F_i over the grains.
+///
+/// F_i is every force on grain i but those of other grains: self-gravity, uniform gravity, walls.
+/// Self-gravity is homogeneous of degree -2 in the distances, so its sum is the potential energy
+/// W itself and its share |W| / 3V, whatever the arrangement. Uniform gravity pulls at the centre
+/// of mass, and so adds nothing.
+///
+/// At rest this equals [`pressure`] of [`mean_stress`] exactly: the forces on each grain add up to
+/// zero, and the contact forces' sum f.l is their sum x_i.F_i. Turning steadily, the pressure of
+/// the contacts is this less [`kinetic_pressure`]. Forces imposed on single grains are not in a
+/// snapshot and are not counted.
+///
+/// Source: the virial theorem of Clausius (1870).
+pub fn virial_pressure(frame: &Frame, volume: f64) -> f64 {
+    let grains = &frame.grains;
+    let com = grains.iter().map(|g| g.mass * g.x_contact).sum::<Vec3>() / frame.mass();
+    let self_gravity = self_gravity_constant(frame)
+        .map_or(0.0, |constant| gravitational(grains.iter().map(|g| (g.x_contact, g.mass)), constant));
+    let walls: f64 = frame
+        .active()
+        .filter(|contact| contact.pair().is_none())
+        .flat_map(|contact| contact.forces_on_grains())
+        .map(|(grain, force)| (grains[grain].x_contact - com).dot(&force))
+        .sum();
+    -(self_gravity + walls) / (3.0 * volume)
+}
+
+/// Pressure of the motion about the centre of mass, Pa: (1/3V) sum m |v - v_com|^2.
+///
+/// `velocity` is that of the centre of mass, m/s.
+pub fn kinetic_pressure(grains: &[Grain], velocity: Vec3, volume: f64) -> f64 {
+    grains.iter().map(|g| g.mass * (g.v - velocity).norm_squared()).sum::<f64>() / (3.0 * volume)
+}
+
+/// Stress of each grain, Pa: sigma_i = (1/V_i) sum f (x) (x_i - p) over its contacts, walls too.
+///
+/// f is the force on grain i at the point p, x_i its centre, V_i its own volume. Compression is
+/// positive. Without walls, sum V_i sigma_i = V sigma of [`mean_stress`].
+///
+/// Source: Weber (1966); Moreau (1997), "Numerical investigation of shear zones in granular materials".
+pub fn grain_stresses(frame: &Frame) -> Vec<Mat3> {
+    let mut stresses = vec![Mat3::zeros(); frame.grains.len()];
+    for contact in frame.active() {
+        for (i, force) in contact.forces_on_grains() {
+            stresses[i] += force * (frame.grains[i].x_contact - contact.point).transpose();
+        }
+    }
+    for (stress, grain) in stresses.iter_mut().zip(&frame.grains) {
+        *stress /= grain.volume();
+    }
+    stresses
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::derive::enclosing::enclosing_ball;
+    use crate::samples::Scene;
+
+    fn pressures(frame: &Frame) -> (f64, f64) {
+        let volume = enclosing_ball(&frame.grains).volume();
+        (pressure(&mean_stress(frame, volume)), virial_pressure(frame, volume))
+    }
+
+    #[track_caller]
+    fn assert_close(found: f64, expected: f64) {
+        assert!((found - expected).abs() <= 1e-14 * expected.abs(), "{found:e} is not {expected:e}");
+    }
+
+    #[test]
+    fn two_spheres_under_their_own_gravity() {
+        // f = G m^2 / (2r)^2 holds them apart, W = -G m^2 / 2r, V = (4/3) pi (2r)^3.
+        let (r, constant) = (0.5, 6.67430e-11);
+        let mut scene = Scene::self_gravitating(constant);
+        let (i, j) = (scene.grain([3.0, 0.0, 0.0], r), scene.grain([3.0 + 2.0 * r, 0.0, 0.0], r));
+        let m = scene.snapshot.bodies.body_mass[i];
+        scene.push(i, j, constant * m * m / (2.0 * r).powi(2));
+        let volume = 4.0 / 3.0 * std::f64::consts::PI * (2.0 * r).powi(3);
+        let expected = constant * m * m / (2.0 * r) / (3.0 * volume);
+        let (contacts, virial) = pressures(&scene.frame());
+        assert_close(contacts, expected);
+        assert_close(virial, expected);
+    }
+
+    #[test]
+    fn four_spheres_in_a_tetrahedron_under_their_own_gravity() {
+        // Every pair touches, so each contact carries just the pull of its own pair.
+        let (r, constant) = (2f64.sqrt(), 1.0);
+        let mut scene = Scene::self_gravitating(constant);
+        for x in [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]] {
+            scene.grain(x, r);
+        }
+        let m = scene.snapshot.bodies.body_mass[0];
+        for i in 0..4 {
+            for j in 0..i {
+                scene.push(i, j, constant * m * m / (2.0 * r).powi(2));
+            }
+        }
+        let (contacts, virial) = pressures(&scene.frame());
+        assert_close(contacts, virial);
+        // Isotropic: the tetrahedron has no preferred axis.
+        let sigma = mean_stress(&scene.frame(), 1.0);
+        assert!((sigma - Mat3::from_diagonal_element(sigma[(0, 0)])).norm() < 1e-13 * sigma.norm());
+    }
+
+    #[test]
+    fn a_row_of_three_passes_the_pull_of_its_ends_through() {
+        // Contact 0-1 carries the pull of 0 by 1 and by 2, which is twice as far.
+        let (r, constant) = (1.0, 2.0);
+        let mut scene = Scene::self_gravitating(constant);
+        for k in 0..3 {
+            scene.grain([2.0 * r * k as f64, 1.0, -1.0], r);
+        }
+        let m = scene.snapshot.bodies.body_mass[0];
+        let force = constant * m * m / (4.0 * r * r) * (1.0 + 0.25);
+        scene.push(0, 1, force);
+        scene.push(2, 1, force);
+        let (contacts, virial) = pressures(&scene.frame());
+        assert_close(contacts, virial);
+    }
+
+    #[test]
+    fn a_stack_on_a_floor_under_uniform_gravity() {
+        let mut scene = Scene::default();
+        let (g, r) = (9.81, 0.1);
+        scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -g];
+        let floor = scene.plate([0.0, 0.0, -0.1], [1.0, 1.0, 0.1]);
+        let (low, high) = (scene.grain([0.0, 0.0, r], r), scene.grain([0.0, 0.0, 3.0 * r], r));
+        let weight = scene.snapshot.bodies.body_mass[low] * g;
+        scene.contact_at(floor, low, [0.0; 3], Vec3::new(0.0, 0.0, -2.0 * weight)); // force on the floor
+        scene.push(high, low, weight);
+        let frame = scene.frame();
+        let (contacts, virial) = pressures(&frame);
+        assert_close(contacts, virial);
+        // The lower grain carries 2 w from below and w from above, each on an arm r.
+        let stress = grain_stresses(&frame)[0];
+        assert_close(stress[(2, 2)], 3.0 * weight * r / frame.grains[0].volume());
+        assert_eq!(stress[(0, 0)], 0.0);
+    }
+
+    #[test]
+    fn a_turning_pair_is_held_together_by_gravity_less_its_motion() {
+        let (r, constant) = (1.0, 1.0);
+        let mut scene = Scene::self_gravitating(constant);
+        let (i, j) = (scene.grain([-r, 0.0, 0.0], r), scene.grain([r, 0.0, 0.0], r));
+        let m = scene.snapshot.bodies.body_mass[i];
+        let spin = 0.3 * (constant * m / (4.0 * r.powi(3))).sqrt(); // they part at 1.0
+        scene.snapshot.bodies.body_v[i] = [5.0, -spin * r, 0.0];
+        scene.snapshot.bodies.body_v[j] = [5.0, spin * r, 0.0];
+        scene.push(i, j, constant * m * m / (4.0 * r * r) - m * spin * spin * r);
+        let frame = scene.frame();
+        let (contacts, virial) = pressures(&frame);
+        let volume = enclosing_ball(&frame.grains).volume();
+        let motion = kinetic_pressure(&frame.grains, Vec3::new(5.0, 0.0, 0.0), volume);
+        assert_close(contacts, virial - motion);
+    }
+
+    #[test]
+    fn stresses_of_the_grains_add_up_to_that_of_the_whole() {
+        let mut scene = Scene::default();
+        let radii = [1.0, 0.7, 1.3];
+        for (k, r) in radii.into_iter().enumerate() {
+            scene.grain([k as f64 * 1.5, (k * k) as f64 * 0.4, 0.2 * k as f64], r);
+        }
+        scene.contact(0, 1, Vec3::new(-3.0, 0.5, 0.25));
+        scene.contact(1, 2, Vec3::new(-1.0, 0.25, 2.0));
+        let frame = scene.frame();
+        let sum: Mat3 = grain_stresses(&frame).iter().zip(&frame.grains).map(|(s, g)| s * g.volume()).sum();
+        let whole = mean_stress(&frame, 1.0);
+        assert!((sum - whole).norm() < 1e-14 * whole.norm());
+    }
+
+    #[test]
+    fn branch_vectors_are_taken_half_way_through_the_step() {
+        let mut scene = Scene::default();
+        scene.snapshot.meta.parameters.theta = 0.5;
+        scene.snapshot.meta.h = 0.1;
+        let (i, j) = (scene.grain([2.0, 0.0, 0.0], 1.0), scene.grain([0.0; 3], 1.0));
+        scene.snapshot.bodies.body_v[i] = [4.0, 0.0, 0.0];
+        scene.push(i, j, 10.0);
+        // l = 2 - 0.5 * 0.1 * 4
+        assert_close(mean_stress(&scene.frame(), 1.0)[(0, 0)], 10.0 * 1.8);
+    }
+}

@@ -1,0 +1,280 @@
+//! A snapshot as the observables see it: grains and walls apart, contacts in the world's frame.
+
+use std::path::Path;
+
+use cd_formats::error::{Fault, Faults};
+use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, Meta, SHAPE_PLANE, Snapshot};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+
+pub type Vec3 = Vector3<f64>;
+pub type Mat3 = Matrix3<f64>;
+
+/// The state at one instant.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    pub meta: Meta,
+    /// In the order of the snapshot's bodies.
+    pub grains: Vec<Grain>,
+    /// In the order of the snapshot's bodies.
+    pub walls: Vec<Wall>,
+    /// In the order of the snapshot's contacts; those between two walls are left out.
+    pub contacts: Vec<Contact>,
+}
+
+/// A body that can move: not fully driven, and no plane.
+#[derive(Debug, Clone)]
+pub struct Grain {
+    pub id: u64,
+    /// Centre of mass at the snapshot's time, the end of the step, m.
+    pub x: Vec3,
+    /// Centre of mass where the contacts were looked for, m: x - theta h v, half-way through the step.
+    pub x_contact: Vec3,
+    /// m/s
+    pub v: Vec3,
+    /// Angular velocity in the world's frame, rad/s.
+    pub w: Vec3,
+    /// kg
+    pub mass: f64,
+    /// Tensor of inertia about the centre of mass in the world's frame, kg m^2.
+    pub inertia: Mat3,
+    /// Radius of the sphere of equal volume, m.
+    pub radius: f64,
+    /// Index into [`Meta::colours`].
+    pub colour: u16,
+    /// Index into [`Meta::materials`].
+    pub material: u16,
+}
+
+impl Grain {
+    /// m^3
+    pub fn volume(&self) -> f64 {
+        4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3)
+    }
+}
+
+/// A body that holds or pushes the grains: all its motion is imposed, or it is a plane.
+///
+/// A plane that moves freely in some direction (a piston under load) is a wall too: what it does
+/// to the grains is a load from outside.
+#[derive(Debug, Clone)]
+pub struct Wall {
+    pub id: u64,
+    pub x: Vec3,
+    /// From the body's frame to the world's.
+    pub rotation: UnitQuaternion<f64>,
+    pub shape: WallShape,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum WallShape {
+    /// Half lengths along the body's axes, m.
+    Plate(Vec3),
+    /// Radius, m.
+    Ball(f64),
+}
+
+/// One side of a contact: index into [`Frame::grains`] or [`Frame::walls`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    Grain(usize),
+    Wall(usize),
+}
+
+impl Side {
+    pub fn grain(self) -> Option<usize> {
+        match self {
+            Side::Grain(grain) => Some(grain),
+            Side::Wall(_) => None,
+        }
+    }
+}
+
+/// A contact that was listed in the last step; at least one side is a grain.
+#[derive(Debug, Clone)]
+pub struct Contact {
+    pub candidate: Side,
+    pub antagonist: Side,
+    /// m
+    pub point: Vec3,
+    /// Force on the candidate in the world's frame, N: mean over the step.
+    pub force: Vec3,
+    /// Its component along n, from the antagonist to the candidate, N: > 0 pushes.
+    pub normal_force: f64,
+    /// Its length across n, N.
+    pub tangential_force: f64,
+    /// m, > 0 apart.
+    pub gap: f64,
+    /// 0 no contact, 1 stick, 2 slide.
+    pub status: u8,
+    /// Index into [`Meta::laws`].
+    pub law: u8,
+    /// Carries force: the impulse is not zero.
+    pub active: bool,
+}
+
+impl Contact {
+    /// The grains of a contact of grain and grain, candidate first.
+    pub fn pair(&self) -> Option<(usize, usize)> {
+        Some((self.candidate.grain()?, self.antagonist.grain()?))
+    }
+
+    /// Each grain of the contact with the force on it, N.
+    pub fn forces_on_grains(&self) -> impl Iterator<Item = (usize, Vec3)> {
+        [(self.candidate, self.force), (self.antagonist, -self.force)]
+            .into_iter()
+            .filter_map(|(side, force)| Some((side.grain()?, force)))
+    }
+}
+
+impl Frame {
+    /// Reads a snapshot and takes it apart.
+    ///
+    /// Errors: those of [`Snapshot::read`], and each body or contact with a number that is not
+    /// finite or a mass, radius or step that is out of range.
+    pub fn read(path: &Path) -> Result<Frame, Faults> {
+        let snapshot = Snapshot::read(path)?;
+        let mut faults = Faults::default();
+        for (object, found, expected) in unsound(&snapshot) {
+            faults.push(Fault::new(path, None, object, found, expected));
+        }
+        faults.into_result(())?;
+        Ok(Frame::of(snapshot))
+    }
+
+    /// Takes a sound snapshot apart.
+    pub fn of(snapshot: Snapshot) -> Frame {
+        let Snapshot { meta, bodies, contacts } = snapshot;
+        let to_contact = -meta.parameters.theta * meta.h;
+        let (mut grains, mut walls) = (Vec::new(), Vec::new());
+        let sides: Vec<Side> = (0..bodies.body_id.len())
+            .map(|row| {
+                if is_wall(&bodies, row) {
+                    walls.push(wall(&bodies, row));
+                    Side::Wall(walls.len() - 1)
+                } else {
+                    grains.push(grain(&bodies, row, to_contact));
+                    Side::Grain(grains.len() - 1)
+                }
+            })
+            .collect();
+        let contacts = (0..contacts.contact_body.len())
+            .filter_map(|row| {
+                let [candidate, antagonist] = contacts.contact_body[row].map(|body| sides[body as usize]);
+                candidate.grain().or(antagonist.grain())?;
+                let [n, t, s] = contacts.contact_frame[row].map(Vec3::from);
+                let [f_n, f_t, f_s] = contacts.contact_force[row];
+                Some(Contact {
+                    candidate,
+                    antagonist,
+                    point: contacts.contact_point[row].into(),
+                    force: n * f_n + t * f_t + s * f_s,
+                    normal_force: f_n,
+                    tangential_force: f_t.hypot(f_s),
+                    gap: contacts.contact_gap[row],
+                    status: contacts.contact_status[row],
+                    law: contacts.contact_law[row],
+                    active: contacts.contact_impulse[row].iter().any(|&r| r != 0.0),
+                })
+            })
+            .collect();
+        Frame { meta, grains, walls, contacts }
+    }
+
+    /// The contacts that carry force.
+    pub fn active(&self) -> impl Iterator<Item = &Contact> {
+        self.contacts.iter().filter(|contact| contact.active)
+    }
+
+    /// Total mass of the grains, kg.
+    pub fn mass(&self) -> f64 {
+        self.grains.iter().map(|grain| grain.mass).sum()
+    }
+}
+
+fn is_wall(bodies: &BodyArrays, row: usize) -> bool {
+    bodies.body_driven[row] == DRIVEN_ALL || bodies.body_shape[row] == SHAPE_PLANE
+}
+
+fn rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {
+    let [w, x, y, z] = bodies.body_q[row];
+    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+}
+
+fn grain(bodies: &BodyArrays, row: usize, to_contact: f64) -> Grain {
+    let (x, v) = (Vec3::from(bodies.body_x[row]), Vec3::from(bodies.body_v[row]));
+    let [j1, j2, j3] = bodies.body_inertia[row];
+    // Equal moments need no rotation, and keep their digits without one.
+    let inertia = if j1 == j2 && j2 == j3 {
+        Mat3::from_diagonal_element(j1)
+    } else {
+        let axes = rotation(bodies, row).to_rotation_matrix();
+        axes.matrix() * Mat3::from_diagonal(&Vec3::new(j1, j2, j3)) * axes.matrix().transpose()
+    };
+    Grain {
+        id: bodies.body_id[row],
+        x,
+        x_contact: x + to_contact * v,
+        v,
+        w: bodies.body_w_world[row].into(),
+        mass: bodies.body_mass[row],
+        inertia,
+        radius: bodies.body_radius[row],
+        colour: bodies.body_colour[row],
+        material: bodies.body_material[row],
+    }
+}
+
+fn wall(bodies: &BodyArrays, row: usize) -> Wall {
+    let shape = match bodies.body_shape[row] {
+        SHAPE_PLANE => WallShape::Plate(bodies.body_half_lengths[row].into()),
+        _ => WallShape::Ball(bodies.body_radius[row]),
+    };
+    Wall { id: bodies.body_id[row], x: bodies.body_x[row].into(), rotation: rotation(bodies, row), shape }
+}
+
+/// What keeps a snapshot from being measured: object, found, expected.
+fn unsound(snapshot: &Snapshot) -> Vec<(String, String, &'static str)> {
+    let Snapshot { meta, bodies, contacts } = snapshot;
+    let mut faults = Vec::new();
+    let mut refuse = |object: String, found: String, expected| faults.push((object, found, expected));
+    for (name, value) in [("time", meta.time), ("h", meta.h), ("parameters.theta", meta.parameters.theta)] {
+        if !value.is_finite() {
+            refuse(format!("meta, {name}"), value.to_string(), "expected a finite number");
+        }
+    }
+    for row in 0..bodies.body_id.len() {
+        let mut body = |name: &str, values: &[f64], positive: bool| {
+            let wrong = |v: &f64| !v.is_finite() || positive && *v <= 0.0;
+            if values.iter().any(wrong) {
+                let expected = if positive { "expected finite numbers > 0" } else { "expected finite numbers" };
+                refuse(format!("body {}, body_{name}", bodies.body_id[row]), format!("{values:?}"), expected);
+            }
+        };
+        body("x", &bodies.body_x[row], false);
+        body("q", &bodies.body_q[row], false);
+        if is_wall(bodies, row) {
+            body("half_lengths", &bodies.body_half_lengths[row], true);
+        } else {
+            body("v", &bodies.body_v[row], false);
+            body("w_world", &bodies.body_w_world[row], false);
+            body("mass", &[bodies.body_mass[row]], true);
+            body("inertia", &bodies.body_inertia[row], true);
+            body("radius", &[bodies.body_radius[row]], true);
+        }
+    }
+    for row in 0..contacts.contact_body.len() {
+        let arrays: [(&str, &[f64]); 5] = [
+            ("point", &contacts.contact_point[row]),
+            ("frame", contacts.contact_frame[row].as_flattened()),
+            ("gap", std::slice::from_ref(&contacts.contact_gap[row])),
+            ("force", &contacts.contact_force[row]),
+            ("impulse", &contacts.contact_impulse[row]),
+        ];
+        for (name, values) in arrays {
+            if !values.iter().all(|v| v.is_finite()) {
+                refuse(format!("contact {row}, contact_{name}"), format!("{values:?}"), "expected finite numbers");
+            }
+        }
+    }
+    faults
+}

@@ -1,0 +1,197 @@
+//! `DISPLAY/`: VTK files of polygonal data for ParaView, and the collections that give their times.
+//!
+//! | file | cells |
+//! |---|---|
+//! | `grains-NNNNNN.vtp` | a vertex a grain |
+//! | `contacts-NNNNNN.vtp` | a line a contact |
+//! | `walls-NNNNNN.vtp` | six quadrilaterals a plate, a vertex a driven ball |
+//!
+//! The arrays, with units, are in `docs/observables.md`. vtkio writes no time into a file; the
+//! collections `grains.pvd`, `contacts.pvd`, `walls.pvd` do.
+
+use std::fmt::Write;
+
+use vtkio::model::{
+    Attribute, Attributes, ByteOrder, DataArray, DataSet, IOBuffer, PolyDataPiece, Version, VertexNumbers, Vtk,
+};
+
+use crate::derive::coordination::contact_counts;
+use crate::derive::stress::{grain_stresses, pressure};
+use crate::frame::{Frame, Mat3, Side, Vec3, WallShape};
+
+/// The kinds of files, each with its collection.
+pub const KINDS: [&str; 3] = ["grains", "contacts", "walls"];
+
+/// `grains-000012.vtp`
+pub fn file_name(kind: &str, step: u64) -> String {
+    format!("{kind}-{step:06}.vtp")
+}
+
+/// Whether a file of this name in `DISPLAY` is one that this program writes.
+pub fn is_ours(name: &str) -> bool {
+    KINDS.iter().any(|kind| {
+        let rest = name.strip_prefix(kind).unwrap_or_default();
+        let step = rest.strip_prefix('-').and_then(|rest| rest.strip_suffix(".vtp"));
+        rest == ".pvd" || step.is_some_and(|step| step.len() >= 6 && step.bytes().all(|b| b.is_ascii_digit()))
+    })
+}
+
+/// The grains as points with their state, contact count and stress.
+pub fn grains(frame: &Frame) -> Vec<u8> {
+    let grains = &frame.grains;
+    let stresses = grain_stresses(frame);
+    let energy = |g: &crate::frame::Grain| 0.5 * (g.mass * g.v.norm_squared() + g.w.dot(&(g.inertia * g.w)));
+    let point = vec![
+        scalars("radius", grains.iter().map(|g| g.radius).collect::<Vec<f64>>()),
+        scalars("id", grains.iter().map(|g| g.id).collect::<Vec<u64>>()),
+        vectors("velocity", grains.iter().map(|g| g.v)),
+        vectors("spin", grains.iter().map(|g| g.w)),
+        scalars("contacts", contact_counts(frame)),
+        tensors("stress", &stresses),
+        scalars("pressure", stresses.iter().map(pressure).collect::<Vec<f64>>()),
+        scalars("material", grains.iter().map(|g| g.material).collect::<Vec<u16>>()),
+        scalars("colour", grains.iter().map(|g| g.colour).collect::<Vec<u16>>()),
+        scalars("mass", grains.iter().map(|g| g.mass).collect::<Vec<f64>>()),
+        scalars("kinetic_energy", grains.iter().map(energy).collect::<Vec<f64>>()),
+    ];
+    file(PolyDataPiece {
+        points: flat(grains.iter().map(|g| g.x)).into(),
+        verts: cells((0..grains.len() as u64).map(|k| [k])),
+        data: Attributes { point, cell: vec![] },
+        ..Default::default()
+    })
+}
+
+/// The contacts as lines between the centres of two grains, or from a grain to the point on a wall.
+///
+/// The points are the grains in their order, then the points on walls, so that lines meet the
+/// grains of `grains-NNNNNN.vtp` exactly.
+pub fn contacts(frame: &Frame) -> Vec<u8> {
+    let mut points: Vec<Vec3> = frame.grains.iter().map(|g| g.x).collect();
+    let lines: Vec<[u64; 2]> = frame
+        .contacts
+        .iter()
+        .map(|contact| {
+            [contact.candidate, contact.antagonist].map(|side| match side {
+                Side::Grain(grain) => grain as u64,
+                Side::Wall(_) => {
+                    points.push(contact.point);
+                    points.len() as u64 - 1
+                }
+            })
+        })
+        .collect();
+    let id = |side: Side| match side {
+        Side::Grain(grain) => frame.grains[grain].id,
+        Side::Wall(wall) => frame.walls[wall].id,
+    };
+    let all = &frame.contacts;
+    let cell = vec![
+        scalars("normal_force", all.iter().map(|c| c.normal_force).collect::<Vec<f64>>()),
+        scalars("tangential_force", all.iter().map(|c| c.tangential_force).collect::<Vec<f64>>()),
+        vectors("force", all.iter().map(|c| c.force)),
+        scalars("gap", all.iter().map(|c| c.gap).collect::<Vec<f64>>()),
+        scalars("status", all.iter().map(|c| c.status).collect::<Vec<u8>>()),
+        scalars("active", all.iter().map(|c| u8::from(c.active)).collect::<Vec<u8>>()),
+        scalars("law", all.iter().map(|c| c.law).collect::<Vec<u8>>()),
+        scalars("candidate", all.iter().map(|c| id(c.candidate)).collect::<Vec<u64>>()),
+        scalars("antagonist", all.iter().map(|c| id(c.antagonist)).collect::<Vec<u64>>()),
+    ];
+    file(PolyDataPiece {
+        points: flat(points.into_iter()).into(),
+        lines: cells(lines.into_iter()),
+        data: Attributes { point: vec![], cell },
+        ..Default::default()
+    })
+}
+
+/// The corners of a box by the bits of their number (x, y, z), and its faces, outward, by corners.
+const FACES: [[u64; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+
+/// The walls: plates as boxes, driven balls as points with a radius.
+pub fn walls(frame: &Frame) -> Vec<u8> {
+    let (mut points, mut radii, mut balls, mut faces) = (vec![], vec![], vec![], vec![]);
+    let (mut ball_ids, mut face_ids) = (vec![], vec![]);
+    for wall in &frame.walls {
+        let first = points.len() as u64;
+        match wall.shape {
+            WallShape::Ball(radius) => {
+                points.push(wall.x);
+                radii.push(radius);
+                balls.push([first]);
+                ball_ids.push(wall.id);
+            }
+            WallShape::Plate(half) => {
+                for corner in 0..8 {
+                    let sign = |axis: usize| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
+                    let local = Vec3::from_fn(|axis, _| sign(axis) * half[axis]);
+                    points.push(wall.x + wall.rotation * local);
+                    radii.push(0.0);
+                }
+                faces.extend(FACES.map(|face| face.map(|corner| first + corner)));
+                face_ids.extend([wall.id; 6]);
+            }
+        }
+    }
+    // Cell data go in the order of VTK's cells: vertices, then polygons.
+    ball_ids.extend(face_ids);
+    file(PolyDataPiece {
+        points: flat(points.into_iter()).into(),
+        verts: cells(balls.into_iter()),
+        polys: cells(faces.into_iter()),
+        data: Attributes { point: vec![scalars("radius", radii)], cell: vec![scalars("id", ball_ids)] },
+        ..Default::default()
+    })
+}
+
+/// A ParaView collection: the files of one kind with their times, s.
+pub fn collection(kind: &str, snapshots: &[(u64, f64)]) -> String {
+    let mut text = String::from(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n<Collection>\n",
+    );
+    for (step, time) in snapshots {
+        let file = file_name(kind, *step);
+        writeln!(text, "<DataSet timestep=\"{time:?}\" part=\"0\" file=\"{file}\"/>").expect("writing to a string");
+    }
+    text + "</Collection>\n</VTKFile>\n"
+}
+
+fn scalars<T>(name: &str, values: Vec<T>) -> Attribute
+where
+    IOBuffer: From<Vec<T>>,
+{
+    Attribute::DataArray(DataArray::scalars(name, 1).with_data(IOBuffer::from(values)))
+}
+
+fn vectors(name: &str, values: impl Iterator<Item = Vec3>) -> Attribute {
+    Attribute::DataArray(DataArray::vectors(name).with_data(IOBuffer::from(flat(values))))
+}
+
+/// Row by row.
+fn tensors(name: &str, values: &[Mat3]) -> Attribute {
+    let rows: Vec<f64> = values.iter().flat_map(|m| m.transpose().as_slice().to_vec()).collect();
+    Attribute::DataArray(DataArray::tensors(name).with_data(IOBuffer::from(rows)))
+}
+
+fn flat(vectors: impl Iterator<Item = Vec3>) -> Vec<f64> {
+    vectors.flat_map(|v| [v.x, v.y, v.z]).collect()
+}
+
+fn cells<const N: usize>(cells: impl Iterator<Item = [u64; N]>) -> Option<VertexNumbers> {
+    let connectivity: Vec<u64> = cells.flatten().collect();
+    let offsets = (1..=connectivity.len() / N).map(|k| (k * N) as u64).collect();
+    Some(VertexNumbers::XML { connectivity, offsets })
+}
+
+fn file(piece: PolyDataPiece) -> Vec<u8> {
+    let vtk = Vtk {
+        version: Version::Auto,
+        title: String::new(),
+        byte_order: ByteOrder::LittleEndian,
+        data: DataSet::inline(piece),
+        file_path: None,
+    };
+    let mut bytes = Vec::new();
+    vtk.write_xml(&mut bytes).expect("arrays of equal length, written to memory");
+    bytes
+}

@@ -1,0 +1,46 @@
+//! `POSTPRO/series.csv`: a header, then a line a snapshot.
+
+use crate::derive::Row;
+
+/// The text of the file: names of [`Row::COLUMNS`], then the fields of each row.
+///
+/// Numbers are the shortest decimals that read back as the same f64; an undefined value is an
+/// empty field, never `NaN`.
+pub fn text(rows: &[Row]) -> String {
+    let header: Vec<&str> = Row::COLUMNS.iter().map(|(name, _, _)| *name).collect();
+    let mut text = header.join(",");
+    text.push('\n');
+    for row in rows {
+        text += &row.texts().join(",");
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::Scene;
+
+    #[test]
+    fn numbers_read_back_exactly_and_undefined_ones_are_blank() {
+        let mut scene = Scene::default();
+        scene.grain([1e-300, 0.1 + 0.2, -1.0 / 3.0], 1e-3);
+        scene.snapshot.meta.time = 5e-324;
+        let (full, empty) = (Row::of(&scene.frame()), Row::of(&Scene::default().frame()));
+        let text = text(&[full.clone(), empty.clone()]);
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 3);
+        for (line, row) in lines[1..].iter().zip([full, empty]) {
+            let fields: Vec<&str> = line.split(',').collect();
+            assert_eq!(fields.len(), Row::COLUMNS.len());
+            for (field, number) in fields.iter().zip(row.numbers()) {
+                match field.parse::<f64>() {
+                    Ok(read) => assert_eq!(read.to_bits(), number.to_bits()),
+                    Err(_) => assert!(field.is_empty() && number.is_nan(), "{field} {number}"),
+                }
+            }
+        }
+        assert!(!text.contains("NaN") && !text.contains("inf"));
+    }
+}

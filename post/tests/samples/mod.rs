@@ -1,0 +1,128 @@
+//! Small snapshots made by hand. A sphere has density 1 where nothing else is said.
+
+#![allow(dead_code)] // each test uses its part
+
+use std::f64::consts::PI;
+
+use cd_formats::snapshot::{
+    DRIVEN_ALL, LawName, MaterialName, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK,
+    Snapshot,
+};
+use nalgebra::Vector3;
+
+type Vec3 = Vector3<f64>;
+
+pub struct Scene {
+    pub snapshot: Snapshot,
+}
+
+impl Default for Scene {
+    /// Nothing yet; no gravity, h = 0.
+    fn default() -> Self {
+        let mut snapshot = Snapshot::default();
+        let meta = &mut snapshot.meta;
+        meta.program = "by hand".into();
+        meta.colours = vec!["BLUEx".into(), "REDxx".into()];
+        meta.materials = vec![MaterialName { name: "ROCKx".into(), density: 1.0 }];
+        meta.laws = vec![LawName { nickname: "iqsc0".into(), kind: "IQS_CLB".into(), parameters: vec![0.5] }];
+        meta.parameters.theta = 0.5;
+        Scene { snapshot }
+    }
+}
+
+impl Scene {
+    pub fn self_gravitating(constant: f64) -> Scene {
+        let mut scene = Scene::default();
+        scene.snapshot.meta.parameters.self_gravity = true;
+        scene.snapshot.meta.parameters.gravity_constant = constant;
+        scene
+    }
+
+    /// Adds a sphere at rest; returns its row.
+    pub fn grain(&mut self, x: [f64; 3], radius: f64) -> usize {
+        let mass = 4.0 / 3.0 * PI * radius.powi(3);
+        self.body(x, SHAPE_SPHERE, 0, mass, radius, [radius; 3])
+    }
+
+    /// Adds a wall that does not turn; returns its row.
+    pub fn plate(&mut self, x: [f64; 3], half_lengths: [f64; 3]) -> usize {
+        self.body(x, SHAPE_PLANE, DRIVEN_ALL, 1.0, 0.0, half_lengths)
+    }
+
+    fn body(&mut self, x: [f64; 3], shape: u8, driven: u8, mass: f64, radius: f64, half_lengths: [f64; 3]) -> usize {
+        let bodies = &mut self.snapshot.bodies;
+        let row = bodies.body_id.len();
+        bodies.body_id.push(row as u64 + 1);
+        bodies.body_x.push(x);
+        bodies.body_q.push([1.0, 0.0, 0.0, 0.0]);
+        bodies.body_v.push([0.0; 3]);
+        bodies.body_w.push([0.0; 3]);
+        bodies.body_w_world.push([0.0; 3]);
+        bodies.body_mass.push(mass);
+        bodies.body_inertia.push([0.4 * mass * radius * radius; 3]);
+        bodies.body_radius.push(radius);
+        bodies.body_half_lengths.push(half_lengths);
+        bodies.body_shape.push(shape);
+        bodies.body_driven.push(driven);
+        bodies.body_colour.push((row % 2) as u16);
+        bodies.body_material.push(0);
+        row
+    }
+
+    /// Two spheres push each other along the line of their centres with a force in N.
+    pub fn push(&mut self, candidate: usize, antagonist: usize, force: f64) {
+        let n = self.between(candidate, antagonist).normalize();
+        self.contact(candidate, antagonist, n * force);
+    }
+
+    /// A contact between two spheres with any force on the candidate, N, on the surface of the antagonist.
+    pub fn contact(&mut self, candidate: usize, antagonist: usize, force: Vec3) {
+        let n = self.between(candidate, antagonist).normalize();
+        let point =
+            Vec3::from(self.snapshot.bodies.body_x[antagonist]) + n * self.snapshot.bodies.body_radius[antagonist];
+        self.contact_along(n, candidate, antagonist, point.into(), force);
+    }
+
+    /// A contact at a point, its normal along the force on the candidate, N.
+    pub fn contact_at(&mut self, candidate: usize, antagonist: usize, point: [f64; 3], force: Vec3) {
+        self.contact_along(force.normalize(), candidate, antagonist, point, force);
+    }
+
+    fn between(&self, candidate: usize, antagonist: usize) -> Vec3 {
+        let x = &self.snapshot.bodies.body_x;
+        Vec3::from(x[candidate]) - Vec3::from(x[antagonist])
+    }
+
+    fn contact_along(&mut self, n: Vec3, candidate: usize, antagonist: usize, point: [f64; 3], force: Vec3) {
+        let h = if self.snapshot.meta.h > 0.0 { self.snapshot.meta.h } else { 1.0 };
+        let distance = self.between(candidate, antagonist).norm();
+        let bodies = &self.snapshot.bodies;
+        let gap = if bodies.body_shape[candidate] == bodies.body_shape[antagonist] {
+            distance - bodies.body_radius[candidate] - bodies.body_radius[antagonist]
+        } else {
+            0.0
+        };
+        let t = n.cross(&Vec3::ith(n.iamin(), 1.0)).normalize();
+        let s = n.cross(&t);
+        let mut local = [n.dot(&force), t.dot(&force), s.dot(&force)];
+        if force.cross(&n).norm() <= 1e-12 * force.norm() {
+            local = [n.dot(&force), 0.0, 0.0]; // along the normal: no round-off across it
+        }
+        let status = match (force.norm() > 0.0, local[1] != 0.0) {
+            (false, _) => STATUS_NO_CONTACT,
+            (true, false) => STATUS_STICK,
+            (true, true) => STATUS_SLIDE,
+        };
+        let contacts = &mut self.snapshot.contacts;
+        contacts.contact_body.push([candidate as u32, antagonist as u32]);
+        contacts.contact_feature.push([0, 0]);
+        contacts.contact_point.push(point);
+        contacts.contact_frame.push([n.into(), t.into(), s.into()]);
+        contacts.contact_gap.push(gap);
+        contacts.contact_force.push(local);
+        contacts.contact_impulse.push(local.map(|f| f * h));
+        contacts.contact_velocity.push([0.0; 3]);
+        contacts.contact_status.push(status);
+        contacts.contact_law.push(0);
+    }
+}
