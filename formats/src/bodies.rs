@@ -1,8 +1,10 @@
 //! `BODIES.DAT`: rigid bodies with their contactors.
 
+use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
+use crate::scan::{GRID, Line, Scan, Text, e14, put, put_grid};
 
 /// The bodies in the order of the file, which is their number.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -69,15 +71,244 @@ impl Shape {
     }
 }
 
+/// The contactors that can be read.
+pub(crate) const CONTACTORS: [&str; 7] = ["SPHER", "SPHEb", "PLANx", "CYLND", "DNLYC", "POLYR", "PT3Dx"];
+const COORDINATES: [&str; 3] = ["coo1", "coo2", "coo3"];
+/// Relative difference of a sphere's `avrd` and `byrd` that is still rounding of the file.
+const RADIUS_ROUNDING: f64 = 1e-5;
+
 impl Bodies {
     /// Reads the file; all its faults at once.
+    ///
+    /// Beyond what LMGC90 checks: bodies must be numbered in their order (LMGC90 ignores the number),
+    /// lengths positive, a lone sphere's `avrd` its radius, a polyhedron's lines as many as announced.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        let _ = path;
-        unimplemented!()
+        Self::parse(path, &Text::load(path)?)
     }
 
-    /// The text of the file.
-    pub fn to_text(&self) -> String {
-        unimplemented!()
+    /// Reads the text of a file; `path` is for messages.
+    pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
+        let scan = &mut Scan::new(path, text);
+        let mut bodies = Bodies::default();
+        let mut number = 0; // as written, so that one gap is one fault
+        for position in 1.. {
+            scan.about(format!("body {position}"));
+            let Some(begin) = scan.peek() else { break };
+            let body = scan.expect_keyword("bdyty").and_then(|_| read_body(scan, begin.number, &mut number));
+            if body.is_none() {
+                scan.leave_record();
+            }
+            bodies.0.extend(body);
+        }
+        scan.finish(bodies)
     }
+
+    /// The text of the file, numbers with eight digits.
+    ///
+    /// Names must have at most five characters, numbers be finite and below 1e100.
+    pub fn to_text(&self) -> String {
+        let mut out = String::new();
+        for (k, body) in self.0.iter().enumerate() {
+            write_body(&mut out, k + 1, body);
+        }
+        out
+    }
+}
+
+/// The record after `$bdyty`; `None` after a fault that leaves the scan inside the record.
+fn read_body(scan: &mut Scan, begin: usize, number: &mut u64) -> Option<Body> {
+    let line = scan.expect("expected RBDY3 and the number of the body", |line| !line.text().starts_with('$'))?;
+    if !scan.rigid(line, 2) {
+        return None;
+    }
+    let written = scan.integer(line, (7, 15), "number");
+    if let Some(written) = written.filter(|&written| written != *number + 1) {
+        let expected = format!("expected {}: bodies are counted by their place, whatever their number", *number + 1);
+        scan.fault(line.number, format!("the number is {written}"), expected);
+    }
+    *number = written.unwrap_or(*number + 1);
+
+    scan.expect_keyword("blmty")?;
+    let plain = scan.expect("expected PLAIN", |line| line.keyword() == "PLAIN")?;
+    let material = scan.name5(plain, 23, "material");
+    let equivalent_radius = scan.length(plain, 35, "avrd");
+    let inertia = scan.line_if(|line| line.continues() && line.columns(30, 31) == "I1").map(|line| {
+        let names = ["I1", "I2", "I3"];
+        [0, 1, 2].map(|k| scan.length(line, GRID[k], names[k]))
+    });
+
+    scan.expect_keyword("nodty")?;
+    let node = scan.expect("expected NO6xx", |line| line.keyword() == "NO6xx")?;
+    let position = scan.grid(node, COORDINATES);
+    scan.expect_continuation("coo4 coo5 coo6")?; // LMGC90 sets them to zero
+
+    let tacty = scan.expect_keyword("tacty")?;
+    let body = scan.object().to_string();
+    let mut contactors = Vec::new();
+    let mut all_read = true;
+    for rank in 1.. {
+        scan.about(body.as_str());
+        if scan.line_if(|line| line.keyword() == "$$$$$").is_some() {
+            break;
+        }
+        let line = scan.expect("expected a contactor or $$$$$$", |line| !line.text().starts_with('$'))?;
+        scan.about(format!("{body}, contactor {} {rank}", line.keyword().trim()));
+        let contactor = read_contactor(scan, line);
+        all_read &= contactor.is_some();
+        contactors.extend(contactor);
+        // Lines that belong to no contactor are passed over by LMGC90; those of a broken one were named already.
+        if all_read && scan.peek().is_some_and(Line::continues) {
+            scan.unexpected("expected a contactor or $$$$$$");
+        }
+        while scan.line_if(Line::continues).is_some() {}
+    }
+    match contactors.as_slice() {
+        [] if all_read => scan.fault(tacty.number, "no contactor", "expected one or more"),
+        // LMGC90 takes the mass from avrd but the inertia from the contactor.
+        [Contactor { shape: Shape::Sphere { radius }, .. }]
+            if equivalent_radius > 0.0 && (equivalent_radius - radius).abs() > RADIUS_ROUNDING * radius =>
+        {
+            let found = format!("avrd {equivalent_radius} is not the radius {radius} of the body's one sphere");
+            scan.fault(plain.number, found, "expected the radius, or 0");
+        }
+        _ => {}
+    }
+    Some(Body { line: begin, material, equivalent_radius, inertia, position, contactors })
+}
+
+/// The contactor that begins on `line`; `None` after a fault in its structure.
+fn read_contactor(scan: &mut Scan, line: Line) -> Option<Contactor> {
+    let colour = scan.name5(line, 23, "colour");
+    let half_lengths = ["axe1", "axe2", "axe3"];
+    let shape = match line.keyword() {
+        "SPHER" => Shape::Sphere { radius: scan.positive(line, 35, "radius") },
+        "SPHEb" => {
+            let radius = scan.positive(line, 35, "radius");
+            let offset = scan.expect_continuation("coo1 coo2 coo3")?;
+            Shape::OffsetSphere { radius, offset: scan.grid(offset, COORDINATES) }
+        }
+        "PLANx" => Shape::Plane { half_lengths: [0, 1, 2].map(|k| scan.positive(line, GRID[k], half_lengths[k])) },
+        "CYLND" | "DNLYC" => Shape::Cylinder {
+            half_height: scan.positive(line, 35, "half height"),
+            radius: scan.positive(line, 56, "radius"),
+            hollow: line.keyword() == "DNLYC",
+        },
+        "POLYR" => read_polyhedron(scan, line)?,
+        "PT3Dx" => Shape::Point { offset: scan.grid(line, COORDINATES) },
+        _ => {
+            let found = format!("a contactor of type '{}'", line.keyword().trim());
+            scan.fault(line.number, found, format!("expected one of {}", CONTACTORS.join(", ")));
+            return None;
+        }
+    };
+    let local_frame = match shape {
+        Shape::Plane { .. } | Shape::Cylinder { hollow: false, .. } => read_local_frame(scan)?,
+        _ => None,
+    };
+    Some(Contactor { colour, shape, local_frame })
+}
+
+/// The optional `localframe` block: `Some(None)` if there is none, `None` after a fault.
+fn read_local_frame(scan: &mut Scan) -> Option<Option<LocalFrame>> {
+    let Some(begin) = scan.line_if(|line| line.continues() && line.columns(30, 39) == "localframe") else {
+        return Some(None);
+    };
+    let mut rows = [[0.0; 3]; 4];
+    for (row, names) in rows.iter_mut().zip(LOCAL_FRAME_LABELS) {
+        let line = scan.expect_continuation(&names.join(" "))?;
+        *row = scan.grid(line, names);
+    }
+    let [a, b, c, offset] = rows;
+    let axes = [a, b, c];
+    scan.orthonormal(begin.number, "the axes of the localframe", &axes);
+    Some(Some(LocalFrame { axes, offset }))
+}
+
+const LOCAL_FRAME_LABELS: [[&str; 3]; 4] =
+    [["alp1", "alp2", "alp3"], ["bet1", "bet2", "bet3"], ["gam1", "gam2", "gam3"], COORDINATES];
+
+fn read_polyhedron(scan: &mut Scan, line: Line) -> Option<Shape> {
+    let vertex_count = scan.integer(line, (40, 47), "number of vertices")?;
+    let triangle_count = scan.integer(line, (60, 67), "number of triangles")?;
+    // Taken together first, so that a line too few does not make every later line look wrong.
+    let lines: Vec<_> = std::iter::from_fn(|| scan.line_if(Line::continues)).collect();
+    if vertex_count.checked_add(triangle_count) != Some(lines.len() as u64) {
+        let seen = lines.iter().take_while(|line| line.columns(35, 90).contains('.')).count();
+        let found = format!("{seen} vertices and {} triangles follow", lines.len() - seen);
+        let expected = format!("expected {vertex_count} and {triangle_count}, as announced");
+        scan.fault(line.number, found, expected);
+        return None;
+    }
+    if vertex_count < 4 || triangle_count < 4 {
+        let found = format!("{vertex_count} vertices and {triangle_count} triangles");
+        scan.fault(line.number, found, "expected at least 4 of each: a closed surface");
+        return None;
+    }
+    let (vertex_lines, triangle_lines) = lines.split_at(vertex_count as usize);
+    let vertices = (1..).zip(vertex_lines);
+    let vertices = vertices
+        .map(|(k, &line)| [0, 1, 2].map(|c| scan.real(line, GRID[c], format_args!("vertex {k}, coo{}", c + 1))))
+        .collect();
+    let mut triangles = Vec::with_capacity(triangle_lines.len());
+    for (k, &line) in (1..).zip(triangle_lines) {
+        let numbers = GRID.map(|first| scan.integer(line, (first, first + 12), format_args!("face {k}, vertex")));
+        let [Some(a), Some(b), Some(c)] = numbers else { continue };
+        if let Some(wrong) = [a, b, c].into_iter().find(|n| !(1..=vertex_count).contains(n)) {
+            let found = format!("face {k} names vertex {wrong}");
+            scan.fault(line.number, found, format!("expected 1 to {vertex_count}"));
+        } else if a == b || b == c || c == a {
+            scan.fault(line.number, format!("face {k} names vertices {a}, {b}, {c}"), "expected three different ones");
+        }
+        triangles.push([a, b, c].map(|n| (n as u32).wrapping_sub(1)));
+    }
+    Some(Shape::Polyhedron { vertices, triangles })
+}
+
+fn write_body(out: &mut String, number: usize, body: &Body) {
+    let coordinates = ["coo1=", "coo2=", "coo3="];
+    let _ = write!(out, "$bdyty\n RBDY3  {number:5}\n$blmty\n");
+    let head = format!(" PLAIN      1  behav  {:<5}", body.material);
+    put_grid(out, &head, &["avrd="], &[body.equivalent_radius], e14);
+    if let Some(inertia) = &body.inertia {
+        put_grid(out, "", &["I1  =", "I2  =", "I3  ="], inertia, e14);
+    }
+    out.push_str("$nodty\n");
+    put_grid(out, " NO6xx      1", &coordinates, &body.position, e14);
+    put_grid(out, "", &["coo4=", "coo5=", "coo6="], &[0.0; 3], e14);
+    out.push_str("$tacty\n");
+    for (rank, Contactor { colour, shape, local_frame }) in (1..).zip(&body.contactors) {
+        let head = format!(" {}  {rank:5}  color  {colour:<5}", shape.name());
+        match shape {
+            Shape::Sphere { radius } => put_grid(out, &head, &["byrd="], &[*radius], e14),
+            Shape::OffsetSphere { radius, offset } => {
+                put_grid(out, &head, &["byrd="], &[*radius], e14);
+                put_grid(out, "", &coordinates, offset, e14);
+            }
+            Shape::Plane { half_lengths } => put_grid(out, &head, &["axe1=", "axe2=", "axe3="], half_lengths, e14),
+            Shape::Cylinder { half_height, radius, .. } => {
+                put_grid(out, &head, &["High=", "byrd="], &[*half_height, *radius], e14);
+            }
+            Shape::Polyhedron { vertices, triangles } => {
+                let (vertex_count, triangle_count) = (vertices.len(), triangles.len());
+                let _ = writeln!(out, "{head}  nb_vertex={vertex_count:7}    nb_faces={triangle_count:7}");
+                for vertex in vertices {
+                    put_grid(out, "", &coordinates, vertex, e14);
+                }
+                for triangle in triangles {
+                    for (k, column) in GRID.iter().enumerate() {
+                        put(out, column - 5, format_args!("ver{}={:7}", k + 1, triangle[k] + 1));
+                    }
+                    out.push('\n');
+                }
+            }
+            Shape::Point { offset } => put_grid(out, &head, &coordinates, offset, e14),
+        }
+        if let Some(LocalFrame { axes: [a, b, c], offset }) = local_frame {
+            put(out, 30, "localframe\n");
+            for (names, row) in LOCAL_FRAME_LABELS.iter().zip([a, b, c, offset]) {
+                put_grid(out, "", &names.map(|name| format!("{name}=")).each_ref().map(String::as_str), row, e14);
+            }
+        }
+    }
+    out.push_str("$$$$$$\n");
 }

@@ -1,8 +1,10 @@
 //! `BULK_BEHAV.DAT`: uniform gravity and the materials' densities.
 
+use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
+use crate::scan::{Scan, Text, e14, put};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BulkBehav {
@@ -20,12 +22,63 @@ pub struct Material {
 }
 
 impl BulkBehav {
+    /// Reads the file; all its faults at once. Lines that are neither gravity nor a material are passed
+    /// over, as LMGC90 does; of materials that are not `RIGID` the density alone is kept.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        let _ = path;
-        unimplemented!()
+        Self::parse(path, &Text::load(path)?)
     }
 
+    /// Reads the text of a file; `path` is for messages.
+    pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
+        let scan = &mut Scan::new(path, text);
+        let mut gravity = None;
+        let mut materials: Vec<Material> = Vec::new();
+        while let Some(begin) = scan.line() {
+            match begin.keyword() {
+                "gravy" => {
+                    scan.about("gravity");
+                    let Some(line) = scan.expect_continuation("grv1 grv2 grv3") else { continue };
+                    let value = [0, 1, 2].map(|k| scan.real(line, GRAVITY[k], format_args!("grv{}", k + 1)));
+                    if gravity.replace(value).is_some() {
+                        scan.fault(begin.number, "a second $gravy", "expected one");
+                    }
+                }
+                "behav" => {
+                    scan.about(format!("material {}", materials.len() + 1));
+                    let Some(line) = scan.expect("expected a material", |line| !line.text().starts_with('$')) else {
+                        continue;
+                    };
+                    let name = scan.name5(line, 2, "name");
+                    scan.about(format!("material {name}"));
+                    scan.name(line, (9, 38), "law");
+                    let density = scan.positive(line, 46, "density Umas");
+                    if !name.is_empty() && materials.iter().any(|known| known.name == name) {
+                        scan.fault(line.number, format!("'{name}' is defined twice"), "expected each name once");
+                    }
+                    materials.push(Material { name, density });
+                }
+                _ => {}
+            }
+        }
+        if gravity.is_none() {
+            scan.fault_of_file("no $gravy", "expected it with grv1 grv2 grv3 on the next line");
+        }
+        scan.finish(BulkBehav { gravity: gravity.unwrap_or_default(), materials })
+    }
+
+    /// The text of the file, numbers with eight digits.
     pub fn to_text(&self) -> String {
-        unimplemented!()
+        let mut out = String::from("$gravy\n");
+        for (k, column) in GRAVITY.iter().enumerate() {
+            put(&mut out, column - 5, format_args!("grv{}={}", k + 1, e14(self.gravity[k])));
+        }
+        out.push('\n');
+        for Material { name, density } in &self.materials {
+            let _ = writeln!(out, "$behav  lawty\n {name:<5}  {:<30}  Umas={}", "RIGID", e14(*density));
+        }
+        out
     }
 }
+
+/// First columns of the components of gravity.
+const GRAVITY: [usize; 3] = [25, 46, 67];

@@ -1,8 +1,10 @@
 //! `DRV_DOF.DAT`: imposed velocities and forces.
 
+use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
+use crate::scan::{Line, Scan, Text, e14, fortran_real, integer, put};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DrvDof(pub Vec<Driven>);
@@ -42,22 +44,201 @@ impl Evolution {
         Evolution::Harmonic { constant: value, amplitude: 0.0, omega: 0.0, phase: 0.0, ramp_start: 1.0, ramp_rate: 0.0 }
     }
 
-    /// The value at time `t`, s.
+    /// The value at time `t`, s: (constant + amplitude cos(omega t + phase)) min(1, ramp_start + ramp_rate t),
+    /// or the straight line through the two points next to `t`.
+    ///
+    /// A table of one point is constant, one of none gives NaN; readers refuse both.
+    ///
+    /// ```
+    /// use cd_formats::drv_dof::Evolution;
+    /// let table = Evolution::Table { name: "v.dat".into(), points: vec![[0.0, 1.0], [2.0, 5.0]] };
+    /// assert_eq!(table.at(1.0), 3.0);
+    /// assert_eq!(table.at(3.0), 7.0); // beyond the last point
+    /// ```
     pub fn at(&self, t: f64) -> f64 {
-        let _ = t;
-        unimplemented!()
+        match self {
+            &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
+                (constant + amplitude * (omega * t + phase).cos()) * (ramp_start + ramp_rate * t).min(1.0)
+            }
+            Evolution::Table { points, .. } => match points.as_slice() {
+                [] => f64::NAN,
+                [point] => point[1],
+                points => {
+                    let after = points.partition_point(|point| point[0] <= t).clamp(1, points.len() - 1);
+                    let ([t0, v0], [t1, v1]) = (points[after - 1], points[after]);
+                    v0 + (v1 - v0) * ((t - t0) / (t1 - t0))
+                }
+            },
+        }
     }
 }
 
+/// First columns of the six reals: constant, amplitude, omega, phase, start and rate of the ramp.
+const HARMONIC: [usize; 6] = [15, 30, 45, 60, 75, 90];
+const HARMONIC_NAMES: [&str; 6] = ["CT", "AMP", "OMEGA", "PHI", "RAMPI", "RAMP"];
+/// Columns of the name of a table.
+const TABLE_NAME: (usize, usize) = (25, 64);
+const DOFTY: &str =
+    "$dofty  numbr [CT......+......AMP..*..cos.(..OMEGA.*.time.+.PHI..)]...*...[RAMPI.....+.....RAMP.*.time]\n";
+
 impl DrvDof {
-    /// Reads the file and the tables that it names in the same folder. A file that is absent drives nothing.
+    /// Reads the file and the tables that it names in the same folder; all faults at once. A file that is
+    /// absent drives nothing.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        let _ = path;
-        unimplemented!()
+        match path.try_exists() {
+            Ok(false) => Ok(DrvDof::default()),
+            _ => Self::parse(path, &Text::load(path)?),
+        }
     }
 
-    /// The text of the file; tables are files of their own.
-    pub fn to_text(&self) -> String {
-        unimplemented!()
+    /// Reads the text of a file; `path` is for messages and to find tables.
+    pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
+        let scan = &mut Scan::new(path, text);
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut all: Vec<Driven> = Vec::new();
+        for record in 1.. {
+            scan.about(format!("record {record}"));
+            if scan.peek().is_none() {
+                break;
+            }
+            if read_record(scan, folder, &mut all).is_none() {
+                scan.leave_record();
+            }
+        }
+        scan.finish(DrvDof(all))
     }
+
+    /// The text of the file, numbers with eight digits; tables are files of their own, see [`table_text`].
+    pub fn to_text(&self) -> String {
+        let mut out = String::new();
+        for driven in self.0.chunk_by(|a, b| a.body == b.body) {
+            let number = integer(driven[0].body + 1, 7);
+            let _ = write!(out, "$bdyty\n RBDY3{number}\n$nodty\n NO6xx      1\n{DOFTY}");
+            for Driven { component, kind, evolution, .. } in driven {
+                let word = match kind {
+                    DrivenKind::Velocity => "vlocy",
+                    DrivenKind::Force => "force",
+                };
+                let _ = write!(out, " {word}  {:5}", component + 1);
+                match evolution {
+                    &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
+                        let values = [constant, amplitude, omega, phase, ramp_start, ramp_rate];
+                        for (value, column) in values.into_iter().zip(HARMONIC) {
+                            put(&mut out, column, e14(value));
+                        }
+                    }
+                    Evolution::Table { name, .. } => {
+                        put(&mut out, HARMONIC[0], "evolution");
+                        put(&mut out, TABLE_NAME.0, name);
+                    }
+                }
+                out.push('\n');
+            }
+            out.push_str("$$$$$$\n");
+        }
+        out
+    }
+}
+
+/// One body with all that drives it; `None` after a fault that leaves the scan inside the record.
+fn read_record(scan: &mut Scan, folder: &Path, all: &mut Vec<Driven>) -> Option<()> {
+    scan.expect_keyword("bdyty")?;
+    let line = scan.expect("expected RBDY3 and the number of the body", |line| !line.text().starts_with('$'))?;
+    if !scan.rigid(line, 2) {
+        return None;
+    }
+    let body = scan.index(line, (7, 15), "number")?;
+    scan.about(format!("body {}", body + 1));
+    scan.expect_keyword("nodty")?;
+    let node = scan.expect("expected NO6xx", |line| line.keyword() == "NO6xx")?;
+    if let Some(number) = scan.integer(node, (9, 13), "number of the node").filter(|&number| number != 1) {
+        scan.fault(node.number, format!("the number of the node is {number}"), "expected 1");
+    }
+    scan.expect_keyword("dofty")?;
+    while scan.line_if(|line| line.keyword() == "$$$$$").is_none() {
+        let line = scan.expect("expected vlocy, force or $$$$$$", |line| !line.text().starts_with('$'))?;
+        let kind = match line.keyword() {
+            "vlocy" => DrivenKind::Velocity,
+            "force" => DrivenKind::Force,
+            word => {
+                let found = format!("'{}' is driven", word.trim());
+                scan.fault(line.number, found, "expected vlocy or force in columns 2 to 6");
+                continue;
+            }
+        };
+        let component = scan.integer(line, (9, 13), "component");
+        let evolution = read_evolution(scan, line, folder);
+        let (Some(component), Some(evolution)) = (component, evolution) else { continue };
+        if !(1..=6).contains(&component) {
+            scan.fault(line.number, format!("component is {component}"), "expected 1 to 6");
+            continue;
+        }
+        let driven = Driven { line: line.number, body, component: component as usize - 1, kind, evolution };
+        if let Some(known) = all.iter().find(|known| (known.body, known.component) == (body, driven.component)) {
+            let found = format!("component {component} is driven already by line {}", known.line);
+            scan.fault(line.number, found, "expected each component once");
+        }
+        all.push(driven);
+    }
+    Some(())
+}
+
+fn read_evolution(scan: &mut Scan, line: Line, folder: &Path) -> Option<Evolution> {
+    if line.columns(15, 23) != "evolution" {
+        let values: [f64; 6] = std::array::from_fn(|k| scan.real(line, HARMONIC[k], HARMONIC_NAMES[k]));
+        let [constant, amplitude, omega, phase, ramp_start, ramp_rate] = values;
+        return Some(Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate });
+    }
+    let name = scan.name(line, TABLE_NAME, "name of the table");
+    if name.is_empty() {
+        return None;
+    }
+    if name.contains(['/', '\\']) {
+        scan.fault(line.number, format!("the table is '{name}'"), "expected a file in the folder of this one");
+        return None;
+    }
+    let points = scan.gather(read_table(&folder.join(&name)))?;
+    Some(Evolution::Table { name, points })
+}
+
+/// Points (time, value) of a table, sorted by time: two numbers a line, in any columns.
+fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
+    let text = Text::load(path)?;
+    let scan = &mut Scan::new(path, &text);
+    scan.about("table");
+    let mut points = Vec::new();
+    while let Some(line) = scan.line() {
+        let words: Vec<_> = line.text().split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();
+        // Free format: an integer is as good as a real here.
+        let numbers: Vec<_> = words.iter().map_while(|word| free_real(word)).collect();
+        match numbers.as_slice() {
+            &[time, value] if words.len() == 2 => points.push((line.number, [time, value])),
+            _ => scan.fault(
+                line.number,
+                format!("'{}'", line.text().trim().escape_default()),
+                "expected a time and a value",
+            ),
+        }
+    }
+    points.sort_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]));
+    for pair in points.windows(2) {
+        if pair[0].1[0] == pair[1].1[0] {
+            let found = format!("time {} stands on line {} too", pair[1].1[0], pair[0].0);
+            scan.fault(pair[1].0, found, "expected each time once");
+        }
+    }
+    if points.len() < 2 {
+        scan.fault_of_file(format!("{} points", points.len()), "expected at least two");
+    }
+    scan.finish(points.into_iter().map(|(_, point)| point).collect())
+}
+
+fn free_real(word: &str) -> Option<f64> {
+    let has_point = word.contains('.');
+    fortran_real(word).ok().or_else(|| word.parse().ok().filter(|x: &f64| !has_point && x.is_finite()))
+}
+
+/// The text of a table of an [`Evolution::Table`].
+pub fn table_text(points: &[[f64; 2]]) -> String {
+    points.iter().map(|&[time, value]| format!("{} {}\n", e14(time), e14(value))).collect()
 }

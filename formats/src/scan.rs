@@ -1,1 +1,425 @@
 //! Lines, fixed columns and numbers of LMGC90's text files, with file and line attached.
+//!
+//! Columns are 1-based and inclusive, as in `docs/files.md`. A reader asks [`Scan`] for a field by its first
+//! column and goes on whatever stands there: a field at fault is noted, and its value is one that
+//! fails no later comparison (NaN, `None`, an empty name), so that one mistake gives one message.
+//!
+//! Three blanks-and-labels grids are shared by all files:
+//!
+//! | line | columns |
+//! |---|---|
+//! | keyword, or type word of a data line | 2-6 |
+//! | number of the object | 9-13, 9-15 in state files |
+//! | three reals, each behind a label of five columns | 35-48, 56-69, 77-90 |
+
+use std::fmt::{Display, Write};
+use std::fs;
+use std::path::Path;
+
+use crate::error::{Fault, Faults};
+
+/// First columns of the three reals of a grid line.
+pub const GRID: [usize; 3] = [35, 56, 77];
+/// Columns of a real.
+const REAL_WIDTH: usize = 14;
+/// Where an axis or frame of the files may be off from orthonormal; they carry seven digits.
+pub const FRAME_TOLERANCE: f64 = 1e-4;
+
+// ---------------------------------------------------------------------------------------------------------- reading
+
+/// A file's text made ASCII, so that bytes are columns: any other byte becomes a control character,
+/// which comments may hold and fields may not.
+pub struct Text(String);
+
+impl Text {
+    pub fn load(path: &Path) -> Result<Self, Faults> {
+        fs::read(path).map(|bytes| Text::new(&bytes)).map_err(|error| Fault::io(path, "read", &error).into())
+    }
+
+    pub fn new(bytes: &[u8]) -> Self {
+        Text(bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '\x1a' }).collect())
+    }
+
+    /// All lines with their numbers.
+    pub fn lines(&self) -> impl Iterator<Item = Line<'_>> {
+        self.0.lines().enumerate().map(|(k, text)| Line { number: k + 1, text })
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+pub struct Line<'a> {
+    /// 1-based
+    pub number: usize,
+    text: &'a str,
+}
+
+impl<'a> Line<'a> {
+    /// What stands in columns `first` to `last`; shorter where the line is.
+    pub fn columns(self, first: usize, last: usize) -> &'a str {
+        let end = last.min(self.text.len());
+        self.text.get(first - 1..end).unwrap_or("")
+    }
+
+    /// Columns 2 to 6, by which LMGC90 knows a line.
+    pub fn keyword(self) -> &'a str {
+        self.columns(2, 6)
+    }
+
+    /// Columns 2 to 6 are blank: the line goes on with what an earlier one began.
+    pub fn continues(self) -> bool {
+        self.keyword().trim().is_empty()
+    }
+
+    /// Number of columns up to the last that is not blank.
+    pub fn width(self) -> usize {
+        self.text.trim_end().len()
+    }
+
+    pub fn text(self) -> &'a str {
+        self.text
+    }
+
+    fn is_skipped(self) -> bool {
+        self.text.starts_with(['!', '#']) || self.text.trim().is_empty()
+    }
+}
+
+/// Reads a file line by line, without comments and blank lines, and collects its faults.
+pub struct Scan<'a> {
+    path: &'a Path,
+    lines: Vec<Line<'a>>,
+    next: usize,
+    /// Line to blame when the file ends too early.
+    last: usize,
+    object: String,
+    faults: Faults,
+}
+
+impl<'a> Scan<'a> {
+    pub fn new(path: &'a Path, text: &'a Text) -> Self {
+        let lines: Vec<_> = text.lines().filter(|line| !line.is_skipped()).collect();
+        let last = text.lines().last().map_or(1, |line| line.number);
+        Scan { path, lines, next: 0, last, object: "file".into(), faults: Faults::default() }
+    }
+
+    /// The value that was read, or all faults.
+    pub fn finish<T>(&mut self, value: T) -> Result<T, Faults> {
+        std::mem::take(&mut self.faults).into_result(value)
+    }
+
+    /// Faults of another file, read on behalf of this one.
+    pub fn gather<T>(&mut self, result: Result<T, Faults>) -> Option<T> {
+        self.faults.gather(result)
+    }
+
+    /// Names the object that the next faults are in.
+    pub fn about(&mut self, object: impl Into<String>) {
+        self.object = object.into();
+    }
+
+    pub fn object(&self) -> &str {
+        &self.object
+    }
+
+    /// Notes a fault in the present object.
+    pub fn fault(&mut self, line: usize, found: impl Into<String>, expected: impl Into<String>) {
+        self.faults.push(Fault::new(self.path, Some(line), self.object.as_str(), found, expected));
+    }
+
+    /// Notes a fault of the file as a whole.
+    pub fn fault_of_file(&mut self, found: impl Into<String>, expected: impl Into<String>) {
+        self.faults.push(Fault::new(self.path, None, "file", found, expected));
+    }
+
+    pub fn peek(&self) -> Option<Line<'a>> {
+        self.lines.get(self.next).copied()
+    }
+
+    /// The next line, passed by.
+    pub fn line(&mut self) -> Option<Line<'a>> {
+        let line = self.peek();
+        self.next += usize::from(line.is_some());
+        line
+    }
+
+    /// The next line if it fits, passed by.
+    pub fn line_if(&mut self, fits: impl Fn(Line<'a>) -> bool) -> Option<Line<'a>> {
+        if self.peek().is_some_and(fits) { self.line() } else { None }
+    }
+
+    /// The next line, which must fit: otherwise a fault, and the line stays.
+    pub fn expect(&mut self, expected: &str, fits: impl Fn(Line<'a>) -> bool) -> Option<Line<'a>> {
+        let line = self.line_if(fits);
+        if line.is_none() {
+            self.unexpected(expected);
+        }
+        line
+    }
+
+    /// The next line, which must be a keyword line such as `$nodty`.
+    pub fn expect_keyword(&mut self, keyword: &str) -> Option<Line<'a>> {
+        self.expect(&format!("expected ${keyword}"), |line| line.keyword() == keyword)
+    }
+
+    /// The next line, which must go on with the present object, its columns 2 to 6 blank.
+    pub fn expect_continuation(&mut self, what: &str) -> Option<Line<'a>> {
+        self.expect(&format!("expected a line with {what}"), Line::continues)
+    }
+
+    /// Notes that the next line, or the end of the file, has no place here.
+    pub fn unexpected(&mut self, expected: &str) {
+        match self.peek() {
+            Some(line) => {
+                let text: String = line.text.trim_end().chars().take(40).collect();
+                self.fault(line.number, format!("the line is '{text}'"), expected);
+            }
+            None => self.fault(self.last, "the file ends", expected),
+        }
+    }
+
+    /// Leaves the present record: past its `$$$$$$`, or to the `$bdyty` that begins another.
+    pub fn leave_record(&mut self) {
+        while let Some(line) = self.line_if(|line| line.keyword() != "bdyty") {
+            if line.keyword() == "$$$$$" {
+                break;
+            }
+        }
+    }
+
+    /// The real in the 14 columns from `first`; NaN and a fault if there is none.
+    pub fn real(&mut self, line: Line, first: usize, what: impl Display) -> f64 {
+        let last = first + REAL_WIDTH - 1;
+        let field = line.columns(first, last);
+        let fault = match fortran_real(field) {
+            Ok(_) if !line.columns(last + 1, last + 1).trim().is_empty() => "which goes on beyond its columns",
+            Ok(value) => return value,
+            Err(fault) => fault,
+        };
+        self.fault(line.number, found(what, field, fault), "expected a real such as 1.0000000E+00");
+        f64::NAN
+    }
+
+    /// The three reals of a grid line.
+    pub fn grid(&mut self, line: Line, names: [&str; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|k| self.real(line, GRID[k], names[k]))
+    }
+
+    /// A real that must not be negative.
+    pub fn length(&mut self, line: Line, first: usize, what: &str) -> f64 {
+        let value = self.real(line, first, what);
+        if value < 0.0 {
+            self.fault(line.number, format!("{what} is {value}"), "expected 0 or more");
+        }
+        value
+    }
+
+    /// A real that must be more than zero.
+    pub fn positive(&mut self, line: Line, first: usize, what: &str) -> f64 {
+        let value = self.real(line, first, what);
+        if value <= 0.0 {
+            self.fault(line.number, format!("{what} is {value}"), "expected more than 0");
+        }
+        value
+    }
+
+    /// The integer in columns `first` to `last`, blanks ignored; `None` and a fault if there is none.
+    pub fn integer(&mut self, line: Line, (first, last): (usize, usize), what: impl Display) -> Option<u64> {
+        let field = line.columns(first, last);
+        let digits: String = field.chars().filter(|&c| c != ' ').collect();
+        let fault = match digits.parse::<u64>() {
+            Ok(_) if !line.columns(last + 1, last + 1).trim().is_empty() => "which goes on beyond its columns",
+            Ok(value) => return Some(value),
+            Err(_) => number_fault(&digits).unwrap_or("not an integer"),
+        };
+        self.fault(line.number, found(what, field, fault), "expected an integer such as 12");
+        None
+    }
+
+    /// A number that counts from 1 in the file, made to count from 0.
+    pub fn index(&mut self, line: Line, columns: (usize, usize), what: &str) -> Option<usize> {
+        let number = self.integer(line, columns, what)?;
+        if number == 0 {
+            self.fault(line.number, format!("{what} is 0"), "expected 1 or more");
+            return None;
+        }
+        usize::try_from(number - 1).ok()
+    }
+
+    /// The name in columns `first` to `last`, trimmed; empty and a fault if there is none.
+    pub fn name(&mut self, line: Line, (first, last): (usize, usize), what: &str) -> String {
+        let field = line.columns(first, last);
+        if field.trim_matches(' ').is_empty() {
+            self.fault(
+                line.number,
+                format!("{what} is blank"),
+                format!("expected a name in columns {first} to {last}"),
+            );
+        } else if field.bytes().any(|byte| !(b' '..=b'~').contains(&byte)) {
+            let shown = field.escape_default();
+            self.fault(line.number, format!("{what} is '{shown}'"), "expected a name of printable ASCII characters");
+        } else {
+            return field.trim_matches(' ').to_string();
+        }
+        String::new()
+    }
+
+    /// The five-column name from `first`.
+    pub fn name5(&mut self, line: Line, first: usize, what: &str) -> String {
+        self.name(line, (first, first + 4), what)
+    }
+
+    /// `RBDY3` in columns `first` to `first + 4`, the one kind of body that is read.
+    pub fn rigid(&mut self, line: Line, first: usize) -> bool {
+        let word = line.columns(first, first + 4);
+        if word != "RBDY3" {
+            let found = format!("a body of type '{}'", word.trim());
+            self.fault(line.number, found, "expected RBDY3, a rigid body in 3D: no other can be read");
+        }
+        word == "RBDY3"
+    }
+
+    /// Notes a fault if the rows are not an orthonormal, right-handed triad.
+    pub fn orthonormal(&mut self, line: usize, what: &str, rows: &[[f64; 3]; 3]) {
+        let defect = frame_defect(rows);
+        if defect > FRAME_TOLERANCE {
+            let found = format!("{what} are off by {defect:.1e} from an orthonormal right-handed triad");
+            self.fault(line, found, format!("expected at most {FRAME_TOLERANCE:e}"));
+        }
+    }
+
+    /// The `$steps` line of a state file: number of the step, time in s.
+    pub fn steps(&mut self) -> (u64, f64) {
+        let Some(line) = self.line_if(|line| line.keyword() == "steps") else {
+            self.unexpected("expected $steps with the number of the step and the time");
+            return (0, f64::NAN);
+        };
+        (self.integer(line, (9, 15), "step number").unwrap_or(0), self.real(line, 35, "time"))
+    }
+}
+
+/// `radius is '1.0.0', not a number`
+fn found(what: impl Display, field: &str, fault: &str) -> String {
+    match field.trim() {
+        "" => format!("{what} is blank"),
+        shown => format!("{what} is '{}', {fault}", shown.escape_default()),
+    }
+}
+
+/// What is wrong with a field in which no number could be read, if it is one of the usual things.
+fn number_fault(field: &str) -> Option<&'static str> {
+    match field {
+        "" => Some("blank"),
+        stars if stars.contains('*') => Some("a number that did not fit its columns when it was written"),
+        _ => None,
+    }
+}
+
+/// A real as Fortran reads it from its columns: blanks anywhere; D, E, Q or no letter before a signed exponent.
+///
+/// Refused, with the reason: a blank field and a number without point, which Fortran takes as 0 and as
+/// 1e-7 of what stands there; NaN, infinities and numbers too large for f64.
+///
+/// ```
+/// use cd_formats::scan::fortran_real;
+/// assert_eq!(fortran_real(" 0.1234568D+01"), Ok(1.234568));
+/// assert_eq!(fortran_real("1.0-10"), Ok(1e-10));
+/// assert!(fortran_real("100").is_err());
+/// ```
+pub fn fortran_real(field: &str) -> Result<f64, &'static str> {
+    let text: String = field.chars().filter(|&c| c != ' ').map(|c| c.to_ascii_lowercase()).collect();
+    if let Some(fault) = number_fault(&text) {
+        return Err(fault);
+    }
+    let unsigned = text.strip_prefix(['+', '-']).unwrap_or(&text);
+    if ["nan", "inf"].iter().any(|word| unsigned.starts_with(word)) {
+        return Err("not a finite number");
+    }
+    let mantissa_end = unsigned.find(|c: char| c != '.' && !c.is_ascii_digit()).unwrap_or(unsigned.len());
+    let (mantissa, exponent) = unsigned.split_at(mantissa_end);
+    let exponent = if exponent.is_empty() { "0" } else { exponent.strip_prefix(['d', 'e', 'q']).unwrap_or(exponent) };
+    // What is neither is refused by `parse`, which knows no letters but e and the words refused above.
+    let value: f64 = format!("{mantissa}e{exponent}").parse().map_err(|_| "not a number")?;
+    if !mantissa.contains('.') {
+        return Err("without a decimal point, which LMGC90 would scale by 1e-7");
+    }
+    if value.is_infinite() {
+        return Err("too large a number");
+    }
+    Ok(if text.starts_with('-') { -value } else { value })
+}
+
+/// By how much three rows differ from an orthonormal, right-handed triad: the largest of the errors in
+/// lengths, angles and `c - a x b`.
+pub fn frame_defect([a, b, c]: &[[f64; 3]; 3]) -> f64 {
+    let dot = |x: &[f64; 3], y: &[f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+    let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let errors = [dot(a, a) - 1.0, dot(b, b) - 1.0, dot(a, b), c[0] - cross[0], c[1] - cross[1], c[2] - cross[2]];
+    errors.iter().fold(0.0, |most: f64, error| most.max(error.abs()))
+}
+
+// ---------------------------------------------------------------------------------------------------------- writing
+
+/// A real in 14 columns as C's `%14.7E` gives it, eight digits: ` 1.2345679E+00`. For input files.
+///
+/// Below 1e-99 in size it is written as zero, since a third digit of the exponent would not fit.
+/// What cannot be written (1e100 and more, NaN, infinities) becomes 14 stars, as in Fortran: no reader
+/// takes them for a number. Callers check their values beforehand.
+pub fn e14(x: f64) -> String {
+    let Some((minus, digits, exponent)) = decimal(x, 7) else { return "*".repeat(REAL_WIDTH) };
+    let (first, rest) = digits.split_at(1);
+    format!("{minus}{first}.{rest}E{exponent:+03}")
+}
+
+/// A real in 14 columns as Fortran's `D14.7` gives it, seven digits: ` 0.1234568D+01`. For state files;
+/// same bounds as [`e14`].
+pub fn d14(x: f64) -> String {
+    let Some((minus, digits, exponent)) = decimal(x, 6) else { return "*".repeat(REAL_WIDTH) };
+    match exponent + i32::from(x.abs() >= SMALLEST) {
+        100 => format!("{minus}0.{digits}+100"), // Fortran drops the letter
+        exponent => format!("{minus}0.{digits}D{exponent:+03}"),
+    }
+}
+
+const SMALLEST: f64 = 1e-99;
+
+/// Sign (or blank), digits without point (one before it, `after` behind it), exponent of ten of the first digit.
+fn decimal(x: f64, after: usize) -> Option<(char, String, i32)> {
+    let size = if x.abs() < SMALLEST { 0.0 } else { x.abs() };
+    let text = format!("{size:.after$e}");
+    let (mantissa, exponent) = text.split_once('e')?; // NaN and infinities have none
+    let exponent: i32 = exponent.parse().ok()?;
+    let minus = if x.is_sign_negative() { '-' } else { ' ' };
+    (exponent <= 99).then(|| (minus, mantissa.replace('.', ""), exponent))
+}
+
+/// An integer right-aligned in `width` columns; stars, as in Fortran, if it does not fit.
+pub fn integer(value: impl Display, width: usize) -> String {
+    let text = format!("{value:>width$}");
+    if text.len() > width { "*".repeat(width) } else { text }
+}
+
+/// Writes `text` from a column of the line that `out` ends with, blanks before it.
+pub fn put(out: &mut String, column: usize, text: impl Display) {
+    let begun = out.rfind('\n').map_or(0, |end| end + 1);
+    let blanks = (column - 1).saturating_sub(out.len() - begun);
+    write!(out, "{:blanks$}{text}", "").expect("a String takes all");
+}
+
+/// Writes a grid line: `head` in columns 1-29, then up to three reals behind their labels.
+pub fn put_grid(out: &mut String, head: &str, labels: &[&str], values: &[f64], real: fn(f64) -> String) {
+    out.push_str(head);
+    for ((&value, label), column) in values.iter().zip(labels).zip(GRID) {
+        put(out, column - 5, format_args!("{label:<5}{}", real(value)));
+    }
+    out.push('\n');
+}
+
+/// The dashed comment line of state files.
+pub const DASHES: &str = "!-----------------------------------------------------------------------\n";
+
+/// The head of a state file, in the form that LMGC90 reads again.
+pub fn put_steps(out: &mut String, title: &str, step: u64, time: f64) {
+    let step = integer(step, 7);
+    let time = d14(time);
+    let _ = write!(out, "     \n! {title}\n     \n$steps  {step}{:14}time={time}\n \n{DASHES}", "");
+}

@@ -3,9 +3,11 @@
 //! Frames and components here are this project's: rows n, t, s with n x t = s. The files of LMGC90
 //! hold s = t x n (n x t for SPCDx and SPDCx); reader and writer turn the sign of s and of its components.
 
+use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
+use crate::scan::{GRID, Line, Scan, Text, d14, integer, put, put_grid, put_steps};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct VlocRloc {
@@ -50,13 +52,315 @@ pub struct ContactSide {
     pub rank: usize,
 }
 
-impl VlocRloc {
-    pub fn read(path: &Path) -> Result<Self, Faults> {
-        let _ = path;
-        unimplemented!()
+/// How LMGC90 writes a kind of contact.
+struct Kind {
+    name: &'static str,
+    pair: &'static PairColumns,
+    /// Order of the components of force and velocity.
+    components: &'static str,
+    gap_label: &'static str,
+    /// Order of the lines of axes and point (`p`) after the gap.
+    rows: &'static str,
+    /// s in the file is t x n.
+    turned: bool,
+}
+
+/// The kinds that can be read, in their order in a file.
+const KINDS: [Kind; 10] = [
+    Kind { name: "CDCDx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: true },
+    Kind { name: "CDPLx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: true },
+    Kind { name: "PRPLx", pair: &LONG, components: "stn", gap_label: "gapTT", rows: "ptns", turned: true },
+    Kind { name: "PRPRx", pair: &LONG, components: "tns", gap_label: "gapTT", rows: "ptns", turned: true },
+    Kind { name: "PTPT3", pair: &SHORT, components: "tns", gap_label: "gapTT", rows: "np", turned: true },
+    Kind { name: "SPCDx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "tnsp", turned: false },
+    Kind { name: "SPDCx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "tnsp", turned: false },
+    Kind { name: "SPPLx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: true },
+    Kind { name: "SPPRx", pair: &SHORT, components: "tns", gap_label: "gapTT", rows: "ptns", turned: true },
+    Kind { name: "SPSPx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: true },
+];
+
+/// Columns of the line that names the pair: word at its first column, number from first to last.
+struct PairColumns {
+    candidate: SideColumns,
+    /// Candidate vertex or face of a polyhedron; not kept.
+    vertex: Option<usize>,
+    law: usize,
+    antagonist: SideColumns,
+    status: usize,
+}
+
+struct SideColumns {
+    body: usize,
+    number: (usize, usize),
+    contactor: usize,
+    rank: (usize, usize),
+}
+
+const LONG: PairColumns = PairColumns {
+    candidate: SideColumns { body: 2, number: (9, 13), contactor: 16, rank: (23, 27) },
+    vertex: Some(30),
+    law: 37,
+    antagonist: SideColumns { body: 44, number: (51, 55), contactor: 58, rank: (65, 69) },
+    status: 72,
+};
+
+const SHORT: PairColumns = PairColumns {
+    candidate: SideColumns { body: 2, number: (9, 13), contactor: 16, rank: (23, 27) },
+    vertex: None,
+    law: 30,
+    antagonist: SideColumns { body: 37, number: (44, 48), contactor: 51, rank: (58, 62) },
+    status: 65,
+};
+
+/// SPSPx in a file with more than 99 999 of them.
+const WIDE: PairColumns = PairColumns {
+    candidate: SideColumns { body: 2, number: (9, 15), contactor: 18, rank: (25, 31) },
+    vertex: None,
+    law: 41,
+    antagonist: SideColumns { body: 48, number: (55, 61), contactor: 64, rank: (71, 77) },
+    status: 80,
+};
+
+/// The most that five columns hold.
+const FIVE_DIGITS: usize = 99_999;
+
+/// Place of an axis, n t s, in the arrays of a record.
+fn axis(letter: char) -> usize {
+    match letter {
+        'n' => 0,
+        't' => 1,
+        _ => 2,
+    }
+}
+
+/// Labels of a line of three, `s(1)=` or `coo1=` for the point.
+fn row_labels(letter: char) -> [String; 3] {
+    [1, 2, 3].map(|k| if letter == 'p' { format!("coo{k}=") } else { format!("{letter}({k})=") })
+}
+
+impl Kind {
+    fn of(name: &str) -> Option<&'static Kind> {
+        KINDS.iter().find(|kind| kind.name == name)
     }
 
-    pub fn to_text(&self) -> String {
-        unimplemented!()
+    /// Turns s and its components from the file's convention to ours, or back.
+    fn turn(&self, contact: &mut ContactRecord) {
+        if self.turned {
+            for x in contact.frame[2].iter_mut().chain([&mut contact.force[2], &mut contact.velocity[2]]) {
+                *x = -*x;
+            }
+        }
     }
+}
+
+impl VlocRloc {
+    /// Reads the file; all its faults at once. PTPT3 contacts have n alone: their t and s are zero.
+    pub fn read(path: &Path) -> Result<Self, Faults> {
+        Self::parse(path, &Text::load(path)?)
+    }
+
+    /// Reads the text of a file; `path` is for messages.
+    pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
+        let scan = &mut Scan::new(path, text);
+        let (step, time) = scan.steps();
+        let mut contacts = Vec::new();
+        for record in 1.. {
+            scan.about(format!("contact {record}"));
+            if scan.peek().is_none() {
+                break;
+            }
+            let contact = read_contact(scan);
+            if contact.is_none() {
+                while scan.line_if(|line| line.keyword() != "icdan").is_some() {}
+            }
+            contacts.extend(contact);
+        }
+        scan.finish(VlocRloc { step, time, contacts })
+    }
+
+    /// The text of the file as LMGC90 writes it, numbers with seven digits: kind by kind in its order,
+    /// contacts of a kind in the order given and numbered from 1.
+    ///
+    /// Numbers must be finite and below 1e100, names have at most five characters. Bodies above 99 999
+    /// have room in SPSPx contacts alone, in a form that LMGC90 writes but does not read; elsewhere
+    /// their numbers become stars, which every reader refuses.
+    ///
+    /// # Panics
+    /// If a contact is of a kind that readers do not know.
+    pub fn to_text(&self) -> String {
+        for contact in &self.contacts {
+            assert!(Kind::of(&contact.kind).is_some(), "contacts of kind '{}' cannot be written", contact.kind);
+        }
+        let mut out = String::new();
+        put_steps(&mut out, "Vloc_Rloc", self.step, self.time);
+        for kind in &KINDS {
+            let contacts: Vec<_> = self.contacts.iter().filter(|contact| contact.kind == kind.name).collect();
+            let most = contacts.iter().map(|c| c.candidate.body.max(c.antagonist.body) + 1).max().unwrap_or(0);
+            let wide = kind.name == "SPSPx" && contacts.len().max(most) > FIVE_DIGITS;
+            let pair = if wide { &WIDE } else { kind.pair };
+            for (rank, &contact) in (1..).zip(&contacts) {
+                write_contact(&mut out, kind, pair, rank, contact.clone());
+            }
+        }
+        out
+    }
+}
+
+/// The block that begins on the next line; `None` after a fault that leaves the scan inside it.
+fn read_contact(scan: &mut Scan) -> Option<ContactRecord> {
+    let begin = scan.expect_keyword("icdan")?;
+    let name = begin.columns(9, 13).trim();
+    scan.about(format!("contact {name} {}", begin.columns(16, 22).trim()));
+    let Some(kind) = Kind::of(name) else {
+        let known = KINDS.map(|kind| kind.name).join(", ");
+        scan.fault(begin.number, format!("a contact of type '{name}'"), format!("expected one of {known}"));
+        return None;
+    };
+    let title = scan.expect("expected a line of titles", |line| !line.text().starts_with('$'))?;
+    if title.keyword() == "RBDY3" {
+        scan.fault(title.number, "a pair that LMGC90 would skip", "expected a line of titles between $icdan and it");
+        return None;
+    }
+    let line = scan.expect("expected the pair in contact", |line| !line.text().starts_with('$'))?;
+    let pair = if kind.name == "SPSPx" && title.width() > 80 { &WIDE } else { kind.pair };
+    let candidate = read_side(scan, line, &pair.candidate, "candidate");
+    let antagonist = read_side(scan, line, &pair.antagonist, "antagonist");
+    let law = scan.name5(line, pair.law, "law");
+    let status = scan.name5(line, pair.status, "status");
+
+    let force = read_components(scan, kind, 'r')?;
+    let velocity = read_components(scan, kind, 'v')?;
+    let gap = scan.expect_continuation("the gap").map(|line| scan.real(line, GRID[0], "gap"))?;
+    let (frame, point) = read_rows(scan, kind)?;
+    let internals = match scan.line_if(|line| !line.text().starts_with('$')) {
+        Some(line) => read_internals(scan, line),
+        None => Vec::new(),
+    };
+    let (candidate, antagonist) = (candidate?, antagonist?);
+    let (line, kind_name) = (begin.number, kind.name.to_string());
+    let mut contact = ContactRecord {
+        line,
+        kind: kind_name,
+        candidate,
+        antagonist,
+        law,
+        status,
+        force,
+        velocity,
+        gap,
+        frame,
+        point,
+        internals,
+    };
+    kind.turn(&mut contact);
+    if kind.rows.contains('t') {
+        scan.orthonormal(line, "n, t, s", &contact.frame);
+    }
+    Some(contact)
+}
+
+fn read_side(scan: &mut Scan, line: Line, columns: &SideColumns, what: &str) -> Option<ContactSide> {
+    let rigid = scan.rigid(line, columns.body);
+    let body = scan.index(line, columns.number, &format!("{what}'s body"));
+    let contactor = scan.name5(line, columns.contactor, &format!("{what}'s contactor"));
+    let rank = scan.index(line, columns.rank, &format!("{what}'s contactor number"));
+    Some(ContactSide { body: body.filter(|_| rigid)?, contactor, rank: rank? })
+}
+
+/// The line of forces (`r`) or velocities (`v`), by place; a label that says otherwise is a fault.
+fn read_components(scan: &mut Scan, kind: &Kind, letter: char) -> Option<[f64; 3]> {
+    let labels: Vec<_> = kind.components.chars().map(|component| format!("{letter}l{component}")).collect();
+    let line = scan.expect_continuation(&labels.join(" "))?;
+    let mut values = [0.0; 3];
+    for ((component, label), first) in kind.components.chars().zip(&labels).zip(GRID) {
+        let shown = line.columns(first - 5, first - 3);
+        if shown.starts_with(&label[..2]) && shown != label {
+            let found = format!("'{shown}' stands in columns {} to {}", first - 5, first - 3);
+            scan.fault(line.number, found, format!("expected {label}, which LMGC90 reads there"));
+        }
+        values[axis(component)] = scan.real(line, first, label);
+    }
+    Some(values)
+}
+
+/// Frame, as in the file, and point; each line known by its label.
+fn read_rows(scan: &mut Scan, kind: &Kind) -> Option<([[f64; 3]; 3], [f64; 3])> {
+    let (mut frame, mut point) = ([[0.0; 3]; 3], [0.0; 3]);
+    let mut missing = kind.rows.to_string();
+    while !missing.is_empty() {
+        let expected: Vec<_> = missing.chars().map(|letter| row_labels(letter)[0].clone()).collect();
+        let expected = format!("expected a line with {} in columns 30 to 34", expected.join(" or "));
+        let named = |line: Line| missing.chars().find(|&letter| line.columns(30, 34) == row_labels(letter)[0]);
+        let line = scan.expect(&expected, |line| line.continues() && named(line).is_some())?;
+        let letter = named(line)?;
+        let labels = row_labels(letter);
+        let row = scan.grid(line, labels.each_ref().map(|label| label.trim_end_matches('=')));
+        match letter {
+            'p' => point = row,
+            _ => frame[axis(letter)] = row,
+        }
+        missing.retain(|other| other != letter);
+    }
+    Some((frame, point))
+}
+
+/// Reals in columns 2-15, 17-30, ... up to the end of the line.
+fn read_internals(scan: &mut Scan, line: Line) -> Vec<f64> {
+    let firsts = (2..=line.width()).step_by(15);
+    (1..).zip(firsts).map(|(k, first)| scan.real(line, first, format_args!("internal {k}"))).collect()
+}
+
+fn write_contact(out: &mut String, kind: &Kind, pair: &PairColumns, rank: usize, mut contact: ContactRecord) {
+    kind.turn(&mut contact);
+    let _ = writeln!(out, "$icdan  {:<5}  {}", kind.name, integer(rank, 7));
+
+    for (side, number) in [(&pair.candidate, "cdbdy cdtac"), (&pair.antagonist, "anbdy antac")] {
+        let (body, contactor) = number.split_at(5);
+        if side.body == pair.antagonist.body {
+            if let Some(column) = pair.vertex {
+                put(out, column, "CDVER");
+            }
+            put(out, pair.law, "behav");
+        }
+        put(out, side.body, body);
+        put(out, side.number.1 - 4, "numbr");
+        put(out, side.contactor, contactor.trim());
+        put(out, side.rank.1 - 4, "numbr");
+    }
+    put(out, pair.status, "sttus\n");
+
+    for (side, columns) in [(&contact.candidate, &pair.candidate), (&contact.antagonist, &pair.antagonist)] {
+        if columns.body == pair.antagonist.body {
+            if let Some(column) = pair.vertex.filter(|_| kind.name.starts_with("PR")) {
+                put(out, column, integer(0, 5));
+            }
+            put(out, pair.law, &contact.law);
+        }
+        put(out, columns.body, "RBDY3");
+        put(out, columns.number.0, integer(side.body + 1, columns.number.1 - columns.number.0 + 1));
+        put(out, columns.contactor, &side.contactor);
+        put(out, columns.rank.0, integer(side.rank + 1, columns.rank.1 - columns.rank.0 + 1));
+    }
+    put(out, pair.status, &contact.status);
+    out.push('\n');
+
+    for (letter, unit, values) in [('r', "/H", &contact.force), ('v', " =", &contact.velocity)] {
+        let labels: Vec<_> = kind.components.chars().map(|component| format!("{letter}l{component}{unit}")).collect();
+        let labels: Vec<_> = labels.iter().map(String::as_str).collect();
+        let values: Vec<_> = kind.components.chars().map(|component| values[axis(component)]).collect();
+        put_grid(out, "", &labels, &values, d14);
+    }
+    put_grid(out, "", &[kind.gap_label], &[contact.gap], d14);
+    for letter in kind.rows.chars() {
+        let row = if letter == 'p' { &contact.point } else { &contact.frame[axis(letter)] };
+        put_grid(out, "", &row_labels(letter).each_ref().map(String::as_str), row, d14);
+    }
+    if !contact.internals.is_empty() {
+        out.push_str("#internals\n");
+        for &value in &contact.internals {
+            let _ = write!(out, " {}", d14(value));
+        }
+        out.push('\n');
+    }
+    out.push_str(" \n");
 }
