@@ -1,1 +1,29 @@
+//! cd-solve: from `DATBOX/` to `OUTBOX/` by Non-Smooth Contact Dynamics.
+//!
+//! A time step is the function [`step::step`]; it lists the rooms that the data pass through:
+//!
+//! ```text
+//! integrate::predict → assemble (forces) → detect → assemble (contacts) → solve → integrate::advance
+//! ```
+//!
+//! Rooms know the order, benches know the mathematics: `detect`, `assemble`, `solve`, `integrate`,
+//! `read` and `write` are rooms; `laws`, `gravity` and `math` are benches; `scene` holds what is
+//! constant during a run and `state` what changes.
 
+pub mod assemble;
+mod cli;
+pub mod detect;
+pub mod gravity;
+pub mod integrate;
+pub mod laws;
+pub mod math;
+mod progress;
+pub mod read;
+mod run;
+pub mod scene;
+pub mod solve;
+pub mod state;
+pub mod step;
+pub mod write;
+
+pub use cli::run;

@@ -1,0 +1,7 @@
+//! Room: forces to free velocities; contacts to the rows of the contact problem.
+
+mod forces;
+mod rows;
+
+pub use forces::{Free, free_velocity, interventions, potential_energy};
+pub use rows::{Record, Row, System, contact_problem, relative_velocity};

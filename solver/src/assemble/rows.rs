@@ -1,0 +1,168 @@
+//! The contact problem of one step: one row a contact that can act, one record a body.
+//!
+//! No Delassus matrix is stored: the sweeps keep the velocities V = V_free + M⁻¹ H r of the bodies,
+//! and a row reads and changes those of its two. A law's shift c is put into the records once, so
+//! that the solver works on r̂ = r - c n alone (see [`crate::laws`]).
+
+use crate::integrate::Configuration;
+use crate::math::{Vec3, to_local};
+use crate::scene::{Scene, Shape};
+use crate::state::{Contact, State, Status};
+
+/// What a sweep reads and writes of a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C)]
+pub struct Record {
+    /// m/s
+    pub v: Vec3,
+    /// 1/kg, 0 for a body whose motion is imposed.
+    pub inverse_mass: f64,
+    /// rad/s
+    pub w: Vec3,
+    /// 1/(kg m^2)
+    pub inverse_inertia: f64,
+}
+
+/// One contact of spheres or of a sphere and a plate, as the sweeps see it. Their W is diagonal:
+/// w_n along n, w_t in the tangent plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Row {
+    /// Records of candidate and antagonist.
+    pub bodies: [u32; 2],
+    pub normal: Vec3,
+    /// Distance from each centre to the contact point along the normal, m; 0 for a plate, which does not turn.
+    pub levers: [f64; 2],
+    /// û = u + shift, world frame, m/s: the law's shifts and the motion of a plate.
+    pub shift: Vec3,
+    /// W_nn and W_tt = W_ss, 1/kg.
+    pub w_n: f64,
+    pub w_t: f64,
+    pub friction: f64,
+    /// c = r_n - r̂_n, N s.
+    pub impulse_shift: f64,
+    /// Index into the list of contacts.
+    pub contact: u32,
+    /// Whether the two bodies' free velocities can close the gap within the step, or the row pulls.
+    pub can_close: bool,
+    /// r̂ to start from, world frame, N s.
+    pub start: Vec3,
+    /// u at the step's start along n, t, s, m/s.
+    pub u_before: Vec3,
+}
+
+pub struct System {
+    pub rows: Vec<Row>,
+    /// Velocities if every r̂ were 0.
+    pub records: Vec<Record>,
+}
+
+/// Velocity of the candidate against the antagonist at the contact point, world frame, m/s.
+pub fn relative_velocity(contact: &Contact, x: &[Vec3], v: &[Vec3], w: &[Vec3]) -> Vec3 {
+    let at_point = |body: u32| {
+        let i = body as usize;
+        v[i] + w[i].cross(&(contact.point - x[i]))
+    };
+    at_point(contact.candidate) - at_point(contact.antagonist)
+}
+
+/// The rows of all contacts that act in this step, in the order of the contacts.
+pub fn contact_problem(
+    scene: &Scene,
+    state: &State,
+    q_c: &Configuration,
+    contacts: &[Contact],
+    v_free: &[Vec3],
+    w_free: &[Vec3],
+) -> System {
+    let h = scene.options.dt;
+    let mut records: Vec<Record> = scene
+        .bodies
+        .iter()
+        .zip(v_free.iter().zip(w_free))
+        .map(|(body, (v, w))| match body.shape {
+            Shape::Sphere { .. } => {
+                Record { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: body.inverse_inertia() }
+            }
+            // A plate's motion at the contact point is in the row's shift.
+            Shape::Plane { .. } => {
+                Record { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0 }
+            }
+        })
+        .collect();
+
+    let mut rows = Vec::with_capacity(contacts.len());
+    let mut previous = state.contacts.iter().peekable();
+    for (index, contact) in contacts.iter().enumerate() {
+        while previous.next_if(|old| old.contact.key() < contact.key()).is_some() {}
+        let previous = previous.next_if(|old| old.contact.key() == contact.key());
+        let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
+
+        let [n, ..] = contact.frame;
+        let u_before = relative_velocity(contact, &q_c.x, &state.v, &state.w);
+        let law = &scene.laws[contact.law as usize];
+        let Some(shift) = law.shift(contact.gap, h, n.dot(&u_before), slid_before) else { continue };
+
+        let bodies = [contact.candidate, contact.antagonist];
+        let [a, b] = bodies.map(|i| i as usize);
+        let on_plate = !scene.bodies[b].is_sphere();
+        let lever = |i: usize| (contact.point - q_c.x[i]).dot(&n).abs();
+        let levers = [lever(a), if on_plate { 0.0 } else { lever(b) }];
+        let plate = if on_plate { v_free[b] + w_free[b].cross(&(contact.point - q_c.x[b])) } else { Vec3::zeros() };
+        let w_n = records[a].inverse_mass + records[b].inverse_mass;
+        let w_t = w_n + levers[0].powi(2) * records[a].inverse_inertia + levers[1].powi(2) * records[b].inverse_inertia;
+        let u_tangent = u_before - n * n.dot(&u_before);
+        let travel = h * (v_free[a].norm() + plate.norm().max(v_free[b].norm()));
+        rows.push(Row {
+            bodies,
+            normal: n,
+            levers,
+            shift: n * shift.normal + u_tangent * shift.tangential - plate,
+            w_n,
+            w_t,
+            friction: shift.friction,
+            impulse_shift: shift.impulse,
+            contact: index as u32,
+            can_close: contact.gap <= travel || shift.impulse != 0.0,
+            start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, shift.impulse, h / state.h)),
+            u_before: to_local(&contact.frame, &u_before),
+        });
+    }
+    for row in &rows {
+        if row.impulse_shift != 0.0 {
+            row.apply(&mut records, &(row.normal * row.impulse_shift));
+        }
+    }
+    System { rows, records }
+}
+
+/// r̂ of the last step for the same contact, scaled to the new step length, its tangential part
+/// laid into the new tangent plane.
+fn warm_start(old: &crate::state::SolvedContact, contact: &Contact, impulse_shift: f64, scale: f64) -> Vec3 {
+    let [n_old, t_old, s_old] = old.contact.frame;
+    let n = contact.frame[0];
+    debug_assert!((n_old.norm() - 1.0).abs() < 1e-3);
+    let tangential = t_old * old.impulse.y + s_old * old.impulse.z;
+    let normal = (old.impulse.x * scale - impulse_shift).max(0.0);
+    n * normal + (tangential - n * n.dot(&tangential)) * scale
+}
+
+impl Row {
+    /// û at the records' velocities, world frame, m/s.
+    #[inline(always)]
+    pub fn velocity(&self, records: &[Record]) -> Vec3 {
+        let [a, b] = self.bodies.map(|i| &records[i as usize]);
+        a.v - b.v + self.normal.cross(&(a.w * self.levers[0] + b.w * self.levers[1])) + self.shift
+    }
+
+    /// Gives the two bodies the impulse `r` on the candidate and -r on the antagonist, N s.
+    #[inline(always)]
+    pub fn apply(&self, records: &mut [Record], r: &Vec3) {
+        let turn = r.cross(&self.normal); // moment per lever, the same for both sides
+        let a = &mut records[self.bodies[0] as usize];
+        a.v += r * a.inverse_mass;
+        a.w += turn * (self.levers[0] * a.inverse_inertia);
+        let b = &mut records[self.bodies[1] as usize];
+        b.v -= r * b.inverse_mass;
+        b.w += turn * (self.levers[1] * b.inverse_inertia);
+    }
+}

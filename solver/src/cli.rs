@@ -1,0 +1,88 @@
+//! Arguments to a run to an exit code; no physics.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use cd_formats::compute::Flags;
+use cd_formats::error::{Fault, Faults};
+use clap::Parser;
+
+use crate::run::{Failure, check, run as run_case};
+use crate::{read, write};
+
+const PROGRAM: &str = "cd-solve";
+
+/// Advances a scene of rigid grains in contact: reads DIR/DATBOX, writes DIR/OUTBOX.
+///
+/// The method is Non-Smooth Contact Dynamics. Files and units are described in docs/files.md.
+#[derive(Debug, Parser)]
+#[command(name = PROGRAM, version)]
+struct Arguments {
+    /// Case directory; all it needs is DIR/DATBOX.
+    dir: PathBuf,
+    /// Go on from the last snapshot in DIR/OUTBOX.
+    #[arg(long, conflicts_with = "force")]
+    resume: bool,
+    /// Remove the results of an earlier run first.
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    flags: Flags,
+}
+
+/// Runs the program; returns its exit code: 0 done, 2 input refused, 3 our fault.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            let _ = error.print();
+            return error.exit_code();
+        }
+    };
+    match solve(&arguments) {
+        Ok(summary) => {
+            print!("{PROGRAM}: done\n{summary}");
+            0
+        }
+        Err(Failure::Files(faults)) => {
+            eprint!("{}", faults.report(PROGRAM));
+            2
+        }
+        Err(Failure::Broken(message)) => {
+            eprintln!("{PROGRAM}: internal: {message}");
+            3
+        }
+    }
+}
+
+fn solve(arguments: &Arguments) -> Result<String, Failure> {
+    let case = &arguments.dir;
+    if !case.join("DATBOX").is_dir() {
+        let fault =
+            Fault::new(&case.join("DATBOX"), None, "folder", "is not there", "expected the files of cd-pre or LMGC90");
+        return Err(Failure::Files(fault.into()));
+    }
+    let (scene, mut state) = read::case(case, &arguments.flags)?;
+    let mut resumed = false;
+    if arguments.resume {
+        resumed = read::resume::last(&write::outbox(case), &scene, &mut state)?.is_some();
+    } else if !arguments.force {
+        write::expect_none(case)?;
+    }
+    check(&scene, &state)?;
+    if arguments.force {
+        write::remove(case)?;
+    }
+    let threads = scene.options.threads;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
+        let found = format!("{threads}: {error}");
+        Failure::Files(Faults::from(Fault::new(
+            "options".as_ref(),
+            None,
+            "threads",
+            found,
+            "expected a number of threads that the machine can start",
+        )))
+    })?;
+    pool.install(|| run_case(case, &scene, state, resumed))
+}

@@ -1,0 +1,86 @@
+//! Room: the contact configuration to contacts.
+//!
+//! A pair is listed when its gap is at most the alert distance of its row in TACT_BEHAV.DAT, or
+//! the range of its cohesion, or what its two bodies can travel in the step at their free
+//! velocities, h (|v_a| + |v_b|): so no contact that can close in the step is missed, however
+//! short the alert distance.
+
+mod broad;
+pub mod narrow;
+
+use rayon::prelude::*;
+
+use crate::math::{Vec3, local_frame};
+use crate::scene::{Scene, Shape};
+use crate::state::Contact;
+
+use crate::integrate::Configuration;
+
+/// All listed contacts, in the order of [`Contact::key`].
+///
+/// `v_free`: velocities after the step if nothing touched, m/s; `h`: s.
+pub fn contacts(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], h: f64) -> Vec<Contact> {
+    let travel: Vec<f64> = v_free.iter().map(|v| h * v.norm()).collect();
+    let mut contacts = among_spheres(scene, q_c, &travel);
+    contacts.extend(with_planes(scene, q_c, &travel));
+    contacts.par_sort_unstable_by_key(Contact::key);
+    contacts
+}
+
+fn among_spheres(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<Contact> {
+    let radius = |i: u32| match scene.bodies[i as usize].shape {
+        Shape::Sphere { radius } => radius,
+        Shape::Plane { .. } => unreachable!("spheres lists spheres"),
+    };
+    let centres: Vec<Vec3> = scene.spheres.iter().map(|&i| q_c.x[i as usize]).collect();
+    let reach: Vec<f64> =
+        scene.spheres.iter().map(|&i| radius(i) + travel[i as usize] + 0.5 * scene.listing_range).collect();
+    broad::pairs(&centres, &reach)
+        .into_par_iter()
+        .with_min_len(256)
+        .filter_map(|[i, j]| {
+            let (candidate, antagonist) = (scene.spheres[i as usize], scene.spheres[j as usize]);
+            let (a, b) = (candidate as usize, antagonist as usize);
+            let found = narrow::sphere_sphere(&q_c.x[a], radius(candidate), &q_c.x[b], radius(antagonist));
+            list(scene, candidate, antagonist, found, travel[a] + travel[b])
+        })
+        .collect()
+}
+
+fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<Contact> {
+    scene
+        .planes
+        .par_iter()
+        .flat_map_iter(|&plane| {
+            let p = plane as usize;
+            let Shape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
+            // A wall's travel is that of its farthest corner.
+            let swept = travel[p] + q_c.turn[p] * half_lengths.norm();
+            scene.spheres.iter().filter_map(move |&sphere| {
+                let s = sphere as usize;
+                let Shape::Sphere { radius } = scene.bodies[s].shape else { unreachable!("spheres lists spheres") };
+                let found = narrow::sphere_plane(&q_c.x[s], radius, &q_c.x[p], &q_c.q[p], &half_lengths);
+                list(scene, sphere, plane, found, travel[s] + swept)
+            })
+        })
+        .collect()
+}
+
+/// The contact of a pair, if the two see each other, are near enough, and not both driven.
+fn list(scene: &Scene, candidate: u32, antagonist: u32, found: narrow::Found, travel: f64) -> Option<Contact> {
+    let (a, b) = (&scene.bodies[candidate as usize], &scene.bodies[antagonist as usize]);
+    let see = scene.visibility.see(a, b)?;
+    let range = see.alert.max(scene.laws[see.law as usize].range()).max(travel);
+    if found.gap > range || (a.driven && b.driven) {
+        return None;
+    }
+    Some(Contact {
+        candidate,
+        antagonist,
+        features: (0, found.feature),
+        point: found.point,
+        frame: local_frame(found.normal),
+        gap: found.gap,
+        law: see.law,
+    })
+}

@@ -1,0 +1,3 @@
+//! Bench: Newtonian attraction among point masses.
+
+pub mod direct;

@@ -1,0 +1,3 @@
+fn main() {
+    std::process::exit(cd_solve::run(std::env::args_os()))
+}

@@ -1,0 +1,70 @@
+//! Bench: vectors, rotations, orthonormal frames.
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+pub type Vec3 = Vector3<f64>;
+pub type Quat = UnitQuaternion<f64>;
+
+/// The orthonormal local frame (n, t, s), one a row, n x t = s, for a unit normal `n`.
+///
+/// t and s are conventional: they are continuous in n except where n_z changes sign.
+/// Source: T. Duff et al., Building an orthonormal basis, revisited, JCGT 6(1) (2017) 1-8.
+///
+/// ```
+/// # use cd_solve::math::{Vec3, local_frame};
+/// let [n, t, s] = local_frame(Vec3::z());
+/// assert_eq!((n, t, s), (Vec3::z(), Vec3::x(), Vec3::y()));
+/// ```
+pub fn local_frame(n: Vec3) -> [Vec3; 3] {
+    let sign = 1.0f64.copysign(n.z);
+    let a = -1.0 / (sign + n.z);
+    let b = n.x * n.y * a;
+    let t = Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x);
+    let s = Vec3::new(b, sign + n.y * n.y * a, -n.y);
+    [n, t, s]
+}
+
+/// Components of `vector` along the rows of `frame`.
+pub fn to_local(frame: &[Vec3; 3], vector: &Vec3) -> Vec3 {
+    Vec3::new(frame[0].dot(vector), frame[1].dot(vector), frame[2].dot(vector))
+}
+
+/// The vector with `components` along the rows of `frame`.
+pub fn to_world(frame: &[Vec3; 3], components: &Vec3) -> Vec3 {
+    frame[0] * components.x + frame[1] * components.y + frame[2] * components.z
+}
+
+/// The orientation `q` after a rotation by the vector `angle` (rad, world frame), of unit norm to round-off.
+pub fn rotate(q: &Quat, angle: &Vec3) -> Quat {
+    let turned = Quat::from_scaled_axis(*angle) * q;
+    Quat::new_normalize(turned.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn local_frames_are_orthonormal_and_right_handed() {
+        let mut normals = vec![Vec3::x(), -Vec3::x(), Vec3::y(), -Vec3::y(), Vec3::z(), -Vec3::z()];
+        normals.extend((0..200).map(|k| {
+            let k = k as f64;
+            Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.7 * k).sin() * 1e-3).normalize()
+        }));
+        for n in normals {
+            let [n, t, s] = local_frame(n);
+            // Each entry is a handful of products of numbers up to 1.
+            assert!((n.cross(&t) - s).norm() < 1e-15, "{n} {t} {s}");
+            assert!((t.norm() - 1.0).abs() < 1e-15 && t.dot(&n).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn rotations_keep_the_norm_over_many_steps() {
+        let mut q = Quat::identity();
+        for _ in 0..100_000 {
+            q = rotate(&q, &Vec3::new(0.01, -0.02, 0.003));
+        }
+        assert!((q.into_inner().norm() - 1.0).abs() < 1e-15);
+    }
+}

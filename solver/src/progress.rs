@@ -1,0 +1,69 @@
+//! What a user sees while a run goes on: a bar on a terminal, a line per output otherwise.
+
+use std::time::Instant;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::state::State;
+use crate::step::StepReport;
+
+pub struct Progress {
+    bar: ProgressBar,
+    first: u64,
+    last: u64,
+    start: Instant,
+}
+
+impl Progress {
+    pub fn new(first: u64, last: u64) -> Self {
+        // Hides itself when standard error is no terminal.
+        let bar = ProgressBar::new(last).with_position(first);
+        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} steps {per_sec} ETA {eta}  {msg}") {
+            bar.set_style(style);
+        }
+        bar.reset_eta();
+        Progress { bar, first, last, start: Instant::now() }
+    }
+
+    pub fn step(&self, state: &State, report: &StepReport) {
+        self.bar.set_position(state.step);
+        if state.step.is_multiple_of(10) {
+            self.bar.set_message(format!("{} contacts, {} sweeps", report.contacts_active, report.sweeps));
+        }
+    }
+
+    /// Tells of an output.
+    pub fn output(&self, state: &State, report: &StepReport) {
+        if !self.bar.is_hidden() {
+            return;
+        }
+        let rate = (state.step - self.first) as f64 / self.start.elapsed().as_secs_f64().max(1e-9);
+        let left = (self.last - state.step) as f64 / rate.max(1e-9);
+        println!(
+            "step {}/{}  t = {:.6} s  {} contacts carry force  {} sweeps, residual {:.1e}  kinetic {:.3e} J  {:.0} steps/s, {:.0} s left",
+            state.step,
+            self.last,
+            state.time,
+            report.contacts_active,
+            report.sweeps,
+            report.residual,
+            report.kinetic + report.rotational,
+            rate,
+            left
+        );
+    }
+
+    /// Tells of a step that did not converge.
+    pub fn unconverged(&self, state: &State, report: &StepReport, tol: f64) {
+        let pair = report.worst_pair.map_or(String::new(), |(a, b)| format!(", worst pair bodies {}-{}", a + 1, b + 1));
+        let message = format!(
+            "cd-solve: step {}, t = {} s: NLGS stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{pair}; continuing",
+            state.step, state.time, report.sweeps, report.residual
+        );
+        self.bar.suspend(|| eprintln!("{message}"));
+    }
+
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,72 @@
+//! Room: files to [`Scene`] and [`State`]. Refuses, with file and line, what the scene cannot mean
+//! or this program does not compute.
+
+mod behaviour;
+mod bodies;
+pub mod resume;
+
+use std::path::Path;
+
+use cd_formats::bodies::Bodies;
+use cd_formats::bulk_behav::BulkBehav;
+use cd_formats::compute::{Compute, Flags};
+use cd_formats::dof::Dof;
+use cd_formats::drv_dof::DrvDof;
+use cd_formats::error::Faults;
+use cd_formats::snapshot::Ledger;
+use cd_formats::tact_behav::TactBehav;
+use cd_formats::vloc_rloc::VlocRloc;
+
+use crate::math::Vec3;
+use crate::scene::Scene;
+use crate::state::State;
+
+/// Name of the options' file in DATBOX.
+pub const COMPUTE: &str = "COMPUTE.RON";
+
+/// Reads `case/DATBOX` with `flags` winning over COMPUTE.RON. All faults of all files at once.
+pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
+    let datbox = case.join("DATBOX");
+    let mut faults = Faults::default();
+    let options = faults.gather(options(&datbox, flags));
+    let bulk = faults.gather(BulkBehav::read(&datbox.join("BULK_BEHAV.DAT")));
+    let tact = faults.gather(TactBehav::read(&datbox.join("TACT_BEHAV.DAT")));
+    let bodies = faults.gather(Bodies::read(&datbox.join("BODIES.DAT")));
+    let driven = faults.gather(DrvDof::read(&datbox.join("DRV_DOF.DAT")));
+    let dof = faults.gather(Dof::read(&datbox.join("DOF.INI")));
+    let history = datbox.join("Vloc_Rloc.INI");
+    let history = if history.exists() { faults.gather(VlocRloc::read(&history)) } else { Some(VlocRloc::default()) };
+    let (Some(options), Some(bulk), Some(tact), Some(bodies), Some(driven), Some(dof), Some(history)) =
+        (options, bulk, tact, bodies, driven, dof, history)
+    else {
+        return Err(faults);
+    };
+
+    let mut scene = bodies::scene(&datbox, &bodies, &bulk, &driven, options, &mut faults);
+    behaviour::laws(&datbox, &tact, &mut scene, &mut faults);
+    let (x, q, v, w) = bodies::motion(&datbox, &bodies, &dof, &scene, &mut faults);
+    let contacts = behaviour::history(&datbox, &history, &scene, &q, &mut faults);
+    let state = State {
+        step: dof.step,
+        time: dof.time,
+        h: scene.options.dt,
+        x,
+        q,
+        v,
+        w,
+        contacts,
+        gravity: Vec3::from(bulk.gravity),
+        quench: scene.options.quench,
+        events_done: 0,
+        ledger: Ledger::default(),
+    };
+    faults.into_result((scene, state))
+}
+
+fn options(datbox: &Path, flags: &Flags) -> Result<Compute, Faults> {
+    let path = datbox.join(COMPUTE);
+    let options = if path.exists() { Compute::read(&path)? } else { Compute::default() };
+    let options = options.with(flags);
+    options.check(Path::new("options"))?;
+    Ok(options)
+}

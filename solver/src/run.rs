@@ -1,0 +1,108 @@
+//! The loop over steps: when to write, when to stop, what to tell.
+
+use std::path::Path;
+use std::time::Instant;
+
+use cd_formats::error::{Fault, Faults};
+
+use crate::assemble::potential_energy;
+use crate::math::Vec3;
+use crate::progress::Progress;
+use crate::scene::Scene;
+use crate::state::State;
+use crate::step::{Clock, Motion, step};
+use crate::write::Results;
+use crate::write::summary::{Course, text};
+
+/// Steps made when neither `steps` nor `end_time` is given.
+pub const DEFAULT_STEPS: u64 = 1000;
+
+/// Unconverged steps that are told one by one; the summary counts them all.
+const TOLD: u64 = 5;
+
+/// Why a run ended early.
+pub enum Failure {
+    /// Files could not be written.
+    Files(Faults),
+    /// Our fault: the state is no longer finite.
+    Broken(String),
+}
+
+impl From<Faults> for Failure {
+    fn from(faults: Faults) -> Self {
+        Failure::Files(faults)
+    }
+}
+
+/// Advances the state to the last step and writes the results; returns the summary.
+pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool) -> Result<String, Failure> {
+    let start = Instant::now();
+    let last = scene.options.last_step().unwrap_or(DEFAULT_STEPS);
+    let mut results = Results::open(case, &state)?;
+    let mut course = Course { threads: rayon::current_num_threads(), ..Course::default() };
+    if !resumed {
+        open_ledger(scene, &mut state);
+        let writing = Instant::now();
+        results.state(scene, &state)?;
+        course.clock.writing += writing.elapsed();
+    }
+
+    let progress = Progress::new(state.step, last.max(state.step));
+    while state.step < last {
+        let mut lap = Clock::default();
+        let report = step(scene, &mut state, &mut lap);
+        if !state.is_finite() {
+            progress.finish();
+            let (step, time) = (state.step, state.time);
+            return Err(Failure::Broken(format!(
+                "step {step}, t = {time} s: a position or velocity is no longer finite; the last snapshot is sound"
+            )));
+        }
+        course.steps += 1;
+        course.sweeps += report.sweeps;
+        if !report.converged {
+            course.unconverged += 1;
+            if course.unconverged <= TOLD {
+                progress.unconverged(&state, &report, scene.options.tol);
+            }
+        }
+        progress.step(&state, &report);
+        results.step(scene, &state, &report, &lap)?;
+        if state.step.is_multiple_of(scene.options.output_every) || state.step == last {
+            let writing = Instant::now();
+            results.state(scene, &state)?;
+            course.clock.writing += writing.elapsed();
+            progress.output(&state, &report);
+        }
+        course.clock.add(&lap);
+    }
+    progress.finish();
+    course.wall = start.elapsed();
+    Ok(text(scene, &state, &course))
+}
+
+/// Energy and momentum that the run's drift is measured against.
+fn open_ledger(scene: &Scene, state: &mut State) {
+    let motion = Motion::of(scene, &state.v, &state.w);
+    let angular = Motion::angular(scene, &state.x, &state.v, &state.w);
+    let potential = potential_energy(scene, state, &state.x);
+    state.ledger.energy_start = motion.kinetic + motion.rotational + potential;
+    state.ledger.momentum_expected = motion.momentum.into();
+    state.ledger.angular_momentum_expected = Vec3::into(angular);
+    state.ledger.momentum_scale = motion.scale;
+}
+
+/// Refuses options that cannot lead to a run from this state.
+pub fn check(scene: &Scene, state: &State) -> Result<(), Faults> {
+    let mut faults = Faults::default();
+    if scene.free.is_empty() {
+        let expected = "expected at least one whose motion is not imposed";
+        faults.push(Fault::new(Path::new("DATBOX/BODIES.DAT"), None, "bodies", "none is free to move", expected));
+    }
+    let last = scene.options.last_step().unwrap_or(DEFAULT_STEPS);
+    if last < state.step {
+        let found = format!("{last} is before step {}, from which the run goes on", state.step);
+        faults.push(Fault::new(Path::new("options"), None, "steps", found, "expected a later step"));
+    }
+    faults.into_result(())
+}

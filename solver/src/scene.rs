@@ -1,0 +1,145 @@
+//! Shelf: what is constant during a run.
+
+use cd_formats::compute::{Compute, Event};
+use cd_formats::drv_dof::Evolution;
+use cd_formats::snapshot::{LawName, MaterialName};
+
+use crate::laws::Law;
+use crate::math::Vec3;
+
+/// Shape of a body's one contactor, in the body's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// m
+    Sphere { radius: f64 },
+    /// A rectangular plate; half lengths along its axes, m.
+    Plane { half_lengths: Vec3 },
+}
+
+#[derive(Debug, Clone)]
+pub struct Body {
+    pub shape: Shape,
+    /// kg
+    pub mass: f64,
+    /// Principal moments, kg m^2; a sphere's are equal.
+    pub inertia: [f64; 3],
+    /// All motion imposed: a wall, or a driven sphere. Such a body has no inverse mass.
+    pub driven: bool,
+    /// Index into `Scene::materials`.
+    pub material: u16,
+    /// Index into `Scene::colours`.
+    pub colour: u16,
+    /// Row and column of the body in the visibility table.
+    pub class: u16,
+}
+
+impl Body {
+    /// 1/kg; 0 for a body whose motion is imposed.
+    pub fn inverse_mass(&self) -> f64 {
+        if self.driven { 0.0 } else { 1.0 / self.mass }
+    }
+
+    /// 1/(kg m^2) of a sphere; 0 for a body whose motion is imposed.
+    pub fn inverse_inertia(&self) -> f64 {
+        if self.driven { 0.0 } else { 1.0 / self.inertia[0] }
+    }
+
+    pub fn is_sphere(&self) -> bool {
+        matches!(self.shape, Shape::Sphere { .. })
+    }
+}
+
+/// The imposed velocity of a body: components along the fixed axes, then about the body's axes.
+#[derive(Debug, Clone)]
+pub struct Drive {
+    pub body: usize,
+    pub velocity: [Evolution; 6],
+}
+
+/// An imposed force component (0 to 2, N) or moment (3 to 5, about the body's axes, N m).
+#[derive(Debug, Clone)]
+pub struct Load {
+    pub body: usize,
+    pub component: usize,
+    pub value: Evolution,
+}
+
+/// Law and alert distance (m) of a pair of classes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct See {
+    pub law: u8,
+    pub alert: f64,
+}
+
+/// Which class sees which, by what law.
+#[derive(Debug, Clone, Default)]
+pub struct Visibility {
+    pub classes: usize,
+    pub table: Vec<Option<See>>,
+}
+
+impl Visibility {
+    pub fn see(&self, a: &Body, b: &Body) -> Option<See> {
+        self.table[a.class as usize * self.classes + b.class as usize]
+    }
+}
+
+#[derive(Debug, Clone)]
+pub struct Scene {
+    pub bodies: Vec<Body>,
+    pub drives: Vec<Drive>,
+    pub loads: Vec<Load>,
+    pub laws: Vec<Law>,
+    pub visibility: Visibility,
+    pub options: Compute,
+    /// Events of the options by time.
+    pub events: Vec<Event>,
+    /// Names for the files.
+    pub colours: Vec<String>,
+    pub materials: Vec<MaterialName>,
+    pub law_names: Vec<LawName>,
+    /// Positions in BODIES.DAT, m, from which LMGC90's files count displacements.
+    pub reference: Vec<Vec3>,
+    /// Free bodies, in order.
+    pub free: Vec<u32>,
+    /// Spheres, free or driven, in order.
+    pub spheres: Vec<u32>,
+    /// Plates, in order.
+    pub planes: Vec<u32>,
+    /// Mean radius of the free spheres, m; the length that penetrations are compared with.
+    pub mean_radius: f64,
+    /// Largest gap (m) at which a pair is listed, over all rows of the visibility table.
+    pub listing_range: f64,
+}
+
+impl Scene {
+    /// The models that this scene uses, for the summary.
+    pub fn models(&self) -> Vec<String> {
+        let mut models = Vec::new();
+        if !self.spheres.is_empty() {
+            models.push(format!("{} spheres", self.spheres.len()));
+        }
+        if !self.planes.is_empty() {
+            models.push(format!("{} planes", self.planes.len()));
+        }
+        let mut driven = self.drives.len();
+        driven -= self.planes.len().min(driven);
+        if driven > 0 {
+            models.push(format!("{driven} driven spheres"));
+        }
+        models.extend(self.law_names.iter().map(|law| {
+            let parameters: Vec<String> = law.parameters.iter().map(|p| p.to_string()).collect();
+            format!("{} {} ({})", law.nickname, law.kind, parameters.join(", "))
+        }));
+        if self.options.self_gravity {
+            models.push("self-gravity by direct sum".into());
+        }
+        if !self.loads.is_empty() {
+            models.push(format!("{} imposed forces", self.loads.len()));
+        }
+        if self.options.quench > 0.0 {
+            models.push(format!("quench {}", self.options.quench));
+        }
+        models
+    }
+}

@@ -1,0 +1,92 @@
+//! Shelf: what changes during a run.
+
+use cd_formats::compute::Action;
+use cd_formats::snapshot::Ledger;
+
+use crate::math::{Quat, Vec3};
+
+/// A contact found in the contact configuration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// Body indices; n points from the antagonist to the candidate.
+    pub candidate: u32,
+    pub antagonist: u32,
+    /// Features that touch; the same pair and features next step are the same contact.
+    pub features: (u32, u32),
+    /// World frame, m.
+    pub point: Vec3,
+    /// Rows n, t, s; n x t = s.
+    pub frame: [Vec3; 3],
+    /// m, < 0 interpenetrating.
+    pub gap: f64,
+    /// Index into `Scene::laws`.
+    pub law: u8,
+}
+
+impl Contact {
+    /// What makes it the same contact in another step; contacts are kept in this order.
+    pub fn key(&self) -> (u32, u32, u32, u32) {
+        (self.candidate, self.antagonist, self.features.0, self.features.1)
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    NoContact,
+    Stick,
+    Slide,
+}
+
+/// A contact with what the solver found for it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolvedContact {
+    pub contact: Contact,
+    /// Impulse on the candidate along n, t, s, N s.
+    pub impulse: Vec3,
+    /// Relative velocity along n, t, s at the step's end, m/s.
+    pub velocity: Vec3,
+    pub status: Status,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    pub step: u64,
+    /// s
+    pub time: f64,
+    /// Length of the step that led here, s; 0 at the start. The impulses of `contacts` belong to it.
+    pub h: f64,
+    /// Positions, m.
+    pub x: Vec<Vec3>,
+    /// Orientations, body to world.
+    pub q: Vec<Quat>,
+    /// Velocities, m/s.
+    pub v: Vec<Vec3>,
+    /// Angular velocities, world frame, rad/s.
+    pub w: Vec<Vec3>,
+    /// The contacts of the last step by key, from which the next step starts.
+    pub contacts: Vec<SolvedContact>,
+    /// Uniform gravity now in force, m/s^2.
+    pub gravity: Vec3,
+    /// Share of velocity taken away at each step's start.
+    pub quench: f64,
+    /// Events that have happened.
+    pub events_done: usize,
+    pub ledger: Ledger,
+}
+
+impl State {
+    /// Takes over a setting that an event changes; motion is left alone.
+    pub fn set_by(&mut self, action: &Action) {
+        match *action {
+            Action::SetGravity(gravity) => self.gravity = Vec3::from(gravity),
+            Action::SetQuench(quench) => self.quench = quench,
+            Action::AddSpin(_) | Action::AddVelocity(_) => {}
+        }
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        let finite = |vectors: &[Vec3]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
+        finite(&self.x) && finite(&self.v) && finite(&self.w)
+    }
+}

@@ -1,0 +1,93 @@
+//! Room: state and reports to the files of OUTBOX.
+
+mod log;
+mod snapshot;
+pub mod summary;
+mod text;
+
+use std::path::{Path, PathBuf};
+
+use cd_formats::error::{Fault, Faults};
+use cd_formats::snapshot::list;
+
+use crate::scene::Scene;
+use crate::state::State;
+use crate::step::{Clock, StepReport};
+
+use log::Table;
+
+/// The results of a case: snapshots and `steps.csv` in OUTBOX, `TIMER.csv` beside it. Durations
+/// stand apart, so that equal runs have equal bytes in OUTBOX.
+pub struct Results {
+    outbox: PathBuf,
+    steps: Table,
+    timer: Table,
+}
+
+/// OUTBOX of a case.
+pub fn outbox(case: &Path) -> PathBuf {
+    case.join("OUTBOX")
+}
+
+/// Refuses a case that has results.
+pub fn expect_none(case: &Path) -> Result<(), Faults> {
+    let found = list(&outbox(case));
+    match found.last() {
+        None => Ok(()),
+        Some((_, last)) => Err(Fault::new(
+            &outbox(case),
+            None,
+            "results",
+            format!("{} snapshots are there, the last {}", found.len(), last.file_name().unwrap_or_default().display()),
+            "expected none; --resume goes on from the last, --force starts anew",
+        )
+        .into()),
+    }
+}
+
+/// Removes what an earlier run wrote, and nothing else.
+pub fn remove(case: &Path) -> Result<(), Faults> {
+    let outbox = outbox(case);
+    let ours = |name: &str| {
+        (name.starts_with("snapshot-") && name.ends_with(".npz"))
+            || name == log::STEPS
+            || name.starts_with("DOF.OUT.")
+            || name.starts_with("Vloc_Rloc.OUT.")
+    };
+    let mut doomed = vec![case.join(log::TIMER)];
+    for entry in std::fs::read_dir(&outbox).into_iter().flatten().flatten() {
+        if entry.file_name().to_str().is_some_and(ours) {
+            doomed.push(entry.path());
+        }
+    }
+    for path in doomed.iter().filter(|path| path.exists()) {
+        std::fs::remove_file(path).map_err(|error| Fault::io(path, "removed", &error))?;
+    }
+    Ok(())
+}
+
+impl Results {
+    /// Opens the results for a run that goes on from `state`: rows of later steps are dropped.
+    pub fn open(case: &Path, state: &State) -> Result<Self, Faults> {
+        let outbox = outbox(case);
+        let steps = Table::open(&outbox.join(log::STEPS), &log::steps_header(), state.step)?;
+        let timer = Table::open(&case.join(log::TIMER), &log::timer_header(), state.step)?;
+        Ok(Results { outbox, steps, timer })
+    }
+
+    /// Enters a step in the logs.
+    pub fn step(&mut self, scene: &Scene, state: &State, report: &StepReport, lap: &Clock) -> Result<(), Faults> {
+        self.steps.row(&log::steps_row(scene, state, report))?;
+        self.timer.row(&log::timer_row(state.step, lap))
+    }
+
+    /// Writes the state, after the log of the steps that led to it.
+    pub fn state(&mut self, scene: &Scene, state: &State) -> Result<(), Faults> {
+        self.steps.flush()?;
+        self.timer.flush()?;
+        if scene.options.text {
+            text::write(&self.outbox, scene, state)?;
+        }
+        snapshot::of(scene, state).write(&cd_formats::snapshot::path(&self.outbox, state.step))
+    }
+}

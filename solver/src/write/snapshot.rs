@@ -1,0 +1,98 @@
+//! The state as a snapshot.
+
+use cd_formats::snapshot::{
+    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, Meta, Parameters, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT,
+    STATUS_SLIDE, STATUS_STICK, Snapshot,
+};
+
+use crate::math::Vec3;
+use crate::scene::{Body, Scene, Shape};
+use crate::state::{SolvedContact, State, Status};
+
+/// All of the state, with what of the scene its reader needs.
+pub fn of(scene: &Scene, state: &State) -> Snapshot {
+    Snapshot { meta: meta(scene, state), bodies: bodies(scene, state), contacts: contacts(state) }
+}
+
+fn meta(scene: &Scene, state: &State) -> Meta {
+    let options = &scene.options;
+    Meta {
+        format: FORMAT,
+        program: format!("cd-solve {}", env!("CARGO_PKG_VERSION")),
+        step: state.step,
+        time: state.time,
+        h: state.h,
+        parameters: Parameters {
+            theta: options.theta,
+            tol: options.tol,
+            max_sweeps: options.max_sweeps,
+            alert: options.alert,
+            self_gravity: options.self_gravity,
+            gravity_constant: options.gravity_constant,
+            gravity_error: options.gravity_error,
+            uniform_gravity: state.gravity.into(),
+            quench: state.quench,
+            events_done: state.events_done as u64,
+        },
+        colours: scene.colours.clone(),
+        materials: scene.materials.clone(),
+        laws: scene.law_names.clone(),
+        ledger: state.ledger.clone(),
+    }
+}
+
+fn bodies(scene: &Scene, state: &State) -> BodyArrays {
+    let of = |value: &dyn Fn(usize) -> Vec3| -> Vec<[f64; 3]> { (0..state.x.len()).map(|i| value(i).into()).collect() };
+    let body = &scene.bodies;
+    BodyArrays {
+        body_id: (1..=body.len() as u64).collect(),
+        body_x: of(&|i| state.x[i]),
+        body_q: state.q.iter().map(|q| [q.w, q.i, q.j, q.k]).collect(),
+        body_v: of(&|i| state.v[i]),
+        body_w: of(&|i| state.q[i].inverse_transform_vector(&state.w[i])),
+        body_w_world: of(&|i| state.w[i]),
+        body_mass: body.iter().map(|b| b.mass).collect(),
+        body_inertia: body.iter().map(|b| b.inertia).collect(),
+        body_radius: body.iter().map(equal_volume_radius).collect(),
+        body_half_lengths: of(&|i| match body[i].shape {
+            Shape::Sphere { radius } => Vec3::repeat(radius),
+            Shape::Plane { half_lengths } => half_lengths,
+        }),
+        body_shape: body.iter().map(|b| if b.is_sphere() { SHAPE_SPHERE } else { SHAPE_PLANE }).collect(),
+        body_driven: body.iter().map(|b| if b.driven { DRIVEN_ALL } else { 0 }).collect(),
+        body_colour: body.iter().map(|b| b.colour).collect(),
+        body_material: body.iter().map(|b| b.material).collect(),
+    }
+}
+
+fn equal_volume_radius(body: &Body) -> f64 {
+    match body.shape {
+        Shape::Sphere { radius } => radius,
+        Shape::Plane { half_lengths } => (8.0 * half_lengths.product() * 3.0 / (4.0 * std::f64::consts::PI)).cbrt(),
+    }
+}
+
+fn contacts(state: &State) -> ContactArrays {
+    let list = &state.contacts;
+    let vectors =
+        |value: &dyn Fn(&SolvedContact) -> Vec3| -> Vec<[f64; 3]> { list.iter().map(|c| value(c).into()).collect() };
+    ContactArrays {
+        contact_body: list.iter().map(|c| [c.contact.candidate, c.contact.antagonist]).collect(),
+        contact_feature: list.iter().map(|c| c.contact.features.into()).collect(),
+        contact_point: vectors(&|c| c.contact.point),
+        contact_frame: list.iter().map(|c| c.contact.frame.map(Into::into)).collect(),
+        contact_gap: list.iter().map(|c| c.contact.gap).collect(),
+        contact_force: vectors(&|c| c.impulse / state.h),
+        contact_impulse: vectors(&|c| c.impulse),
+        contact_velocity: vectors(&|c| c.velocity),
+        contact_status: list
+            .iter()
+            .map(|c| match c.status {
+                Status::NoContact => STATUS_NO_CONTACT,
+                Status::Stick => STATUS_STICK,
+                Status::Slide => STATUS_SLIDE,
+            })
+            .collect(),
+        contact_law: list.iter().map(|c| c.contact.law).collect(),
+    }
+}

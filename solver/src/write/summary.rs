@@ -1,0 +1,81 @@
+//! What a run ends with.
+
+use std::fmt::Write;
+use std::time::Duration;
+
+use crate::assemble::potential_energy;
+use crate::math::Vec3;
+use crate::scene::Scene;
+use crate::state::State;
+use crate::step::{Clock, Motion};
+
+/// Figures of this run's steps that the state does not hold.
+#[derive(Debug, Clone, Default)]
+pub struct Course {
+    pub steps: u64,
+    pub sweeps: u64,
+    pub unconverged: u64,
+    pub threads: usize,
+    pub wall: Duration,
+    pub clock: Clock,
+}
+
+/// Energy that is not accounted for, over the largest of the energies at play:
+/// (E - E_start - work of contacts - work from outside) / max(|E_start|, |E|, |works|).
+pub fn energy_drift(scene: &Scene, state: &State) -> f64 {
+    let ledger = &state.ledger;
+    let motion = Motion::of(scene, &state.v, &state.w);
+    let energy = motion.kinetic + motion.rotational + potential_energy(scene, state, &state.x);
+    let scale = [ledger.energy_start, energy, ledger.contact_work, ledger.outside_work];
+    let scale = scale.iter().fold(0.0, |s: f64, e| s.max(e.abs()));
+    let drift = energy - ledger.energy_start - ledger.contact_work - ledger.outside_work;
+    if scale > 0.0 { drift / scale } else { 0.0 }
+}
+
+/// Change of linear and angular momentum that no wall, field or event explains, over the largest sum of
+/// m |v| (times the largest distance from the origin) so far.
+pub fn momentum_drift(scene: &Scene, state: &State) -> (f64, f64) {
+    let ledger = &state.ledger;
+    if ledger.momentum_scale == 0.0 {
+        return (0.0, 0.0);
+    }
+    let motion = Motion::of(scene, &state.v, &state.w);
+    let angular = Motion::angular(scene, &state.x, &state.v, &state.w);
+    let size = scene.free.iter().map(|&i| state.x[i as usize].norm()).fold(0.0, f64::max);
+    let linear = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm() / ledger.momentum_scale;
+    let angular = (angular - Vec3::from(ledger.angular_momentum_expected)).norm();
+    (linear, if size > 0.0 { angular / (ledger.momentum_scale * size) } else { 0.0 })
+}
+
+/// The text of the summary.
+pub fn text(scene: &Scene, state: &State, course: &Course) -> String {
+    let mut text = String::new();
+    let mut line = |name: &str, value: String| {
+        let _ = writeln!(text, "  {name:<22} {value}");
+    };
+    let ledger = &state.ledger;
+    let active = state.contacts.iter().filter(|c| c.impulse != Vec3::zeros()).count();
+    let (linear, angular) = momentum_drift(scene, state);
+    line("models", scene.models().join("; "));
+    line("steps", format!("{} now, {} in all, t = {} s", course.steps, state.step, state.time));
+    line("contacts", format!("{} listed, {active} carry force", state.contacts.len()));
+    line("sweeps per step", format!("{:.1}", course.sweeps as f64 / course.steps.max(1) as f64));
+    let last = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
+    line("unconverged steps", format!("{} now, {} in all{last}", course.unconverged, ledger.steps_unconverged));
+    line("largest penetration", format!("{:.2e} of the mean radius", ledger.penetration_largest));
+    line("energy drift", format!("{:.2e}", energy_drift(scene, state)));
+    line("momentum drift", format!("{linear:.2e} linear, {angular:.2e} angular"));
+    let Clock { gravity, detection, assembly, solve, integration, writing } = course.clock;
+    let rooms = [
+        ("gravity", gravity),
+        ("detection", detection),
+        ("assembly", assembly),
+        ("solve", solve),
+        ("integration", integration),
+        ("writing", writing),
+    ];
+    let rooms: Vec<String> = rooms.iter().map(|(name, time)| format!("{name} {:.2}", time.as_secs_f64())).collect();
+    let threads = if course.threads == 1 { "1 thread".to_string() } else { format!("{} threads", course.threads) };
+    line("seconds", format!("{:.2} on {threads}: {}", course.wall.as_secs_f64(), rooms.join(", ")));
+    text
+}

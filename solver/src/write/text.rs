@@ -1,0 +1,71 @@
+//! The state in LMGC90's text syntax, for `--text`.
+
+use std::path::Path;
+
+use cd_formats::atomic;
+use cd_formats::dof::{BodyDof, Dof};
+use cd_formats::error::Faults;
+use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
+
+use crate::math::Vec3;
+use crate::scene::Scene;
+use crate::state::{SolvedContact, State, Status};
+
+/// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, k the number of the output counted from 1.
+pub fn write(outbox: &Path, scene: &Scene, state: &State) -> Result<(), Faults> {
+    let k = state.step.div_ceil(scene.options.output_every);
+    if k == 0 {
+        return Ok(()); // the start stands in DATBOX
+    }
+    atomic::write(&outbox.join(format!("Vloc_Rloc.OUT.{k}")), contacts(scene, state).to_text().as_bytes())?;
+    atomic::write(&outbox.join(format!("DOF.OUT.{k}")), motion(scene, state).to_text().as_bytes())
+}
+
+fn motion(scene: &Scene, state: &State) -> Dof {
+    let bodies = (0..state.x.len())
+        .map(|i| {
+            let q = &state.q[i];
+            let displacement = state.x[i] - scene.reference[i];
+            let spin = q.inverse_transform_vector(&state.w[i]);
+            let six = |a: &Vec3, b: &Vec3| [a.x, a.y, a.z, b.x, b.y, b.z];
+            BodyDof {
+                line: 0,
+                body: i,
+                displacement: six(&displacement, &Vec3::zeros()),
+                velocity: six(&state.v[i], &spin),
+                axes: [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| (q * axis).into()),
+            }
+        })
+        .collect();
+    Dof { step: state.step, time: state.time, bodies }
+}
+
+fn contacts(scene: &Scene, state: &State) -> VlocRloc {
+    let side = |body: u32| {
+        let sphere = scene.bodies[body as usize].is_sphere();
+        ContactSide { body: body as usize, contactor: if sphere { "SPHER" } else { "PLANx" }.into(), rank: 0 }
+    };
+    let record = |SolvedContact { contact, impulse, velocity, status }: &SolvedContact| {
+        let (candidate, antagonist) = (side(contact.candidate), side(contact.antagonist));
+        ContactRecord {
+            line: 0,
+            kind: if antagonist.contactor == "SPHER" { "SPSPx" } else { "SPPLx" }.into(),
+            candidate,
+            antagonist,
+            law: scene.law_names[contact.law as usize].nickname.clone(),
+            status: match status {
+                Status::NoContact => "noctc",
+                Status::Stick => "stick",
+                Status::Slide => "slide",
+            }
+            .into(),
+            force: (impulse / state.h).into(),
+            velocity: (*velocity).into(),
+            gap: contact.gap + state.h * velocity.x,
+            frame: contact.frame.map(Into::into),
+            point: contact.point.into(),
+            internals: Vec::new(),
+        }
+    };
+    VlocRloc { step: state.step, time: state.time, contacts: state.contacts.iter().map(record).collect() }
+}
