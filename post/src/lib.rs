@@ -119,6 +119,12 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
     atomic::write(&postpro.join("series.csv"), write::series::text(&rows).as_bytes())?;
     println!("cd-post: {} snapshots of {}", rows.len(), outbox.display());
     println!("  series   {}", postpro.join("series.csv").display());
+    if !options.no_plots {
+        for plot in &write::plots::PLOTS {
+            atomic::write(&postpro.join(plot.file), write::plots::svg(plot, &rows).as_bytes())?;
+        }
+        println!("  plots    {}", postpro.join("*.svg").display());
+    }
     if !options.no_vtk {
         finish_display(&options.dir, &rows, !last.walls.is_empty())?;
         println!("  ParaView {}", options.dir.join("DISPLAY").join("grains.pvd").display());

@@ -37,9 +37,9 @@ impl Field for u64 {
 }
 
 impl Field for f64 {
-    /// The shortest decimal that reads back as the same number; blank if there is none.
+    /// The shortest decimal that reads back as the same number, 0 for -0; blank if there is none.
     fn text(&self) -> String {
-        if self.is_finite() { format!("{self:?}") } else { String::new() }
+        if self.is_finite() { format!("{:?}", self + 0.0) } else { String::new() }
     }
     fn number(&self) -> f64 {
         *self

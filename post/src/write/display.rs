@@ -184,6 +184,7 @@ fn cells<const N: usize>(cells: impl Iterator<Item = [u64; N]>) -> Option<Vertex
 }
 
 fn file(piece: PolyDataPiece) -> Vec<u8> {
+    let no_points = piece.points.is_empty();
     let vtk = Vtk {
         version: Version::Auto,
         title: String::new(),
@@ -193,5 +194,10 @@ fn file(piece: PolyDataPiece) -> Vec<u8> {
     };
     let mut bytes = Vec::new();
     vtk.write_xml(&mut bytes).expect("arrays of equal length, written to memory");
+    if no_points {
+        // vtkio leaves attributes out that are 0, and VTK refuses a piece without this one.
+        let place = bytes.windows(6).position(|word| word == b"<Piece").expect("a file has one piece") + 6;
+        bytes.splice(place..place, *b" NumberOfPoints=\"0\"");
+    }
     bytes
 }

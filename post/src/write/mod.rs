@@ -6,6 +6,9 @@
 //! | [`plots`] | `POSTPRO/*.svg`, the main columns against time |
 //! | [`picture`] | `POSTPRO/aggregate.svg`, the last state |
 //! | [`display`] | `DISPLAY/*.vtp` and `*.pvd` |
+//! | [`scale`] | none: units and round numbers for the eye |
 
 pub mod display;
+pub mod plots;
+pub mod scale;
 pub mod series;

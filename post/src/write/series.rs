@@ -36,7 +36,7 @@ mod tests {
             assert_eq!(fields.len(), Row::COLUMNS.len());
             for (field, number) in fields.iter().zip(row.numbers()) {
                 match field.parse::<f64>() {
-                    Ok(read) => assert_eq!(read.to_bits(), number.to_bits()),
+                    Ok(read) => assert_eq!(read, number),
                     Err(_) => assert!(field.is_empty() && number.is_nan(), "{field} {number}"),
                 }
             }

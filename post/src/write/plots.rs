@@ -1,0 +1,201 @@
+//! `POSTPRO/*.svg`: the main columns of the series against time.
+//!
+//! The SVG files name a font family and leave the letters to the viewer: no font is needed to
+//! write them, and so the room for labels is by estimate.
+
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
+use plotters::prelude::*;
+
+use crate::derive::Row;
+use crate::write::scale::{prefixed, superscript};
+
+/// One plot: columns of [`Row`] that share a unit.
+pub struct Plot {
+    /// Name of the file in `POSTPRO/`.
+    pub file: &'static str,
+    pub title: &'static str,
+    /// What the vertical axis shows.
+    pub quantity: &'static str,
+    /// Logarithmic in powers of ten; values <= 0 are left out.
+    pub logarithmic: bool,
+    /// Name of a column, and what the legend calls it.
+    pub curves: &'static [(&'static str, &'static str)],
+}
+
+pub const PLOTS: [Plot; 5] = [
+    Plot {
+        file: "energy.svg",
+        title: "Kinetic energy per grain",
+        quantity: "energy",
+        logarithmic: true,
+        curves: &[("Ec_mean", "all"), ("Ec_rot_mean", "rotation"), ("Ec_rigid_mean", "rigid motion")],
+    },
+    Plot {
+        file: "coordination.svg",
+        title: "Contacts per grain",
+        quantity: "Z",
+        logarithmic: false,
+        curves: &[("Z", "all grains"), ("Z_no_rattlers", "no rattlers")],
+    },
+    Plot {
+        file: "solid_fraction.svg",
+        title: "Solid fraction of the smallest enclosing ball",
+        quantity: "nu",
+        logarithmic: false,
+        curves: &[("nu", "nu")],
+    },
+    Plot {
+        file: "pressure.svg",
+        title: "Mean pressure",
+        quantity: "pressure",
+        logarithmic: false,
+        curves: &[("pressure", "contacts"), ("pressure_virial", "virial of the loads")],
+    },
+    Plot {
+        file: "semi_axes.svg",
+        title: "Semi-axes of the ellipsoid of equal inertia",
+        quantity: "length",
+        logarithmic: false,
+        curves: &[("a", "a"), ("b", "b"), ("c", "c")],
+    },
+];
+
+const SIZE: (u32, u32) = (800, 450);
+const LEGEND_WIDTH: i32 = 150;
+/// Okabe & Ito (2008): told apart by colour-blind eyes too.
+const COLOURS: [RGBColor; 3] = [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115)];
+const INK: RGBColor = RGBColor(60, 60, 60);
+/// More points than this are drawn as a line without marks.
+const MARKED: usize = 60;
+
+/// The text of the SVG file.
+pub fn svg(plot: &Plot, rows: &[Row]) -> String {
+    let mut text = String::new();
+    {
+        let root = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+        draw(&root, plot, rows).expect("drawing into memory");
+        root.present().expect("drawing into memory");
+    }
+    text
+}
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+type Drawn = Result<(), Box<dyn std::error::Error>>;
+
+fn draw(root: &Area, plot: &Plot, rows: &[Row]) -> Drawn {
+    root.fill(&WHITE)?;
+    let column = |name: &str| Row::COLUMNS.iter().position(|(known, _, _)| *known == name).expect("a column");
+    let unit = Row::COLUMNS[column(plot.curves[0].0)].1;
+    let values = |name: &str| -> Vec<f64> {
+        let index = column(name);
+        let shown = |v: f64| v.is_finite() && (!plot.logarithmic || v > 0.0);
+        rows.iter().map(|row| row.numbers()[index]).map(|v| if shown(v) { v } else { f64::NAN }).collect()
+    };
+    let times: Vec<f64> = rows.iter().map(|row| row.time).collect();
+    let curves: Vec<Vec<f64>> = plot.curves.iter().map(|(name, _)| values(name)).collect();
+    let largest = curves.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs()));
+    // On a logarithmic axis the exponents are drawn, so that both kinds of axes are the same below.
+    let (factor, unit) = if plot.logarithmic { (1.0, unit.to_string()) } else { prefixed(largest, unit) };
+    let height = |v: f64| if plot.logarithmic { v.log10() } else { v / factor };
+    let curves: Vec<Vec<f64>> = curves.iter().map(|curve| curve.iter().map(|v| height(*v)).collect()).collect();
+    let (time_factor, time_unit) = prefixed(times.iter().fold(0.0, |a, b| a.max(b.abs())), "s");
+
+    let (left, right) = root.split_horizontally(SIZE.0 as i32 - LEGEND_WIDTH);
+    let font = |size: i32| ("sans-serif", size).into_font().color(&INK);
+    let mut chart = ChartBuilder::on(&left)
+        .caption(plot.title, font(20))
+        .margin(12)
+        .x_label_area_size(48)
+        .y_label_area_size(72)
+        .build_cartesian_2d(
+            range(times.iter().map(|t| t / time_factor), false),
+            Ticks(range(curves.iter().flatten().copied(), plot.logarithmic), plot.logarithmic),
+        )?;
+    let label = if unit == "1" { plot.quantity.to_string() } else { format!("{} ({unit})", plot.quantity) };
+    chart
+        .configure_mesh()
+        .x_desc(format!("time ({time_unit})"))
+        .y_desc(label)
+        .axis_desc_style(font(15))
+        .label_style(font(13))
+        .axis_style(INK)
+        .bold_line_style(RGBColor(225, 225, 225))
+        .light_line_style(TRANSPARENT)
+        .x_labels(7)
+        .y_labels(7)
+        .x_label_formatter(&|x| decimal(*x))
+        .y_label_formatter(&|y| if plot.logarithmic { power_of_ten(*y) } else { decimal(*y) })
+        .draw()?;
+    for (curve, colour) in curves.iter().zip(COLOURS) {
+        let points: Vec<(f64, f64)> = times.iter().map(|t| t / time_factor).zip(curve.iter().copied()).collect();
+        // A value that is not defined parts the line.
+        for part in points.split(|(_, y)| y.is_nan()).filter(|part| !part.is_empty()) {
+            chart.draw_series(LineSeries::new(part.iter().copied(), colour.stroke_width(2)))?;
+            if part.len() == 1 || points.len() <= MARKED {
+                chart.draw_series(part.iter().map(|point| Circle::new(*point, 3, colour.filled())))?;
+            }
+        }
+    }
+    for (k, ((_, name), colour)) in plot.curves.iter().zip(COLOURS).enumerate() {
+        let y = 60 + 24 * k as i32;
+        right.draw(&PathElement::new([(0, y), (20, y)], colour.stroke_width(3)))?;
+        right.draw(&Text::new(*name, (28, y - 7), font(13)))?;
+    }
+    if curves.iter().flatten().all(|y| y.is_nan()) {
+        right.draw(&Text::new("no value", (28, 60 + 24 * curves.len() as i32), font(13)))?;
+    }
+    Ok(())
+}
+
+/// A range around the values that are there, never empty.
+fn range(values: impl Iterator<Item = f64>, logarithmic: bool) -> std::ops::Range<f64> {
+    let (low, high) = values
+        .filter(|v| v.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    if low > high {
+        return 0.0..1.0;
+    }
+    // Values that are equal within round-off are one value.
+    if high - low <= 1e-9 * low.abs().max(high.abs()) {
+        let room = if logarithmic { 1.0 } else { 0.1 * low.abs() };
+        return if room > 0.0 { low - room..high + room } else { -1.0..1.0 };
+    }
+    let room = 0.04 * (high - low);
+    low - room..high + room
+}
+
+/// A linear axis; with `true`, of exponents, marked at whole ones.
+struct Ticks(std::ops::Range<f64>, bool);
+
+impl Ranged for Ticks {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        plotters::coord::types::RangedCoordf64::from(self.0.clone()).map(value, limit)
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        if !self.1 {
+            return plotters::coord::types::RangedCoordf64::from(self.0.clone()).key_points(hint);
+        }
+        let (first, last) = (self.0.start.ceil() as i64, self.0.end.floor() as i64);
+        let stride = ((last - first) / hint.max_num_points().clamp(1, 9) as i64 + 1).max(1);
+        (first..=last).filter(|k| k.rem_euclid(stride) == 0).map(|k| k as f64).collect()
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.0.clone()
+    }
+}
+
+/// A tick's number, without trailing zeros.
+fn decimal(value: f64) -> String {
+    let text = format!("{value:.6}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".into() } else { text.into() }
+}
+
+fn power_of_ten(exponent: f64) -> String {
+    format!("10{}", superscript(exponent as i32))
+}

@@ -1,0 +1,45 @@
+//! Numbers for human eyes: prefixes and round lengths.
+
+/// Superscript digits, and the minus sign as the eleventh.
+const POWERS: [char; 11] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹', '⁻'];
+
+const PREFIXES: [&str; 9] = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
+
+/// The factor and the unit with prefix that bring numbers up to `largest` to between 1 and 1000.
+///
+/// A number without unit ("1") stays as it is, and so do seconds above 1. What no prefix reaches
+/// gets a power of ten before the unit.
+///
+/// ```
+/// # use cd_post::write::scale::prefixed;
+/// assert_eq!(prefixed(2.5e4, "Pa"), (1e3, "kPa".to_string()));
+/// assert_eq!(prefixed(0.0, "m"), (1.0, "m".to_string()));
+/// assert_eq!(prefixed(3e-20, "J"), (1e-21, "10⁻²¹ J".to_string()));
+/// ```
+pub fn prefixed(largest: f64, unit: &str) -> (f64, String) {
+    if !(largest > 0.0 && largest.is_finite()) || unit == "1" || unit == "s" && largest >= 1.0 {
+        return (1.0, unit.to_string());
+    }
+    let triple = (largest.log10() / 3.0).floor() as i32;
+    let factor = 10f64.powi(3 * triple);
+    let label = match PREFIXES.get((triple + 4).max(-1) as usize) {
+        Some(prefix) => format!("{prefix}{unit}"),
+        None => format!("10{} {unit}", superscript(3 * triple)),
+    };
+    (factor, label)
+}
+
+/// An integer in superscript digits.
+pub fn superscript(number: i32) -> String {
+    number.to_string().chars().map(|c| POWERS[c.to_digit(10).map_or(10, |d| d as usize)]).collect()
+}
+
+/// The largest of 1, 2, 5 times a power of ten that is not above `limit`, which is > 0.
+///
+/// ```
+/// assert_eq!(cd_post::write::scale::round_below(70.0), 50.0);
+/// ```
+pub fn round_below(limit: f64) -> f64 {
+    let power = 10f64.powi(limit.log10().floor() as i32);
+    [5.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|length| *length <= limit).unwrap_or(power)
+}

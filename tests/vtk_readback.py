@@ -1,0 +1,214 @@
+#!/usr/bin/env python3
+"""Reads the ParaView files of a case with VTK and compares them with its snapshots.
+
+    python3 tests/vtk_readback.py CASE
+
+For each step that CASE/DISPLAY/grains.pvd names, every array of the .vtp files is compared with
+the value that numpy computes from CASE/OUTBOX/snapshot-NNNNNN.npz: what a snapshot holds bit for
+bit, sums within round-off. Prints a line a case; exits 1 if anything differs. Needs vtk and numpy.
+"""
+
+import json
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+DRIVEN_ALL, PLANE = 63, 1
+ROUNDING = 1e-13  # of the largest sum of absolute terms: a few hundred roundings
+
+faults = []
+
+
+def check(where, found, expected, scale=None):
+    """Exactly equal, or within round-off of `scale`, an array that holds the sum of absolute terms."""
+    found, expected = np.asarray(found), np.asarray(expected)
+    if found.shape != expected.shape:
+        faults.append(f"{where}: shape {found.shape}, expected {expected.shape}")
+    elif scale is None and not np.array_equal(found, expected):
+        worst = np.flatnonzero((found != expected).reshape(len(found), -1).any(axis=1))[0]
+        faults.append(f"{where}: row {worst} is {found[worst]}, expected {expected[worst]}")
+    elif scale is not None and found.size:
+        error, bound = np.abs(found - expected).max(), ROUNDING * np.max(scale)
+        if not error <= bound:
+            faults.append(f"{where}: differs by {error:.3e}, more than {bound:.3e}")
+
+
+def collection(path):
+    """Times and files that a .pvd names."""
+    sets = ElementTree.parse(path).getroot().iter("DataSet")
+    return [(float(s.get("timestep")), path.parent / s.get("file")) for s in sets]
+
+
+class Polydata:
+    """A .vtp file as numpy arrays."""
+
+    def __init__(self, path):
+        reader = vtkXMLPolyDataReader()
+        for speaker in (reader, reader.GetExecutive()):
+            speaker.AddObserver("ErrorEvent", lambda *_: faults.append(f"{path}: VTK cannot read it"))
+        reader.SetFileName(str(path))
+        reader.Update()
+        data = self.data = reader.GetOutput()
+        points = data.GetPoints()
+        self.points = vtk_to_numpy(points.GetData()) if points and points.GetNumberOfPoints() else np.zeros((0, 3))
+        self.point, self.cell = (
+            {a.GetArrayName(k): vtk_to_numpy(a.GetArray(k)) for k in range(a.GetNumberOfArrays())}
+            for a in (data.GetPointData(), data.GetCellData())
+        )
+
+    def cells(self, kind, size):
+        """Point numbers of the cells of one kind, all of `size` points."""
+        cells = getattr(self.data, f"Get{kind}")()
+        if cells.GetNumberOfCells() == 0:
+            return np.zeros((0, size), int)
+        return vtk_to_numpy(cells.GetConnectivityArray()).reshape(-1, size)
+
+
+def rotation(q):
+    """Matrix of a unit quaternion w, x, y, z."""
+    w, x, y, z = q / np.linalg.norm(q)
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])
+
+
+class Snapshot:
+    """The arrays of a snapshot, bodies split into grains and walls as cd-post does."""
+
+    def __init__(self, path):
+        self.all = {name: array for name, array in np.load(path).items()}
+        self.meta = json.loads(self.all.pop("meta").tobytes())
+        self.wall = (self["body_driven"] == DRIVEN_ALL) | (self["body_shape"] == PLANE)
+        self.rows = np.flatnonzero(~self.wall)  # row of each grain
+        self.number = np.full(len(self.wall), -1)
+        self.number[self.rows] = np.arange(len(self.rows))  # grain of each row
+        both = self.wall[self["contact_body"]].all(axis=1)
+        self.listed = ~both  # contacts between walls are not drawn
+        for name in list(self.all):
+            if name.startswith("contact_"):
+                self.all[name] = self.all[name][self.listed]
+        self.force = np.einsum("ki,kij->kj", self["contact_force"], self["contact_frame"])
+        self.active = (self["contact_impulse"] != 0).any(axis=1)
+
+    def __getitem__(self, name):
+        return self.all[name]
+
+    def grain(self, name):
+        return self["body_" + name][self.rows]
+
+
+def check_grains(path, snapshot):
+    file, s = Polydata(path), snapshot
+    count = len(s.rows)
+    exact = {
+        "radius": "radius", "id": "id", "velocity": "v", "spin": "w_world", "material": "material", "colour": "colour",
+        "mass": "mass",
+    }
+    for name, array in exact.items():
+        check(f"{path.name} {name}", file.point.get(name, []), s.grain(array))
+    check(f"{path.name} points", file.points, s.grain("x"))
+    check(f"{path.name} vertices", file.cells("Verts", 1)[:, 0], np.arange(count))
+
+    contacts, stress, scale = np.zeros(count, int), np.zeros((count, 3, 3)), np.zeros(count)
+    half_way = s.grain("x") - s.meta["parameters"]["theta"] * s.meta["h"] * s.grain("v")
+    volume = 4 / 3 * np.pi * s.grain("radius") ** 3
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        grains = s.number[s["contact_body"][:, side]]
+        for k in np.flatnonzero((grains >= 0) & s.active):
+            i, arm = grains[k], half_way[grains[k]] - s["contact_point"][k]
+            contacts[i] += 1
+            stress[i] += sign * np.outer(s.force[k], arm) / volume[i]
+            scale[i] += np.linalg.norm(s.force[k]) * np.linalg.norm(arm) / volume[i]
+    check(f"{path.name} contacts", file.point.get("contacts", []), contacts)
+    check(f"{path.name} stress", file.point.get("stress", []), stress.reshape(count, 9), scale)
+    check(f"{path.name} pressure", file.point.get("pressure", []), np.trace(stress, axis1=1, axis2=2) / 3, scale)
+
+    # Angular velocity to the body's frame, where the inertia is diagonal.
+    spin = np.array([rotation(q).T @ w for q, w in zip(s.grain("q"), s.grain("w_world"))]).reshape(count, 3)
+    energy = 0.5 * (s.grain("mass") * (s.grain("v") ** 2).sum(1) + (s.grain("inertia") * spin**2).sum(1))
+    check(f"{path.name} kinetic_energy", file.point.get("kinetic_energy", []), energy, energy)
+    unknown = set(file.point) - set(exact) - {"contacts", "stress", "pressure", "kinetic_energy"}
+    if unknown:
+        faults.append(f"{path.name}: arrays that are not checked: {sorted(unknown)}")
+
+
+def check_contacts(path, snapshot):
+    file, s = Polydata(path), snapshot
+    # The ends of a line: the centre of a grain, the point of contact on a wall.
+    ends = file.points[file.cells("Lines", 2)]
+    on_wall = s.wall[s["contact_body"]][:, :, None]
+    expected = np.where(on_wall, s["contact_point"][:, None, :], s["body_x"][s["contact_body"]])
+    check(f"{path.name} lines", ends, expected)
+    tangential = np.hypot(s["contact_force"][:, 1], s["contact_force"][:, 2])
+    size = np.linalg.norm(s["contact_force"], axis=1)
+    expected = {
+        "normal_force": (s["contact_force"][:, 0], None),
+        "tangential_force": (tangential, size),
+        "force": (s.force, size),
+        "gap": (s["contact_gap"], None),
+        "status": (s["contact_status"], None),
+        "active": (s.active.astype("u1"), None),
+        "law": (s["contact_law"], None),
+        "candidate": (s["body_id"][s["contact_body"][:, 0]], None),
+        "antagonist": (s["body_id"][s["contact_body"][:, 1]], None),
+    }
+    for name, (values, scale) in expected.items():
+        check(f"{path.name} {name}", file.cell.get(name, []), values, scale)
+    unknown = set(file.cell) - set(expected)
+    if unknown:
+        faults.append(f"{path.name}: arrays that are not checked: {sorted(unknown)}")
+
+
+def check_walls(path, snapshot):
+    file, s = Polydata(path), snapshot
+    walls = np.flatnonzero(s.wall)
+    plates = [row for row in walls if s["body_shape"][row] == PLANE]
+    balls = [row for row in walls if s["body_shape"][row] != PLANE]
+    check(f"{path.name} id", file.cell.get("id", []), [s["body_id"][r] for r in balls + [p for p in plates for _ in range(6)]])
+    check(f"{path.name} balls", file.points[file.cells("Verts", 1)[:, 0]], s["body_x"][balls])
+    check(f"{path.name} radius", file.point["radius"][file.cells("Verts", 1)[:, 0]], s["body_radius"][balls])
+    faces = file.points[file.cells("Polys", 4)].reshape(-1, 6, 4, 3)
+    for row, plate in zip(plates, faces):
+        half = s["body_half_lengths"][row]
+        local = (plate - s["body_x"][row]) @ rotation(s["body_q"][row])
+        # Every corner of the box is in three faces; normals point outward.
+        check(f"{path.name} corners", np.abs(local), np.broadcast_to(half, local.shape), np.abs(plate).max() + half.max())
+        normals = np.cross(local[:, 1] - local[:, 0], local[:, 2] - local[:, 1]) / 4
+        middle = local.mean(axis=1)
+        areas = np.prod(half) / np.linalg.norm(middle, axis=1)
+        check(f"{path.name} faces", (normals * middle).sum(1) / np.linalg.norm(middle, axis=1), areas, 1e3 * areas)
+        corners = {tuple(corner) for corner in np.sign(local).reshape(-1, 3)}
+        if len(corners) != 8:
+            faults.append(f"{path.name}: the plate in row {row} has {len(corners)} corners")
+
+
+def main():
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    case = Path(sys.argv[1])
+    checked = 0
+    for kind, compare in (("grains", check_grains), ("contacts", check_contacts), ("walls", check_walls)):
+        pvd = case / "DISPLAY" / f"{kind}.pvd"
+        if kind == "walls" and not pvd.exists():
+            continue
+        for time, path in collection(pvd):
+            snapshot = Snapshot(case / "OUTBOX" / f"snapshot-{path.stem.split('-')[1]}.npz")
+            check(f"{pvd.name} time", [time], [snapshot.meta["time"]])
+            compare(path, snapshot)
+            checked += 1
+    if checked == 0:
+        faults.append(f"{case}: nothing to check")
+    for fault in faults:
+        print(f"vtk_readback: {fault}", file=sys.stderr)
+    print(f"vtk_readback: {case}: {checked} files, {len(faults)} faults")
+    sys.exit(bool(faults))
+
+
+if __name__ == "__main__":
+    main()
