@@ -33,7 +33,7 @@ impl<'a> Judge<'a> {
     pub fn new(system: &'a System, rows: &'a [u32]) -> Self {
         let of = |k: &u32| &system.rows[*k as usize];
         let trace: f64 = rows.iter().map(|k| of(k).w_n + 2.0 * of(k).w_t).sum();
-        let rho = 3.0 * rows.len() as f64 / trace;
+        let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
         let speed = |i: u32| system.records[i as usize].v.norm();
         let speeds: f64 = rows.iter().map(|k| of(k).bodies.map(speed).iter().sum::<f64>().powi(2)).sum();
         let mut judge = Judge { system, rows, rho, at_zero: 0.0, floor: FLOOR * rho * speeds.sqrt() };
