@@ -1,1 +1,143 @@
+//! `cd-pre scene.ron`: reads a scene, places its grains and walls, and writes DATBOX.
+//!
+//! | module | |
+//! |---|---|
+//! | [`scene`] | what stands in scene.ron |
+//! | [`check`] | what no scene may ask for |
+//! | [`sizes`] | radii of grains |
+//! | [`place`] | where grains go |
+//! | [`motion`] | initial velocities |
+//! | [`walls`] | plates |
+//! | [`population`] | all bodies of a scene, and that none overlap |
+//! | [`write`] | the files of DATBOX |
+//! | [`report`], [`random`] | faults with their lines; numbers from a seed |
 
+pub mod check;
+pub mod motion;
+pub mod place;
+pub mod population;
+pub mod random;
+pub mod report;
+pub mod scene;
+pub mod sizes;
+pub mod walls;
+pub mod write;
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::compute::from_ron;
+use cd_formats::error::Faults;
+use clap::Parser;
+use nalgebra::Vector3;
+
+use population::Population;
+use report::Report;
+use scene::Scene;
+
+/// Makes DATBOX, the input of cd-solve, from a scene.
+///
+/// The scene names materials, contact laws, bodies of grains (their sizes, their places, their initial
+/// motion), walls and the options of the run; docs/scene.md describes every field. A scene that is at
+/// fault is refused with all its faults, and nothing is written.
+#[derive(Debug, Parser)]
+#[command(name = "cd-pre", version)]
+struct Arguments {
+    /// The scene, in RON.
+    #[arg(value_name = "scene.ron")]
+    scene: PathBuf,
+    /// Folder in which DATBOX is written; without it, the scene's own.
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+}
+
+/// Runs the program; `args` as from [`std::env::args_os`], the program's name first.
+///
+/// Returns the exit code: 0 done, 2 input refused (faults on stderr, no file written).
+pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
+    let arguments = match Arguments::try_parse_from(args) {
+        Ok(arguments) => arguments,
+        Err(message) => {
+            // Help and version come this way too; they go to stdout and are no fault.
+            let _ = message.print();
+            return message.exit_code();
+        }
+    };
+    let folder = arguments.output.unwrap_or_else(|| arguments.scene.parent().unwrap_or(Path::new("")).to_path_buf());
+    match write_datbox(&arguments.scene, &folder.join("DATBOX")) {
+        Ok(summary) => {
+            print!("{summary}");
+            0
+        }
+        Err(faults) => {
+            eprint!("{}", faults.report("cd-pre"));
+            2
+        }
+    }
+}
+
+/// Reads the scene of the file `source` and writes the files of the folder `datbox`.
+///
+/// Returns a summary for people. Errors: all faults of the scene (nothing is written then), or a file
+/// that cannot be written.
+pub fn write_datbox(source: &Path, datbox: &Path) -> Result<String, Faults> {
+    let text = atomic::read_text(source)?;
+    let (scene, population) = read(source, &text)?;
+    let files = write::files(&scene, &population);
+    for (name, text) in &files {
+        atomic::write(&datbox.join(name), text.as_bytes())?;
+    }
+    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    Ok(format!("{}wrote {}: {}\n", summary(&scene, &population), datbox.display(), names.join(" ")))
+}
+
+/// The scene in `text`, and its bodies; `source` is the file that the faults name.
+pub fn read(source: &Path, text: &str) -> Result<(Scene, Population), Faults> {
+    let scene: Scene = from_ron(source, text, "scene").map_err(|mut faults| {
+        for fault in &mut faults.0 {
+            fault.expected = "expected a scene as described in docs/scene.md".to_string();
+        }
+        faults
+    })?;
+    let mut report = Report::new(source, text);
+    check::check(&scene, source, &mut report);
+    if !report.faults.0.is_empty() {
+        return Err(report.faults);
+    }
+    let population = population::populate(&scene, &mut report);
+    report.faults.into_result((scene, population))
+}
+
+/// Counts, sizes and masses, a line for each body of grains.
+fn summary(scene: &Scene, population: &Population) -> String {
+    let line = |name: String, grains: &[&population::Grain]| {
+        let radii = || grains.iter().map(|grain| grain.radius);
+        let (count, min, max) = (grains.len(), radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
+        let mean = radii().sum::<f64>() / count as f64;
+        let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
+        format!("{name}: {count} spheres, radius {min:.5} to {max:.5} m (mean {mean:.5} m), mass {mass:.6e} kg")
+    };
+    let mut text = String::new();
+    for (group, room) in population.rooms.iter().enumerate() {
+        let grains: Vec<_> = population.grains.iter().filter(|grain| grain.group == group).collect();
+        text += &line(format!("grains {}", group + 1), &grains);
+        if let Some(room) = room {
+            let filled: f64 = grains.iter().map(|grain| sizes::volume(grain.radius)).sum();
+            text += &format!(", solid fraction {:.4} of {room}", filled / room.volume());
+        }
+        text += if scene.grains[group].driven.is_some() { ", driven\n" } else { "\n" };
+    }
+    let (all, plates) = (population.grains.iter().collect::<Vec<_>>(), population.plates.len());
+    text + &line(format!("{} bodies, {plates} of them plates", all.len() + plates), &all) + "\n"
+}
+
+/// The nearest number that the files can hold: 8 digits.
+pub fn round8(x: f64) -> f64 {
+    format!("{x:.7e}").parse().unwrap_or(x)
+}
+
+/// [`round8`] of each component.
+pub fn round_point(point: &Vector3<f64>) -> Vector3<f64> {
+    point.map(round8)
+}

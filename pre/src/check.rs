@@ -1,0 +1,410 @@
+//! What no scene may ask for: all faults of the meaning at once, before anything is placed.
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use crate::report::Report;
+use crate::scene::{Envelope, Evolution, Grains, LawKind, Place, Rotation, Scene, Sizes, Wall};
+use crate::sizes::normal_share;
+
+/// Numbers in the files of DATBOX have exponents of two digits.
+const LARGEST: f64 = 1e99;
+
+fn finite(x: f64) -> bool {
+    x.abs() < LARGEST
+}
+
+fn positive(x: f64) -> bool {
+    x > 0.0 && finite(x)
+}
+
+/// Takes every fault of `scene` into `report`; `source` is the scene's file.
+pub fn check(scene: &Scene, source: &Path, report: &mut Report) {
+    three(report, "gravity", "", &scene.gravity, "m/s^2");
+    names(report, "materials", scene.materials.iter().map(|material| &material.name));
+    for (k, material) in scene.materials.iter().enumerate() {
+        let path = format!("materials.{k}.density");
+        report.expect(positive(material.density), &path, format!("{:?}", material.density), "a density > 0 kg/m^3");
+    }
+    names(report, "laws", scene.laws.iter().map(|law| &law.name));
+    for (k, law) in scene.laws.iter().enumerate() {
+        check_law(report, &format!("laws.{k}.kind"), &law.kind);
+    }
+    report.expect(!scene.grains.is_empty(), "grains", "an empty list", "at least one body of grains");
+    for (k, grains) in scene.grains.iter().enumerate() {
+        let path = format!("grains.{k}");
+        worn(scene, report, &path, &grains.material, &grains.colour);
+        check_grains(report, &path, grains);
+    }
+    for (k, wall) in scene.walls.iter().enumerate() {
+        check_wall(scene, report, &format!("walls.{k}"), wall);
+    }
+    check_contacts(scene, report);
+    if let Err(faults) = scene.compute.check(source) {
+        for fault in faults.0 {
+            let path = format!("compute.{}", fault.object);
+            report.fault(&path, fault.found, fault.expected.trim_start_matches("expected "));
+        }
+    }
+}
+
+/// Names of one list: one to five printable ASCII characters, each once.
+fn names<'a>(report: &mut Report, list: &str, names: impl Iterator<Item = &'a String>) {
+    let mut known: Vec<&str> = Vec::new();
+    for (k, name) in names.enumerate() {
+        let path = format!("{list}.{k}.name");
+        five_characters(report, &path, name);
+        if known.contains(&name.as_str()) {
+            report.fault(&path, format!("'{name}' is there twice"), "a name of its own");
+        }
+        known.push(name);
+    }
+    report.expect(!known.is_empty(), list, "an empty list", "at least one");
+}
+
+fn five_characters(report: &mut Report, path: &str, name: &str) {
+    let fits = (1..=5).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_graphic());
+    report.expect(fits, path, format!("'{name}'"), "1 to 5 printable ASCII characters without blanks");
+}
+
+/// Material and colour of something.
+fn worn(scene: &Scene, report: &mut Report, path: &str, material: &str, colour: &str) {
+    let names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
+    if !names.contains(&material) {
+        let path = format!("{path}.material");
+        report.fault(&path, format!("'{material}' is not defined"), format!("one of {}", names.join(", ")));
+    }
+    five_characters(report, &format!("{path}.colour"), colour);
+}
+
+/// The value of the field `name` of what stands at `path`.
+fn value(report: &mut Report, path: &str, name: &str, x: f64, holds: bool, expected: &str) {
+    report.expect(holds && finite(x), path, format!("{name} {x:?}"), expected);
+}
+
+/// Finite components; `name` as in [`value`], empty for the value itself.
+fn three(report: &mut Report, path: &str, name: &str, vector: &[f64; 3], unit: &str) {
+    let found = format!("{name} {vector:?}").trim_start().to_string();
+    report.expect(vector.iter().all(|x| finite(*x)), path, found, &format!("finite numbers ({unit})"));
+}
+
+fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
+    let (_, parameters) = kind.row();
+    for &(name, x) in &parameters {
+        let (holds, expected) = match name {
+            "normal_restitution" => ((0.0..=1.0).contains(&x), "0 to 1"),
+            "tangential_restitution" => ((-1.0..=1.0).contains(&x), "-1 to 1"),
+            "cohesion" => (x >= 0.0, "a force >= 0 N"),
+            "range" => (x >= 0.0, "a distance >= 0 m"),
+            _ => (x >= 0.0, "a finite number >= 0"),
+        };
+        value(report, path, name, x, holds, expected);
+    }
+    let of = |wanted| parameters.iter().find(|(name, _)| *name == wanted).map(|(_, x)| *x);
+    if let (Some(dynamic), Some(fixed)) = (of("dynamic_friction"), of("static_friction"))
+        && dynamic > fixed
+    {
+        report.fault(
+            path,
+            format!("dynamic_friction {dynamic:?} is larger than static_friction {fixed:?}"),
+            "dynamic_friction <= static_friction",
+        );
+    }
+}
+
+fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
+    check_sizes(report, &format!("{path}.sizes"), &grains.sizes);
+    check_place(report, &format!("{path}.place"), &grains.place);
+    check_amount(report, path, grains);
+    for (name, vector, unit) in
+        [("centre", &grains.centre, "m"), ("velocity", &grains.velocity, "m/s"), ("spin", &grains.spin, "rad/s")]
+    {
+        three(report, &format!("{path}.{name}"), "", vector, unit);
+    }
+    check_rotation(report, &format!("{path}.orientation"), &grains.orientation);
+    let thermal = grains.thermal_velocity;
+    let thermal_path = format!("{path}.thermal_velocity");
+    report.expect(thermal >= 0.0 && finite(thermal), &thermal_path, format!("{thermal:?}"), "a speed >= 0 m/s");
+    if let Some(driven) = &grains.driven {
+        check_evolutions(report, &format!("{path}.driven"), driven, "m/s");
+        let at_rest = grains.velocity == [0.0; 3] && grains.spin == [0.0; 3] && thermal == 0.0;
+        report.expect(
+            at_rest,
+            &format!("{path}.driven"),
+            "the grains have a velocity, spin or thermal_velocity as well",
+            "their motion imposed or initial, not both",
+        );
+    }
+}
+
+fn check_sizes(report: &mut Report, path: &str, sizes: &Sizes) {
+    if let Sizes::List(radii) = sizes {
+        report.expect(!radii.is_empty(), path, "an empty list", "at least one radius (m)");
+    }
+    let radii = match sizes {
+        Sizes::List(radii) => radii.iter().map(|&r| ("radius", r)).collect(),
+        Sizes::Single(radius) => vec![("radius", *radius)],
+        Sizes::Uniform { min, max } => vec![("min", *min), ("max", *max)],
+        Sizes::PowerLaw { min, max, .. } => vec![("min", *min), ("max", *max)],
+        Sizes::LogNormal { median, min, max, .. } => vec![("median", *median), ("min", *min), ("max", *max)],
+    };
+    for &(name, radius) in &radii {
+        value(report, path, name, radius, radius > 0.0, "a radius > 0 m");
+    }
+    let (min, max) = sizes.range();
+    if min > max {
+        return report.fault(path, format!("min {min:?} is larger than max {max:?}"), "min <= max (m)");
+    }
+    match *sizes {
+        Sizes::PowerLaw { exponent, .. } => {
+            value(report, path, "exponent", exponent, exponent > 0.0, "a number > 0");
+        }
+        Sizes::LogNormal { median, sigma, .. } => {
+            value(report, path, "sigma", sigma, sigma > 0.0, "a number > 0");
+            let share = |r: f64| normal_share(libm::log(r / median) / sigma);
+            // Below a millionth of the whole the difference of two shares has lost half of its digits.
+            if positive(sigma) && min < max && share(max) - share(min) < 1e-6 {
+                let found = format!("min {min:?} and max {max:?} leave less than a millionth of the distribution");
+                report.fault(path, found, "cut-offs about the median (m)");
+            }
+        }
+        _ => {}
+    }
+}
+
+fn check_place(report: &mut Report, path: &str, place: &Place) {
+    let (envelope, jitter) = match place {
+        Place::List { positions, .. } => {
+            report.expect(!positions.is_empty(), path, "an empty list", "at least one position (m)");
+            for (k, position) in positions.iter().enumerate() {
+                three(report, &format!("{path}.positions.{k}"), "", position, "m");
+            }
+            return;
+        }
+        Place::JitteredLattice { envelope, jitter } => (envelope, *jitter),
+        Place::RandomSequential { envelope } => (envelope, 0.0),
+    };
+    value(report, path, "jitter", jitter, (0.0..=1.0).contains(&jitter), "0 to 1");
+    let (lengths, name) = match *envelope {
+        Envelope::Ball { radius } => (radius.map(|radius| [radius; 3]), "radius"),
+        Envelope::Ellipsoid { semi_axes, ratios } => {
+            (semi_axes.or(ratios), if semi_axes.is_some() { "semi_axes" } else { "ratios" })
+        }
+        Envelope::Box { lengths, ratios } => (lengths.or(ratios), if lengths.is_some() { "lengths" } else { "ratios" }),
+    };
+    if let Some(lengths) = lengths {
+        let found = if name == "radius" { format!("{:?}", lengths[0]) } else { format!("{lengths:?}") };
+        let path = format!("{path}.envelope");
+        report.expect(lengths.iter().all(|l| positive(*l)), &path, format!("{name} {found}"), "lengths > 0 m");
+    }
+    if let Envelope::Ellipsoid { semi_axes: Some(_), ratios: Some(_) }
+    | Envelope::Box { lengths: Some(_), ratios: Some(_) } = envelope
+    {
+        report.fault(&format!("{path}.envelope"), "both its size and ratios", "one of them");
+    }
+}
+
+/// Number, solid fraction and size of the envelope: two determine the third.
+fn check_amount(report: &mut Report, path: &str, grains: &Grains) {
+    if let Some(number) = grains.number {
+        // Body numbers have seven digits in DOF.INI.
+        let fits = (1..=9_999_999).contains(&number);
+        report.expect(fits, &format!("{path}.number"), format!("{number}"), "1 to 9999999 grains");
+    }
+    if let Some(share) = grains.solid_fraction {
+        let path = format!("{path}.solid_fraction");
+        report.expect(share > 0.0 && share < 1.0, &path, format!("{share:?}"), "more than 0 and less than 1");
+    }
+    let listed = match &grains.sizes {
+        Sizes::List(radii) => Some(radii.len()),
+        _ => None,
+    };
+    if let Place::List { positions, .. } = &grains.place {
+        let count = positions.len();
+        let agree = |other: Option<usize>| other.is_none_or(|number| number == count);
+        if !agree(listed) {
+            report.fault(
+                &format!("{path}.sizes"),
+                format!("{} radii", listed.unwrap_or(0)),
+                format!("one for each of {count} positions"),
+            );
+        }
+        if !agree(grains.number) {
+            report.fault(
+                &format!("{path}.number"),
+                format!("{} for {count} positions", grains.number.unwrap_or(0)),
+                "their number, or none",
+            );
+        }
+        let no_share = grains.solid_fraction.is_none();
+        report.expect(no_share, &format!("{path}.solid_fraction"), "given for listed positions", "none");
+        return;
+    }
+    if let (Some(count), Some(number)) = (listed, grains.number)
+        && count != number
+    {
+        report.fault(&format!("{path}.number"), format!("{number} for {count} listed radii"), "their number, or none");
+    }
+    let sized = match &grains.place {
+        Place::JitteredLattice { envelope, .. } | Place::RandomSequential { envelope } => envelope.room().1,
+        Place::List { .. } => true,
+    };
+    let given = [
+        (grains.number.is_some() || listed.is_some(), "number"),
+        (grains.solid_fraction.is_some(), "solid_fraction"),
+        (sized, "size of the envelope"),
+    ];
+    let names: Vec<&str> = given.iter().filter(|(given, _)| *given).map(|(_, name)| *name).collect();
+    if names.len() != 2 {
+        let found = if names.is_empty() { "nothing".to_string() } else { names.join(", ") };
+        report.fault(path, format!("{found} given"), "exactly two of number, solid_fraction and size of the envelope");
+    }
+}
+
+fn check_rotation(report: &mut Report, path: &str, rotation: &Rotation) {
+    direction(report, path, "axis", &rotation.axis);
+    value(report, path, "angle", rotation.angle, true, "a finite angle (rad)");
+}
+
+fn direction(report: &mut Report, path: &str, name: &str, vector: &[f64; 3]) {
+    let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+    report.expect(
+        positive(length) && length > 1e-99,
+        path,
+        format!("{name} {vector:?}"),
+        "a finite vector that is not 0",
+    );
+}
+
+fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
+    match wall {
+        Wall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, rotation } => {
+            worn(scene, report, path, material, colour);
+            three(report, &format!("{path}.centre"), "", centre, "m");
+            direction(report, path, "normal", normal);
+            if let Some(first) = first_axis {
+                direction(report, path, "first_axis", first);
+                let (first, normal) = (Vector3::from(*first), Vector3::from(*normal));
+                let parallel = first.cross(&normal).norm() <= 1e-6 * first.norm() * normal.norm();
+                // Nearer to parallel than that, round-off decides which way it points.
+                report.expect(!parallel, path, "first_axis is parallel to normal", "two different directions");
+            }
+            let fits = half_lengths.iter().all(|length| positive(*length));
+            report.expect(fits, &format!("{path}.half_lengths"), format!("{half_lengths:?}"), "lengths > 0 m");
+            check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
+            check_evolutions(report, &format!("{path}.rotation"), rotation, "rad/s");
+        }
+        Wall::Box { material, colour, centre, lengths, orientation, half_thickness, lid: _, velocity } => {
+            worn(scene, report, path, material, colour);
+            three(report, &format!("{path}.centre"), "", centre, "m");
+            let fits = lengths.iter().all(|length| positive(*length));
+            report.expect(fits, &format!("{path}.lengths"), format!("{lengths:?}"), "lengths > 0 m");
+            check_rotation(report, &format!("{path}.orientation"), orientation);
+            let thickness = format!("{half_thickness:?}");
+            report.expect(positive(*half_thickness), &format!("{path}.half_thickness"), thickness, "a length > 0 m");
+            check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
+        }
+    }
+}
+
+fn check_evolutions(report: &mut Report, path: &str, evolutions: &[Evolution; 3], unit: &str) {
+    for (k, evolution) in evolutions.iter().enumerate() {
+        let path = format!("{path}.{k}");
+        let values = match evolution {
+            Evolution::Constant(value) => vec![*value],
+            &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
+                vec![constant, amplitude, omega, phase, ramp_start, ramp_rate]
+            }
+            Evolution::Table(points) => {
+                let rising = points.len() >= 2 && points.windows(2).all(|pair| pair[0].0 < pair[1].0);
+                let found = format!("{} points", points.len());
+                report.expect(rising, &path, found, "at least two points, their times rising (s)");
+                points.iter().flat_map(|&(t, v)| [t, v]).collect()
+            }
+        };
+        let found = format!("{evolution:?}");
+        report.expect(values.iter().all(|v| finite(*v)), &path, found, &format!("finite numbers ({unit})"));
+    }
+}
+
+/// Colours of the grains and of the walls, each once.
+fn colours(scene: &Scene) -> (Vec<&str>, Vec<&str>) {
+    let mut spheres: Vec<&str> = scene.grains.iter().map(|grains| grains.colour.as_str()).collect();
+    let mut plates: Vec<&str> = scene.walls.iter().map(Wall::colour).collect();
+    for list in [&mut spheres, &mut plates] {
+        list.sort_unstable();
+        list.dedup();
+    }
+    (spheres, plates)
+}
+
+fn check_contacts(scene: &Scene, report: &mut Report) {
+    let (spheres, plates) = colours(scene);
+    let mut all = [spheres.clone(), plates.clone()].concat();
+    all.sort_unstable();
+    all.dedup();
+    let sorted =
+        |a: &str, b: &str| if a <= b { (a.to_string(), b.to_string()) } else { (b.to_string(), a.to_string()) };
+    let mut known = Vec::new();
+    for (k, contact) in scene.contacts.iter().enumerate() {
+        let path = format!("contacts.{k}");
+        let (a, b) = &contact.between;
+        for colour in [a, b] {
+            if !all.contains(&colour.as_str()) {
+                let expected = format!("one of {}", all.join(", "));
+                report.fault(&path, format!("no grains and no wall have the colour '{colour}'"), expected);
+            }
+        }
+        let pair = sorted(a, b);
+        report.expect(!known.contains(&pair), &path, format!("'{a}' and '{b}' are there twice"), "each pair once");
+        known.push(pair);
+        let law = contact.law.as_ref().map(|name| (name, scene.laws.iter().find(|law| law.name == *name)));
+        if let Some((name, None)) = law {
+            let names: Vec<&str> = scene.laws.iter().map(|law| law.name.as_str()).collect();
+            let path = format!("{path}.law");
+            report.fault(&path, format!("'{name}' is not defined"), format!("one of {}", names.join(", ")));
+        }
+        if let Some(alert) = contact.alert {
+            let path = format!("{path}.alert");
+            report.expect(positive(alert), &path, format!("{alert:?}"), "a distance > 0 m");
+            if let Some((name, Some(law))) = law
+                && alert < law.kind.range()
+            {
+                let found = format!("{alert:?} is less than the range {:?} of law '{name}'", law.kind.range());
+                report.fault(&path, found, "at least the range (m), for beyond alert no law acts");
+            }
+        }
+    }
+    for (k, a) in spheres.iter().enumerate() {
+        let beyond = plates.iter().filter(|plate| !spheres[..k].contains(plate));
+        for b in spheres[k..].iter().chain(beyond) {
+            if !known.contains(&sorted(a, b)) {
+                known.push(sorted(a, b));
+                report.fault(
+                    "contacts",
+                    format!("no law between '{a}' and '{b}'"),
+                    "one for each pair that can meet (law: None for none)",
+                );
+            }
+        }
+    }
+}
+
+impl LawKind {
+    /// Largest gap at which the law acts, m; 0 without cohesion.
+    pub fn range(&self) -> f64 {
+        match *self {
+            LawKind::IqsWetDsClb { range, .. } => range,
+            _ => 0.0,
+        }
+    }
+}
+
+impl Wall {
+    pub fn colour(&self) -> &str {
+        match self {
+            Wall::Plate { colour, .. } | Wall::Box { colour, .. } => colour,
+        }
+    }
+}

@@ -1,0 +1,3 @@
+fn main() {
+    std::process::exit(cd_pre::run(std::env::args_os()))
+}

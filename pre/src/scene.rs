@@ -1,0 +1,338 @@
+//! What stands in `scene.ron`: the types, each field with its unit. `docs/scene.md` tells the same to users.
+//!
+//! SI units and radians throughout. No meaning is checked here but the shape of the text; see [`crate::check`].
+
+use cd_formats::compute::Compute;
+use serde::{Deserialize, Deserializer};
+
+/// The whole of a `scene.ron`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Seed of all that is drawn at random; same seed, same files.
+    #[serde(default)]
+    pub seed: u64,
+    /// Uniform gravity, m/s^2, fixed axes.
+    #[serde(default)]
+    pub gravity: [f64; 3],
+    pub materials: Vec<Material>,
+    pub laws: Vec<Law>,
+    pub contacts: Vec<Contact>,
+    /// Bodies of grains, in the order of their numbers in the files.
+    pub grains: Vec<Grains>,
+    /// Walls; their bodies come behind the grains.
+    #[serde(default)]
+    pub walls: Vec<Wall>,
+    /// Options of the run, written to COMPUTE.RON.
+    #[serde(default)]
+    pub compute: Compute,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Material {
+    /// One to five characters.
+    pub name: String,
+    /// kg/m^3
+    pub density: f64,
+}
+
+/// A contact law under its nickname.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Law {
+    /// One to five characters.
+    pub name: String,
+    pub kind: LawKind,
+}
+
+/// The laws by LMGC90's names. Friction and restitution have no unit.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum LawKind {
+    /// Inelastic quasi-shock.
+    #[serde(rename = "IQS_CLB")]
+    IqsClb { friction: f64 },
+    /// Inelastic quasi-shock, static and dynamic friction.
+    #[serde(rename = "IQS_DS_CLB")]
+    IqsDsClb { dynamic_friction: f64, static_friction: f64 },
+    /// Inelastic quasi-shock with an attraction `cohesion`, N, while the gap is at most `range`, m.
+    #[serde(rename = "IQS_WET_DS_CLB")]
+    IqsWetDsClb { cohesion: f64, range: f64, dynamic_friction: f64, static_friction: f64 },
+    /// Newton's restitution.
+    #[serde(rename = "RST_CLB")]
+    RstClb { normal_restitution: f64, tangential_restitution: f64, friction: f64 },
+    /// Newton's restitution, static and dynamic friction.
+    #[serde(rename = "RST_DS_CLB")]
+    RstDsClb { normal_restitution: f64, tangential_restitution: f64, dynamic_friction: f64, static_friction: f64 },
+    /// Signorini's condition on the gap at the end of the step.
+    #[serde(rename = "GAP_SGR_CLB")]
+    GapSgrClb { friction: f64 },
+    /// Signorini's condition on the velocity.
+    #[serde(rename = "VEL_SGR_CLB")]
+    VelSgrClb { friction: f64 },
+}
+
+/// Which law holds between two colours.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Contact {
+    /// The two colours, in any order; may be the same.
+    pub between: (String, String),
+    /// Name of the law; `None` lets the two pass through each other. Must be given.
+    #[serde(deserialize_with = "given")]
+    pub law: Option<String>,
+    /// Distance surface to surface within which contacts are listed, m.
+    #[serde(default)]
+    pub alert: Option<f64>,
+}
+
+/// A field that serde may not leave out although it is an `Option`.
+fn given<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    Option::deserialize(deserializer)
+}
+
+/// One body of grains: spheres of one material and one colour.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Grains {
+    /// Name of a material.
+    pub material: String,
+    /// One to five characters.
+    pub colour: String,
+    /// How many grains; for lists of sizes or positions their length, if left out.
+    #[serde(default)]
+    pub number: Option<usize>,
+    /// Volume of the grains over that of the envelope, 0 to 1.
+    #[serde(default)]
+    pub solid_fraction: Option<f64>,
+    pub sizes: Sizes,
+    pub place: Place,
+    /// Centre of the envelope, or origin of the listed positions, m.
+    #[serde(default)]
+    pub centre: [f64; 3],
+    /// Turns the envelope, or the listed positions, about `centre`.
+    #[serde(default)]
+    pub orientation: Rotation,
+    /// Velocity of the centre of mass, m/s.
+    #[serde(default)]
+    pub velocity: [f64; 3],
+    /// Rigid rotation about the centre of mass, rad/s, fixed axes.
+    #[serde(default)]
+    pub spin: [f64; 3],
+    /// Root mean square of an additional random velocity without net momentum, m/s.
+    #[serde(default)]
+    pub thermal_velocity: f64,
+    /// Imposes the velocity of every grain, m/s, along the fixed axes; the grains do not turn.
+    #[serde(default)]
+    pub driven: Option<[Evolution; 3]>,
+}
+
+/// Radii of the grains, m.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Sizes {
+    /// All the same.
+    Single(f64),
+    /// Every radius from `min` to `max` equally likely.
+    Uniform { min: f64, max: f64 },
+    /// The number of grains larger than r falls as r^-exponent, cut at `min` and `max`.
+    PowerLaw { min: f64, max: f64, exponent: f64 },
+    /// ln r is normal with mean ln `median` and standard deviation `sigma`, cut at `min` and `max`.
+    LogNormal { median: f64, sigma: f64, min: f64, max: f64 },
+    /// These; in this order for listed positions, else shuffled.
+    List(Vec<f64>),
+}
+
+/// Where grains are put.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Place {
+    /// Sites of a face-centred cubic lattice, each grain moved at random within its site's ball.
+    JitteredLattice {
+        envelope: Envelope,
+        /// Share of a grain's free room that the random move may use, 0 to 1.
+        #[serde(default = "all")]
+        jitter: f64,
+    },
+    /// One after the other, largest first, anywhere in the envelope where there is room.
+    RandomSequential { envelope: Envelope },
+    /// Positions relative to `centre`, m.
+    List {
+        positions: Vec<[f64; 3]>,
+        #[serde(default)]
+        allow_overlap: bool,
+    },
+}
+
+fn all() -> f64 {
+    1.0
+}
+
+/// Shape and size of the room that whole grains must keep within, centred on `centre`; the size is
+/// left out (or the ratios given) where `number` and `solid_fraction` together determine it.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Envelope {
+    Ball {
+        /// m
+        #[serde(default)]
+        radius: Option<f64>,
+    },
+    Ellipsoid {
+        /// m
+        #[serde(default)]
+        semi_axes: Option<[f64; 3]>,
+        /// Semi-axes to each other.
+        #[serde(default)]
+        ratios: Option<[f64; 3]>,
+    },
+    Box {
+        /// Whole lengths, m.
+        #[serde(default)]
+        lengths: Option<[f64; 3]>,
+        /// Lengths to each other.
+        #[serde(default)]
+        ratios: Option<[f64; 3]>,
+    },
+}
+
+/// A turn by `angle`, rad, about `axis` (of any length), right-handed.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rotation {
+    pub axis: [f64; 3],
+    pub angle: f64,
+}
+
+impl Default for Rotation {
+    fn default() -> Self {
+        Rotation { axis: [0.0, 0.0, 1.0], angle: 0.0 }
+    }
+}
+
+/// Walls are plates; every one of their motions is imposed.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Wall {
+    /// One plate with two contact faces, at `centre` +- its half thickness along `normal`.
+    Plate {
+        material: String,
+        colour: String,
+        /// m
+        centre: [f64; 3],
+        /// Of any length.
+        #[serde(default = "upwards")]
+        normal: [f64; 3],
+        /// Direction of the first half length, need not be quite at right angles to `normal`.
+        #[serde(default)]
+        first_axis: Option<[f64; 3]>,
+        /// Along the first axis, the second (normal x first) and the normal, m.
+        half_lengths: [f64; 3],
+        /// Velocity, m/s, along the fixed axes.
+        #[serde(default)]
+        velocity: [Evolution; 3],
+        /// Angular velocity, rad/s, about the plate's first axis, second axis and normal.
+        #[serde(default)]
+        rotation: [Evolution; 3],
+    },
+    /// Five or six plates around a room; their faces are flush with the room.
+    Box {
+        material: String,
+        colour: String,
+        /// Centre of the room, m.
+        #[serde(default)]
+        centre: [f64; 3],
+        /// Whole lengths of the room, m.
+        lengths: [f64; 3],
+        /// Turns the box about `centre`.
+        #[serde(default)]
+        orientation: Rotation,
+        /// Of the plates, m.
+        half_thickness: f64,
+        /// Whether there is a plate on top (the box's own third axis) too.
+        #[serde(default)]
+        lid: bool,
+        /// Velocity of all plates, m/s, along the fixed axes.
+        #[serde(default)]
+        velocity: [Evolution; 3],
+    },
+}
+
+fn upwards() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+/// A velocity as a function of time t, s.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Evolution {
+    Constant(f64),
+    /// (constant + amplitude cos(omega t + phase)) min(1, ramp_start + ramp_rate t)
+    Harmonic {
+        #[serde(default)]
+        constant: f64,
+        amplitude: f64,
+        /// rad/s
+        omega: f64,
+        /// rad
+        #[serde(default)]
+        phase: f64,
+        #[serde(default = "all")]
+        ramp_start: f64,
+        /// 1/s
+        #[serde(default)]
+        ramp_rate: f64,
+    },
+    /// Points (time, value), linear between them and beyond both ends.
+    Table(Vec<(f64, f64)>),
+}
+
+impl Default for Evolution {
+    fn default() -> Self {
+        Evolution::Constant(0.0)
+    }
+}
+
+impl LawKind {
+    /// LMGC90's name, and the parameters by name in the order of TACT_BEHAV.DAT.
+    pub fn row(&self) -> (&'static str, Vec<(&'static str, f64)>) {
+        const FRICTION: &str = "friction";
+        const DYNAMIC: &str = "dynamic_friction";
+        const STATIC: &str = "static_friction";
+        const NORMAL: &str = "normal_restitution";
+        const TANGENTIAL: &str = "tangential_restitution";
+        match *self {
+            LawKind::IqsClb { friction } => ("IQS_CLB", vec![(FRICTION, friction)]),
+            LawKind::GapSgrClb { friction } => ("GAP_SGR_CLB", vec![(FRICTION, friction)]),
+            LawKind::VelSgrClb { friction } => ("VEL_SGR_CLB", vec![(FRICTION, friction)]),
+            LawKind::IqsDsClb { dynamic_friction, static_friction } => {
+                ("IQS_DS_CLB", vec![(DYNAMIC, dynamic_friction), (STATIC, static_friction)])
+            }
+            // LMGC90 has a second, tangential cohesion here, which its 3D solver does not use.
+            LawKind::IqsWetDsClb { cohesion, range, dynamic_friction, static_friction } => (
+                "IQS_WET_DS_CLB",
+                vec![
+                    ("cohesion", cohesion),
+                    ("tangential cohesion", 0.0),
+                    ("range", range),
+                    (DYNAMIC, dynamic_friction),
+                    (STATIC, static_friction),
+                ],
+            ),
+            LawKind::RstClb { normal_restitution, tangential_restitution, friction } => (
+                "RST_CLB",
+                vec![(NORMAL, normal_restitution), (TANGENTIAL, tangential_restitution), (FRICTION, friction)],
+            ),
+            LawKind::RstDsClb { normal_restitution, tangential_restitution, dynamic_friction, static_friction } => (
+                "RST_DS_CLB",
+                vec![
+                    (NORMAL, normal_restitution),
+                    (TANGENTIAL, tangential_restitution),
+                    (DYNAMIC, dynamic_friction),
+                    (STATIC, static_friction),
+                ],
+            ),
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! The bodies of a scene in the types of DATBOX, and the text of every file.
+
+use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bulk_behav::{BulkBehav, Material};
+use cd_formats::dof::{BodyDof, Dof};
+use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof};
+use cd_formats::tact_behav::{Law, See, Side, TactBehav};
+use cd_formats::vloc_rloc::VlocRloc;
+
+use crate::population::{Grain, Population};
+use crate::scene::{Evolution, Scene};
+use crate::sizes::volume;
+use crate::walls::{Plate, Tables};
+
+/// Name within DATBOX and text of every file, for a (checked) scene.
+pub fn files(scene: &Scene, population: &Population) -> Vec<(String, String)> {
+    let (drv_dof, tables) = drv_dof(scene, population);
+    let mut files: Vec<(String, String)> = [
+        ("BODIES.DAT", bodies(scene, population).to_text()),
+        ("BULK_BEHAV.DAT", bulk_behav(scene).to_text()),
+        ("TACT_BEHAV.DAT", tact_behav(scene, population).to_text()),
+        ("DRV_DOF.DAT", drv_dof.to_text()),
+        ("DOF.INI", dof(population).to_text()),
+        ("Vloc_Rloc.INI", VlocRloc::default().to_text()),
+        ("COMPUTE.RON", scene.compute.to_text()),
+    ]
+    .map(|(name, text)| (name.to_string(), text))
+    .into();
+    files.extend(tables.files());
+    files
+}
+
+/// Bodies by their principal axes (the fixed ones for spheres, those in DOF.INI for plates), inertia
+/// at density 1, position = centre of mass.
+pub fn bodies(scene: &Scene, population: &Population) -> Bodies {
+    let sphere = |grain: &Grain| {
+        let group = &scene.grains[grain.group];
+        let radius = grain.radius;
+        Body {
+            line: 0,
+            material: group.material.clone(),
+            equivalent_radius: radius,
+            inertia: Some([0.4 * volume(radius) * radius * radius; 3]),
+            position: grain.position.into(),
+            contactors: vec![contactor(&group.colour, Shape::Sphere { radius })],
+        }
+    };
+    let plate = |plate: &Plate| {
+        let squares = plate.half_lengths.map(|half| half * half);
+        let volume = 8.0 * plate.half_lengths.product();
+        Body {
+            line: 0,
+            material: plate.material.clone(),
+            equivalent_radius: libm::cbrt(0.75 * volume / std::f64::consts::PI),
+            inertia: Some([0, 1, 2].map(|k| volume / 3.0 * (squares[(k + 1) % 3] + squares[(k + 2) % 3]))),
+            position: plate.centre.into(),
+            contactors: vec![contactor(&plate.colour, Shape::Plane { half_lengths: plate.half_lengths.into() })],
+        }
+    };
+    Bodies(population.grains.iter().map(sphere).chain(population.plates.iter().map(plate)).collect())
+}
+
+fn contactor(colour: &str, shape: Shape) -> Contactor {
+    Contactor { colour: colour.to_string(), shape, local_frame: None }
+}
+
+pub fn bulk_behav(scene: &Scene) -> BulkBehav {
+    let material = |m: &crate::scene::Material| Material { name: m.name.clone(), density: m.density };
+    BulkBehav { gravity: scene.gravity, materials: scene.materials.iter().map(material).collect() }
+}
+
+/// A row for every pair of colours and of shapes that bear them.
+pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
+    let law = |law: &crate::scene::Law| {
+        let (kind, parameters) = law.kind.row();
+        let parameters = parameters.into_iter().map(|(_, value)| value).collect();
+        Law { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters }
+    };
+    let spheres = |colour: &str| scene.grains.iter().any(|grains| grains.colour == colour);
+    let plates = |colour: &str| scene.walls.iter().any(|wall| wall.colour() == colour);
+    let side = |contactor: &str, colour: &str| Side {
+        body: "RBDY3".to_string(),
+        contactor: contactor.to_string(),
+        colour: colour.to_string(),
+    };
+    let mut visibility = Vec::new();
+    for contact in &scene.contacts {
+        let Some(law) = &contact.law else { continue };
+        let range = scene.laws.iter().find(|known| known.name == *law).map_or(0.0, |known| known.kind.range());
+        let alert = contact.alert.unwrap_or_else(|| default_alert(scene, population).max(range));
+        let mut row = |candidate: Side, antagonist: Side| {
+            visibility.push(See { line: 0, candidate, law: law.clone(), antagonist, alert });
+        };
+        let (a, b) = (contact.between.0.as_str(), contact.between.1.as_str());
+        if spheres(a) && spheres(b) {
+            row(side("SPHER", a), side("SPHER", b));
+        }
+        if spheres(a) && plates(b) {
+            row(side("SPHER", a), side("PLANx", b));
+        }
+        if a != b && spheres(b) && plates(a) {
+            row(side("SPHER", b), side("PLANx", a));
+        }
+    }
+    TactBehav { laws: scene.laws.iter().map(law).collect(), visibility }
+}
+
+/// A tenth of the mean radius, and at least what two bodies at the greatest initial speed approach
+/// each other in a step, m.
+pub fn default_alert(scene: &Scene, population: &Population) -> f64 {
+    let grains = &population.grains;
+    let mean_radius = grains.iter().map(|grain| grain.radius).sum::<f64>() / grains.len() as f64;
+    let plate_speed = |plate: &Plate| (0..3).map(|k| plate.motion[k].at_start().powi(2)).sum::<f64>().sqrt();
+    let speeds = grains.iter().map(|grain| grain.velocity.norm()).chain(population.plates.iter().map(plate_speed));
+    let fastest = speeds.fold(0.0, f64::max);
+    (0.1 * mean_radius).max(2.0 * scene.compute.dt * fastest)
+}
+
+/// All six components of every plate and of every driven grain; and the tables of their files.
+pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, Tables) {
+    let mut tables = Tables::default();
+    let mut driven = Vec::new();
+    let mut drive = |body: usize, component: usize, evolution: &Evolution| {
+        let evolution = tables.written(evolution);
+        driven.push(Driven { line: 0, body, component, kind: DrivenKind::Velocity, evolution });
+    };
+    for (body, grain) in population.grains.iter().enumerate() {
+        if let Some(motion) = &scene.grains[grain.group].driven {
+            for component in 0..6 {
+                drive(body, component, motion.get(component).unwrap_or(&Evolution::Constant(0.0)));
+            }
+        }
+    }
+    for (k, plate) in population.plates.iter().enumerate() {
+        for (component, evolution) in plate.motion.iter().enumerate() {
+            drive(population.grains.len() + k, component, evolution);
+        }
+    }
+    (DrvDof(driven), tables)
+}
+
+/// Initial velocities and axes; displacements are 0.
+pub fn dof(population: &Population) -> Dof {
+    let grain = |grain: &Grain| {
+        let (v, w) = (grain.velocity, grain.spin);
+        ([v.x, v.y, v.z, w.x, w.y, w.z], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    };
+    let plate = |plate: &Plate| {
+        let velocity = [0, 1, 2, 3, 4, 5].map(|k| plate.motion[k].at_start());
+        (velocity, [0, 1, 2].map(|k| plate.axes.row(k).transpose().into()))
+    };
+    let states = population.grains.iter().map(grain).chain(population.plates.iter().map(plate));
+    let body = |(body, (velocity, axes))| BodyDof { line: 0, body, displacement: [0.0; 6], velocity, axes };
+    Dof { step: 0, time: 0.0, bodies: states.enumerate().map(body).collect() }
+}
