@@ -132,9 +132,9 @@ fn summary(scene: &Scene, population: &Population) -> String {
     text + &line(format!("{} bodies, {plates} of them plates", all.len() + plates), &all) + "\n"
 }
 
-/// The nearest number that the files can hold: 8 digits.
+/// The nearest number that the files can hold: 8 digits, and no negative zero.
 pub fn round8(x: f64) -> f64 {
-    format!("{x:.7e}").parse().unwrap_or(x)
+    format!("{x:.7e}").parse().unwrap_or(x) + 0.0
 }
 
 /// [`round8`] of each component.

@@ -65,7 +65,7 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<Plate> {
                 let (first, second) = ((axis + 1) % 3, (axis + 2) % 3);
                 // The normal points into the room; turning it turns the second axis too.
                 let local = [unit(first), -sign * unit(second), -sign * unit(axis)];
-                let rows = local.map(|axis| (turn * axis).transpose());
+                let rows = local.map(|axis| (turn * axis).add_scalar(0.0).transpose()); // no negative zeros
                 // Plates overlap along the edges of the room, so that no grain slips through there.
                 let reach = |k: usize| halves[k] + 2.0 * half_thickness;
                 let [a, b, c] = velocity.clone();

@@ -122,10 +122,11 @@ mod tests {
 
     #[test]
     fn large_rooms_are_filled_as_the_lattice_allows() {
-        // d^3 / sqrt(2) of volume a site; the layer along the wall, about d/2 thick, is lost.
+        // The sites fill the ball that is smaller by d/2, a volume of d^3 / sqrt(2) each; the offsets
+        // that were tried gain less than 2 % of d over the mean.
         let (_, d) = sites(&Room::Ball(10.0), 5000, 0.1, &mut random()).unwrap();
-        let ideal = (2f64.sqrt() * Room::Ball(10.0 - 0.25 * d).volume() / 5000.0).cbrt();
-        assert!((d / ideal - 1.0).abs() < 0.02, "{d} {ideal}");
+        let mean = (2f64.sqrt() * Room::Ball(10.0 - 0.5 * d).volume() / 5000.0).cbrt();
+        assert!((1.0..1.02).contains(&(d / mean)), "{d} {mean}");
     }
 
     #[test]
