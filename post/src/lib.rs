@@ -123,6 +123,7 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
         for plot in &write::plots::PLOTS {
             atomic::write(&postpro.join(plot.file), write::plots::svg(plot, &rows).as_bytes())?;
         }
+        atomic::write(&postpro.join("aggregate.svg"), write::picture::svg(&last).as_bytes())?;
         println!("  plots    {}", postpro.join("*.svg").display());
     }
     if !options.no_vtk {

@@ -33,11 +33,12 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
 /// Frictionless forces on a sphere all pass through its centre: without a load four are needed to
 /// hold it whatever pushes it, and a load (gravity, uniform or of the grains) stands for one of
 /// them. With friction two are enough to balance a force, along the line between them or beside it.
-/// A snapshot counts as frictional if one of its contacts carries a tangential force.
+/// A snapshot counts as frictional if one of its contacts carries a tangential force, more than
+/// the rounding of a change of frame leaves of a normal one.
 pub fn stable_number(frame: &Frame) -> u32 {
     let parameters = &frame.meta.parameters;
     let loaded = parameters.self_gravity || parameters.uniform_gravity != [0.0; 3];
-    let friction = frame.active().any(|contact| contact.tangential_force > 0.0);
+    let friction = frame.active().any(|contact| contact.tangential_force > 1e-12 * contact.normal_force.abs());
     match (friction, loaded) {
         (true, _) => 2,
         (false, true) => 3,

@@ -9,6 +9,7 @@
 //! | [`scale`] | none: units and round numbers for the eye |
 
 pub mod display;
+pub mod picture;
 pub mod plots;
 pub mod scale;
 pub mod series;

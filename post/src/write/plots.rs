@@ -7,7 +7,7 @@ use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::prelude::*;
 
 use crate::derive::Row;
-use crate::write::scale::{prefixed, superscript};
+use crate::write::scale::{prefixed, significant, superscript};
 
 /// One plot: columns of [`Row`] that share a unit.
 pub struct Plot {
@@ -40,9 +40,9 @@ pub const PLOTS: [Plot; 5] = [
     Plot {
         file: "solid_fraction.svg",
         title: "Solid fraction of the smallest enclosing ball",
-        quantity: "nu",
+        quantity: "ν",
         logarithmic: false,
-        curves: &[("nu", "nu")],
+        curves: &[("nu", "ν")],
     },
     Plot {
         file: "pressure.svg",
@@ -123,16 +123,18 @@ fn draw(root: &Area, plot: &Plot, rows: &[Row]) -> Drawn {
         .light_line_style(TRANSPARENT)
         .x_labels(7)
         .y_labels(7)
-        .x_label_formatter(&|x| decimal(*x))
-        .y_label_formatter(&|y| if plot.logarithmic { power_of_ten(*y) } else { decimal(*y) })
+        .x_label_formatter(&|x| significant(*x))
+        .y_label_formatter(&|y| if plot.logarithmic { power_of_ten(*y) } else { significant(*y) })
         .draw()?;
-    for (curve, colour) in curves.iter().zip(COLOURS) {
+    for (k, (curve, colour)) in curves.iter().zip(COLOURS).enumerate() {
+        // Later curves are thinner: where two are equal both are seen.
+        let width = 2 * (curves.len() - k) as u32;
         let points: Vec<(f64, f64)> = times.iter().map(|t| t / time_factor).zip(curve.iter().copied()).collect();
         // A value that is not defined parts the line.
         for part in points.split(|(_, y)| y.is_nan()).filter(|part| !part.is_empty()) {
-            chart.draw_series(LineSeries::new(part.iter().copied(), colour.stroke_width(2)))?;
+            chart.draw_series(LineSeries::new(part.iter().copied(), colour.stroke_width(width)))?;
             if part.len() == 1 || points.len() <= MARKED {
-                chart.draw_series(part.iter().map(|point| Circle::new(*point, 3, colour.filled())))?;
+                chart.draw_series(part.iter().map(|point| Circle::new(*point, 1 + width as i32, colour.filled())))?;
             }
         }
     }
@@ -155,9 +157,13 @@ fn range(values: impl Iterator<Item = f64>, logarithmic: bool) -> std::ops::Rang
     if low > high {
         return 0.0..1.0;
     }
+    if logarithmic {
+        let (low, high) = ((low - 0.05).floor(), (high + 0.05).ceil()); // whole powers, to have marks
+        return low..high;
+    }
     // Values that are equal within round-off are one value.
     if high - low <= 1e-9 * low.abs().max(high.abs()) {
-        let room = if logarithmic { 1.0 } else { 0.1 * low.abs() };
+        let room = 0.1 * low.abs();
         return if room > 0.0 { low - room..high + room } else { -1.0..1.0 };
     }
     let room = 0.04 * (high - low);
@@ -189,13 +195,57 @@ impl Ranged for Ticks {
     }
 }
 
-/// A tick's number, without trailing zeros.
-fn decimal(value: f64) -> String {
-    let text = format!("{value:.6}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0".into() } else { text.into() }
-}
-
 fn power_of_ten(exponent: f64) -> String {
     format!("10{}", superscript(exponent as i32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(times: &[f64], z: impl Fn(usize) -> f64) -> Vec<Row> {
+        let row = |(k, time): (usize, &f64)| Row { time: *time, Z: z(k), Ec_mean: z(k), ..Row::default() };
+        times.iter().enumerate().map(row).collect()
+    }
+
+    #[test]
+    fn every_plot_can_be_drawn_of_anything() {
+        let cases: [Vec<Row>; 6] = [
+            vec![],
+            rows(&[0.0], |_| 0.0),
+            rows(&[0.0, 1.0, 2.0], |_| 4.2),
+            rows(&[0.0, 1.0, 2.0], |_| f64::NAN),
+            rows(&[0.0, 1e-9, 3e9], |k| [1e-300, f64::NAN, 1e300][k]),
+            rows(&[5.0, 5.0], |k| [-1.0, 0.0][k]),
+        ];
+        for rows in cases {
+            for plot in &PLOTS {
+                let text = svg(plot, &rows);
+                assert!(text.contains(plot.title) && text.ends_with("</svg>\n"), "{text}");
+                assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn axes_carry_units_and_gaps_part_the_line() {
+        let text = svg(&PLOTS[1], &rows(&[0.0, 10.0, 20.0, 30.0, 40.0], |k| if k == 2 { f64::NAN } else { k as f64 }));
+        assert!(text.contains("time (s)") && text.contains("no rattlers"));
+        let lines = text.matches("stroke-width=\"4\"").count();
+        assert_eq!(lines, 2, "{text}"); // of Z, before and after the gap
+        let energy = svg(&PLOTS[0], &rows(&[0.0, 1.0], |k| [1e-3, 10.0][k]));
+        assert!(energy.contains("energy (J)") && energy.contains("10⁻²"), "{energy}");
+    }
+
+    #[test]
+    fn what_is_plotted_is_a_column() {
+        for plot in &PLOTS {
+            let units: Vec<&str> = plot
+                .curves
+                .iter()
+                .map(|(name, _)| Row::COLUMNS.iter().find(|(known, _, _)| known == name).unwrap().1)
+                .collect();
+            assert!(units.iter().all(|unit| *unit == units[0]), "{}", plot.file);
+        }
+    }
 }

@@ -43,3 +43,22 @@ pub fn round_below(limit: f64) -> f64 {
     let power = 10f64.powi(limit.log10().floor() as i32);
     [5.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|length| *length <= limit).unwrap_or(power)
 }
+
+/// Six significant digits, without trailing zeros.
+///
+/// ```
+/// # use cd_post::write::scale::significant;
+/// assert_eq!(significant(863.8000000000001), "863.8");
+/// assert_eq!(significant(-0.0), "0");
+/// assert_eq!(significant(1.0 / 3e7), "3.33333e-8");
+/// ```
+pub fn significant(value: f64) -> String {
+    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    if rounded == 0.0 {
+        "0".into()
+    } else if (1e-4..1e9).contains(&rounded.abs()) {
+        rounded.to_string()
+    } else {
+        format!("{rounded:e}")
+    }
+}

@@ -1,0 +1,227 @@
+//! `POSTPRO/aggregate.svg`: a quick picture of one state, for ParaView is not always at hand.
+//!
+//! Grains as shaded circles, far ones first, in parallel projection, coloured by the contacts that
+//! carry force. SVG written as text, since gradients make the spheres.
+
+use std::fmt::Write;
+
+use nalgebra::Rotation3;
+
+use crate::derive::coordination::contact_counts;
+use crate::frame::{Frame, Vec3};
+use crate::write::scale::{prefixed, round_below, significant};
+
+/// Side of the square for the grains and width of the strip beside it, pixels.
+const SIDE: f64 = 800.0;
+const STRIP: f64 = 120.0;
+const MARGIN: f64 = 30.0;
+/// Room between the grains and the picture's border, pixels.
+const ROOM: f64 = 50.0;
+
+/// Counts from here on share a colour.
+const MOST: u32 = 10;
+
+/// Viridis at 0, 1/4, 1/2, 3/4, 1 (Smith & van der Walt 2015), a little lighter at its dark end.
+const COLOURS: [[f64; 3]; 5] =
+    [[90.0, 40.0, 120.0], [70.0, 92.0, 150.0], [40.0, 145.0, 140.0], [100.0, 200.0, 95.0], [250.0, 225.0, 50.0]];
+
+/// A grain as it is seen: place and radius in pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Disc {
+    x: f64,
+    y: f64,
+    radius: f64,
+    /// Larger is farther.
+    depth: f64,
+    count: u32,
+}
+
+/// The text of the SVG file.
+///
+/// Seen from the front, a little from the right and from above; z points up. The scale is set by
+/// most of the grains: at most one in twenty, far off the others, are left out, and a line says so.
+pub fn svg(frame: &Frame) -> String {
+    let (discs, scale) = project(frame);
+    let (inside, outside): (Vec<Disc>, Vec<Disc>) = discs.into_iter().partition(|disc| {
+        let within = |c: f64| c > -disc.radius && c < SIDE + disc.radius;
+        within(disc.x) && within(disc.y)
+    });
+    let most = inside.iter().map(|disc| disc.count.min(MOST)).max().unwrap_or(0);
+    let mut text = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{SIDE}\" viewBox=\"0 0 {0} {SIDE}\" \
+         font-family=\"sans-serif\" font-size=\"14\" fill=\"#3c3c3c\">\n<rect width=\"{0}\" height=\"{SIDE}\" fill=\"white\"/>\n",
+        SIDE + STRIP
+    );
+    let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
+    put("<defs>".into());
+    for count in 0..=most {
+        put(gradient(count, most));
+    }
+    put(format!("<clipPath id=\"frame\"><rect width=\"{SIDE}\" height=\"{SIDE}\"/></clipPath>\n</defs>"));
+    put("<g clip-path=\"url(#frame)\" stroke=\"black\" stroke-opacity=\"0.35\" stroke-width=\"0.5\">".into());
+    for disc in visible(inside) {
+        let Disc { x, y, radius, count, .. } = disc;
+        let count = count.min(MOST);
+        put(format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" fill=\"url(#c{count})\"/>"));
+    }
+    put("</g>".into());
+    // Colour bar.
+    put(format!("<text x=\"{}\" y=\"{MARGIN}\">contacts</text>", SIDE + 20.0));
+    for count in 0..=most {
+        let y = MARGIN + 15.0 + 22.0 * f64::from(most - count);
+        let [r, g, b] = colour(count, most);
+        put(format!(
+            "<rect x=\"{}\" y=\"{y}\" width=\"18\" height=\"22\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"/>",
+            SIDE + 20.0
+        ));
+        let more = if count == MOST { "+" } else { "" };
+        put(format!("<text x=\"{}\" y=\"{}\">{count}{more}</text>", SIDE + 46.0, y + 16.0));
+    }
+    // Scale bar.
+    if scale.is_finite() {
+        let length = round_below(SIDE / 5.0 / scale);
+        let (factor, unit) = prefixed(length, "m");
+        let (left, bottom) = (MARGIN, SIDE - MARGIN);
+        put(format!("<path d=\"M{left} {bottom}h{:.2}\" stroke=\"black\" stroke-width=\"4\"/>", length * scale));
+        put(format!("<text x=\"{left}\" y=\"{}\">{:.0} {unit}</text>", bottom - 10.0, length / factor));
+    }
+    put(format!(
+        "<text x=\"{MARGIN}\" y=\"{MARGIN}\">t = {} s, grains: {}</text>",
+        significant(frame.meta.time),
+        frame.grains.len()
+    ));
+    if !outside.is_empty() {
+        put(format!(
+            "<text x=\"{MARGIN}\" y=\"{}\">{} of them outside the picture</text>",
+            MARGIN + 20.0,
+            outside.len()
+        ));
+    }
+    put("</svg>".into());
+    text
+}
+
+/// The grains on the picture's plane, and pixels per metre (NaN without grains).
+fn project(frame: &Frame) -> (Vec<Disc>, f64) {
+    let view = Rotation3::from_axis_angle(&Vec3::x_axis(), 0.35) * Rotation3::from_axis_angle(&Vec3::z_axis(), -0.5);
+    let seen: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
+    if seen.is_empty() {
+        return (vec![], f64::NAN);
+    }
+    let share = |values: &mut Vec<f64>, share: f64| {
+        values.sort_by(f64::total_cmp);
+        values[((values.len() - 1) as f64 * share).round() as usize]
+    };
+    let middle = |axis: usize| share(&mut seen.iter().map(|x| x[axis]).collect(), 0.5);
+    let (x, z) = (middle(0), middle(2));
+    // How far each grain reaches from the middle; all of them if the farthest is no outlier.
+    let mut reach: Vec<f64> =
+        seen.iter().zip(&frame.grains).map(|(seen, g)| (seen.x - x).abs().max((seen.z - z).abs()) + g.radius).collect();
+    let half = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95));
+    let scale = (SIDE / 2.0 - ROOM) / half;
+    let discs = seen.iter().zip(&frame.grains).zip(contact_counts(frame)).map(|((seen, g), count)| Disc {
+        x: SIDE / 2.0 + scale * (seen.x - x),
+        y: SIDE / 2.0 - scale * (seen.z - z),
+        radius: scale * g.radius,
+        depth: seen.y,
+        count,
+    });
+    (discs.collect(), scale)
+}
+
+/// The discs that are not behind others, far ones first.
+///
+/// From near to far, a disc is dropped if all cells of a grid that it could touch lie wholly in
+/// nearer ones. A file then holds the surface, however many grains there are.
+fn visible(mut discs: Vec<Disc>) -> Vec<Disc> {
+    const CELL: f64 = 4.0;
+    const CELLS: usize = (SIDE / CELL) as usize;
+    let mut covered = vec![false; CELLS * CELLS];
+    let span = |c: f64, radius: f64| {
+        let cell = |c: f64| (c / CELL).clamp(0.0, CELLS as f64 - 1.0) as usize;
+        cell(c - radius)..=cell(c + radius)
+    };
+    discs.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+    discs.retain(|disc| {
+        let mut seen = false;
+        for row in span(disc.y, disc.radius) {
+            for column in span(disc.x, disc.radius) {
+                let cell = &mut covered[row * CELLS + column];
+                seen |= !*cell;
+                // The farthest corner of the cell from the disc's centre.
+                let far = |c: f64, index: usize| (c - (index as f64 + 0.5) * CELL).abs() + 0.5 * CELL;
+                *cell |= far(disc.x, column).hypot(far(disc.y, row)) <= disc.radius;
+            }
+        }
+        seen
+    });
+    discs.reverse();
+    discs
+}
+
+/// Red, green, blue of a count among 0 to `most`.
+fn colour(count: u32, most: u32) -> [f64; 3] {
+    let place = f64::from(count) / f64::from(most.max(1)) * (COLOURS.len() - 1) as f64;
+    let low = (place as usize).min(COLOURS.len() - 2);
+    let share = place - low as f64;
+    std::array::from_fn(|k| (1.0 - share) * COLOURS[low][k] + share * COLOURS[low + 1][k])
+}
+
+/// Light from the upper left: the colour, lighter there and darker at the far rim.
+fn gradient(count: u32, most: u32) -> String {
+    let base = colour(count, most);
+    let mix = |towards: f64, share: f64| {
+        let [r, g, b] = base.map(|c| (1.0 - share) * c + share * towards);
+        format!("rgb({r:.0},{g:.0},{b:.0})")
+    };
+    format!(
+        "<radialGradient id=\"c{count}\" cx=\"0.38\" cy=\"0.34\" r=\"0.72\"><stop offset=\"0\" stop-color=\"{}\"/>\
+         <stop offset=\"0.5\" stop-color=\"{}\"/><stop offset=\"1\" stop-color=\"{}\"/></radialGradient>",
+        mix(255.0, 0.6),
+        mix(0.0, 0.0),
+        mix(0.0, 0.55)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::Scene;
+
+    #[test]
+    fn what_is_hidden_is_left_out_and_what_peeps_out_is_not() {
+        let disc = |x: f64, radius: f64, depth: f64| Disc { x, y: 400.0, radius, depth, count: 0 };
+        let (front, hidden, peeping) = (disc(400.0, 100.0, 0.0), disc(410.0, 50.0, 1.0), disc(480.0, 40.0, 2.0));
+        assert_eq!(visible(vec![hidden, front, peeping]), [peeping, front]);
+    }
+
+    #[test]
+    fn the_scale_bar_is_to_scale() {
+        // A sphere of 1 m fills the picture but for the room around.
+        let mut scene = Scene::default();
+        scene.grain([0.0, 0.0, 0.0], 1.0);
+        let (discs, scale) = project(&scene.frame());
+        assert!((discs[0].radius - (SIDE / 2.0 - ROOM)).abs() < 1e-9);
+        let text = svg(&scene.frame());
+        let bar = text.split("<path d=\"M30 770h").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
+        assert_eq!(bar, format!("{:.2}", 0.2 * scale)); // 160 pixels are 0.46 m
+        assert!(text.contains(">200 mm<"));
+    }
+
+    #[test]
+    fn a_lost_grain_does_not_shrink_the_others() {
+        let mut scene = Scene::default();
+        for k in 0..100 {
+            scene.grain([(k % 10) as f64, (k / 10) as f64, 0.0], 0.5);
+        }
+        scene.grain([1e9, 0.0, 0.0], 0.5);
+        assert!(svg(&scene.frame()).contains("1 of them outside the picture"));
+        assert!(project(&scene.frame()).1 > 20.0);
+    }
+
+    #[test]
+    fn nothing_is_drawn_of_nothing() {
+        let text = svg(&Scene::default().frame());
+        assert!(text.contains("grains: 0") && !text.contains("NaN"));
+    }
+}

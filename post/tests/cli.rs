@@ -1,0 +1,192 @@
+//! The program from outside: files in, files out, messages, exit status.
+
+mod samples;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use cd_formats::snapshot;
+use nalgebra::Vector3;
+use samples::Scene;
+
+fn cd_post(args: &[&str], case: &Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_cd-post")).args(args).arg(case).output().unwrap()
+}
+
+/// Exit status and stderr.
+fn refused(case: &Path) -> (i32, String) {
+    let output = cd_post(&[], case);
+    (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+}
+
+/// Three spheres on a floor at a step; later they are higher.
+fn scene(step: u64) -> Scene {
+    let mut scene = Scene::self_gravitating(6.67430e-11);
+    let meta = &mut scene.snapshot.meta;
+    (meta.step, meta.time, meta.h) = (step, step as f64 * 0.25, 0.25);
+    let floor = scene.plate([0.0, 0.0, -0.1], [5.0, 5.0, 0.1]);
+    for k in 0..3 {
+        scene.grain([2.0 * k as f64, 0.0, 1.0 + step as f64 * 1e-4], 1.0);
+    }
+    scene.push(1, 2, 3.0);
+    scene.push(3, 2, 0.0);
+    scene.contact_at(1, floor, [0.0; 3], Vector3::new(0.1, 0.0, 2.0));
+    scene
+}
+
+fn case(steps: &[u64]) -> tempfile::TempDir {
+    let case = tempfile::tempdir().unwrap();
+    for &step in steps {
+        scene(step).snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), step)).unwrap();
+    }
+    case
+}
+
+/// Every file below a folder with its bytes.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|e| (e.file_name().into_string().unwrap(), fs::read(e.path()).unwrap())).collect()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    files(folder).into_keys().collect()
+}
+
+#[test]
+fn writes_series_plots_picture_and_paraview_files() {
+    let case = case(&[0, 10, 20]);
+    let output = cd_post(&[], case.path());
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    assert!(output.stderr.is_empty(), "nothing but results without a terminal: {output:?}");
+    assert_eq!(
+        names(&case.path().join("POSTPRO")),
+        [
+            "aggregate.svg",
+            "coordination.svg",
+            "energy.svg",
+            "pressure.svg",
+            "semi_axes.svg",
+            "series.csv",
+            "solid_fraction.svg"
+        ]
+    );
+    let mut expected = Vec::new();
+    for kind in ["contacts", "grains", "walls"] {
+        expected.extend(["000000", "000010", "000020"].map(|step| format!("{kind}-{step}.vtp")));
+        expected.push(format!("{kind}.pvd"));
+    }
+    assert_eq!(names(&case.path().join("DISPLAY")), expected);
+    let series = fs::read_to_string(case.path().join("POSTPRO/series.csv")).unwrap();
+    let lines: Vec<&str> = series.lines().collect();
+    assert!(lines[0].starts_with("step,time,n_contacts,Z,"));
+    assert_eq!(lines.len(), 4);
+    assert!(lines[3].starts_with("20,5.0,2,1.0,"), "{}", lines[3]); // (2 x 1 + 1) / 3
+    let pvd = fs::read_to_string(case.path().join("DISPLAY/grains.pvd")).unwrap();
+    assert!(pvd.contains("timestep=\"2.5\" part=\"0\" file=\"grains-000010.vtp\""));
+}
+
+#[test]
+fn threads_change_no_byte() {
+    let case = case(&[0, 1, 2, 3, 4, 5, 6]);
+    let run = |threads: &str| {
+        assert!(cd_post(&["--threads", threads], case.path()).status.success());
+        (files(&case.path().join("POSTPRO")), files(&case.path().join("DISPLAY")))
+    };
+    assert_eq!(run("1"), run("3"));
+}
+
+#[test]
+fn every_takes_some_and_the_last_and_leaves_no_stale_file() {
+    let case = case(&[0, 10, 20, 30, 40, 50]);
+    assert!(cd_post(&[], case.path()).status.success());
+    fs::write(case.path().join("DISPLAY/grains-view.pvsm"), "a user's own").unwrap();
+    assert!(cd_post(&["--every", "2"], case.path()).status.success());
+    let grains: Vec<String> =
+        names(&case.path().join("DISPLAY")).into_iter().filter(|name| name.starts_with("grains")).collect();
+    assert_eq!(
+        grains,
+        [
+            "grains-000000.vtp",
+            "grains-000020.vtp",
+            "grains-000040.vtp",
+            "grains-000050.vtp",
+            "grains-view.pvsm",
+            "grains.pvd"
+        ]
+    );
+}
+
+#[test]
+fn parts_can_be_left_out() {
+    let case = case(&[0]);
+    assert!(cd_post(&["--no-vtk", "--no-plots"], case.path()).status.success());
+    assert_eq!(names(&case.path().join("POSTPRO")), ["series.csv"]);
+    assert!(!case.path().join("DISPLAY").exists());
+}
+
+#[test]
+fn a_case_without_results_is_refused() {
+    let case = tempfile::tempdir().unwrap();
+    let outbox = case.path().join("OUTBOX");
+    let expected = "expected snapshot-*.npz, the results of cd-solve";
+    let message = |found: &str| format!("cd-post: {}: folder: {found}; {expected}\n", outbox.display());
+    assert_eq!(refused(case.path()), (2, message("is not there")));
+    fs::create_dir(&outbox).unwrap();
+    assert_eq!(refused(case.path()), (2, message("holds no snapshot")));
+}
+
+#[test]
+fn a_damaged_snapshot_is_refused_and_the_series_stays_as_it_was() {
+    let case = case(&[0, 1, 2]);
+    assert!(cd_post(&[], case.path()).status.success());
+    let series = fs::read(case.path().join("POSTPRO/series.csv")).unwrap();
+    let damaged = snapshot::path(&case.path().join("OUTBOX"), 1);
+    let bytes = fs::read(&damaged).unwrap();
+    fs::write(&damaged, &bytes[..bytes.len() / 2]).unwrap();
+    let (code, message) = refused(case.path());
+    assert_eq!(code, 2);
+    assert!(message.starts_with(&format!("cd-post: {}: snapshot: ", damaged.display())), "{message}");
+    assert_eq!(fs::read(case.path().join("POSTPRO/series.csv")).unwrap(), series);
+}
+
+#[test]
+fn a_broken_state_is_refused_by_body_and_contact() {
+    let case = case(&[0]);
+    let mut broken = scene(0).snapshot;
+    broken.bodies.body_v[2][1] = f64::NAN;
+    broken.bodies.body_mass[3] = -1.0;
+    broken.contacts.contact_gap[1] = f64::INFINITY;
+    let path = snapshot::path(&case.path().join("OUTBOX"), 0);
+    broken.write(&path).unwrap();
+    let file = path.display();
+    let expected = format!(
+        "cd-post: {file}: body 3, body_v: [0.0, NaN, 0.0]; expected finite numbers\n\
+         cd-post: {file}: body 4, body_mass: [-1.0]; expected finite numbers > 0\n\
+         cd-post: {file}: contact 1, contact_gap: [inf]; expected finite numbers\n"
+    );
+    assert_eq!(refused(case.path()), (2, expected));
+    assert!(!case.path().join("POSTPRO").exists());
+}
+
+#[test]
+fn a_case_without_grains_is_done_with_a_report() {
+    let case = tempfile::tempdir().unwrap();
+    let mut scene = Scene::default();
+    scene.plate([0.0; 3], [1.0; 3]);
+    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 0)).unwrap();
+    let (code, message) = refused(case.path());
+    assert_eq!((code, message.as_str()), (1, "cd-post: 1 of 1 snapshots hold no grain: their fields are empty\n"));
+    let series = fs::read_to_string(case.path().join("POSTPRO/series.csv")).unwrap();
+    assert!(series.lines().nth(1).unwrap().starts_with("0,0.0,0,,,,"));
+}
+
+#[test]
+fn a_wrong_command_line_is_refused() {
+    let output = Command::new(env!("CARGO_BIN_EXE_cd-post")).args(["--every", "0"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let help = Command::new(env!("CARGO_BIN_EXE_cd-post")).arg("--help").output().unwrap();
+    assert_eq!(help.status.code(), Some(0));
+    assert!(String::from_utf8(help.stdout).unwrap().contains("--no-vtk"));
+}
