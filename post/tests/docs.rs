@@ -1,0 +1,78 @@
+//! `docs/observables.md` lists what is written, no more and no less.
+
+mod samples;
+
+use std::fs;
+use std::path::Path;
+
+use cd_post::derive::Row;
+use cd_post::frame::Frame;
+use cd_post::write::{display, plots};
+use samples::Scene;
+
+fn page() -> String {
+    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/observables.md")).unwrap()
+}
+
+/// The cells of the table rows under a heading whose first cell is a `name`.
+fn table(heading: &str) -> Vec<Vec<String>> {
+    let page = page();
+    let lines = page.lines().skip_while(|line| *line != heading).skip(1).take_while(|line| !line.starts_with('#'));
+    lines
+        .filter(|line| line.starts_with("| `"))
+        .map(|line| line.split('|').map(|cell| cell.trim().trim_matches('`').to_string()).skip(1).collect())
+        .collect()
+}
+
+#[test]
+fn columns_of_the_series() {
+    let documented: Vec<(String, String)> =
+        table("## Columns of series.csv").into_iter().map(|row| (row[0].clone(), row[1].clone())).collect();
+    let written: Vec<(String, String)> =
+        Row::COLUMNS.iter().map(|(name, unit, _)| (name.to_string(), unit.to_string())).collect();
+    assert_eq!(documented, written);
+}
+
+#[test]
+fn arrays_of_the_paraview_files() {
+    let mut scene = Scene::default();
+    scene.grain([0.0; 3], 1.0);
+    scene.plate([0.0, 0.0, -1.1], [1.0, 1.0, 0.1]);
+    let frame = Frame::of(scene.snapshot);
+    let types = [("Float64", "f64"), ("UInt64", "u64"), ("UInt32", "u32"), ("UInt16", "u16"), ("UInt8", "u8")];
+    for (kind, bytes) in [
+        ("grains", display::grains(&frame)),
+        ("contacts", display::contacts(&frame)),
+        ("walls", display::walls(&frame)),
+    ] {
+        let text = String::from_utf8(bytes).unwrap();
+        let attribute = |tag: &str, name: &str| -> Option<String> {
+            Some(tag.split(&format!(" {name}=\"")).nth(1)?.split('"').next()?.to_string())
+        };
+        let geometry = ["Points", "connectivity", "offsets"];
+        let written: Vec<(String, String)> = text
+            .split("<DataArray")
+            .skip(1)
+            .map(|tag| tag.split('>').next().unwrap())
+            .filter_map(|tag| {
+                let name = attribute(tag, "Name").filter(|name| !geometry.contains(&name.as_str()))?;
+                let short = types.iter().find(|(long, _)| attribute(tag, "type").as_deref() == Some(long)).unwrap().1;
+                let components = attribute(tag, "NumberOfComponents").unwrap_or("1".into());
+                Some((name, format!("{components}, {short}")))
+            })
+            .collect();
+        let documented: Vec<(String, String)> = table(&format!("### {kind}-NNNNNN.vtp"))
+            .into_iter()
+            .map(|row| (row[0].clone(), row[1].split(", of ").next().unwrap().to_string()))
+            .collect();
+        assert_eq!(documented, written, "{kind}");
+    }
+}
+
+#[test]
+fn plots() {
+    let page = page();
+    for plot in plots::PLOTS {
+        assert!(page.contains(plot.file), "{}", plot.file);
+    }
+}
