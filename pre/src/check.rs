@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use crate::report::Report;
 use crate::scene::{Envelope, Evolution, Grains, LawKind, Place, Rotation, Scene, Sizes, Wall};
-use crate::sizes::normal_share;
+use crate::sizes::{MOST_BODIES, normal_share};
 
 /// Numbers in the files of DATBOX have exponents of two digits.
 const LARGEST: f64 = 1e99;
@@ -208,9 +208,9 @@ fn check_place(report: &mut Report, path: &str, place: &Place) {
 /// Number, solid fraction and size of the envelope: two determine the third.
 fn check_amount(report: &mut Report, path: &str, grains: &Grains) {
     if let Some(number) = grains.number {
-        // Body numbers have seven digits in DOF.INI.
-        let fits = (1..=9_999_999).contains(&number);
-        report.expect(fits, &format!("{path}.number"), format!("{number}"), "1 to 9999999 grains");
+        let fits = (1..=MOST_BODIES).contains(&number);
+        let expected = format!("1 to {MOST_BODIES} grains");
+        report.expect(fits, &format!("{path}.number"), format!("{number}"), &expected);
     }
     if let Some(share) = grains.solid_fraction {
         let path = format!("{path}.solid_fraction");

@@ -9,7 +9,7 @@ use crate::place::{self, Placed};
 use crate::random::{Purpose, Random};
 use crate::report::Report;
 use crate::scene::{Grains, Place, Scene};
-use crate::sizes::volume;
+use crate::sizes::{MOST_BODIES, volume};
 use crate::walls::{Plate, plates};
 
 /// Overlaps up to this share of the smaller radius are touching: what 8 digits leave of a contact that
@@ -57,6 +57,8 @@ pub fn populate(scene: &Scene, report: &mut Report) -> Population {
             Err(misfit) => report.fault(&format!("grains.{group}.place"), misfit.found, misfit.expected),
         }
     }
+    let bodies = population.grains.len() + population.plates.len();
+    report.expect(bodies <= MOST_BODIES, "grains", format!("{bodies} bodies"), &format!("at most {MOST_BODIES}"));
     if report.faults.0.is_empty() {
         check_overlaps(scene, &population, report);
     }

@@ -10,12 +10,16 @@ use crate::random::Random;
 use crate::round8;
 use crate::scene::Sizes;
 
+/// Body numbers have seven digits in the files.
+pub const MOST_BODIES: usize = 9_999_999;
+
 /// When to stop drawing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Until {
     /// So many grains.
     Number(usize),
-    /// The sum of the volumes is as near to this, m^3, as whole grains allow.
+    /// The sum of the volumes is as near to this, m^3, as whole grains allow; or there is one grain more
+    /// than [`MOST_BODIES`].
     Volume(f64),
 }
 
@@ -101,7 +105,7 @@ impl Sizes {
                 loop {
                     let radius = next();
                     // Half a grain too much is as far from what is wanted as half a grain too little.
-                    if filled + 0.5 * volume(radius) > wanted {
+                    if filled + 0.5 * volume(radius) > wanted || radii.len() > MOST_BODIES {
                         return radii;
                     }
                     filled += volume(radius);
