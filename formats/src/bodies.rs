@@ -91,9 +91,10 @@ impl Bodies {
         let scan = &mut Scan::new(path, text);
         let mut bodies = Bodies::default();
         let mut number = 0; // as written, so that one gap is one fault
-        for position in 1.. {
-            scan.about(format!("body {position}"));
-            let Some(begin) = scan.peek() else { break };
+        let mut position = 0;
+        while let Some(begin) = scan.peek() {
+            position += usize::from(begin.keyword() == "bdyty");
+            scan.about(if position == 0 { "file".into() } else { format!("body {position}") });
             let body = scan.expect_keyword("bdyty").and_then(|_| read_body(scan, begin.number, &mut number));
             if body.is_none() {
                 scan.leave_record();
@@ -166,9 +167,11 @@ fn read_body(scan: &mut Scan, begin: usize, number: &mut u64) -> Option<Body> {
         [] if all_read => scan.fault(tacty.number, "no contactor", "expected one or more"),
         // LMGC90 takes the mass from avrd but the inertia from the contactor.
         [Contactor { shape: Shape::Sphere { radius }, .. }]
-            if equivalent_radius > 0.0 && (equivalent_radius - radius).abs() > RADIUS_ROUNDING * radius =>
+            if *radius > 0.0
+                && equivalent_radius > 0.0
+                && (equivalent_radius - radius).abs() > RADIUS_ROUNDING * radius =>
         {
-            let found = format!("avrd {equivalent_radius} is not the radius {radius} of the body's one sphere");
+            let found = format!("avrd {equivalent_radius:?} is not the radius {radius:?} of the body's one sphere");
             scan.fault(plain.number, found, "expected the radius, or 0");
         }
         _ => {}
@@ -234,13 +237,13 @@ fn read_polyhedron(scan: &mut Scan, line: Line) -> Option<Shape> {
     let lines: Vec<_> = std::iter::from_fn(|| scan.line_if(Line::continues)).collect();
     if vertex_count.checked_add(triangle_count) != Some(lines.len() as u64) {
         let seen = lines.iter().take_while(|line| line.columns(35, 90).contains('.')).count();
-        let found = format!("{seen} vertices and {} triangles follow", lines.len() - seen);
-        let expected = format!("expected {vertex_count} and {triangle_count}, as announced");
+        let found = format!("vertices {seen}, triangles {} follow", lines.len() - seen);
+        let expected = format!("expected vertices {vertex_count}, triangles {triangle_count}, as announced");
         scan.fault(line.number, found, expected);
         return None;
     }
     if vertex_count < 4 || triangle_count < 4 {
-        let found = format!("{vertex_count} vertices and {triangle_count} triangles");
+        let found = format!("vertices {vertex_count}, triangles {triangle_count}");
         scan.fault(line.number, found, "expected at least 4 of each: a closed surface");
         return None;
     }

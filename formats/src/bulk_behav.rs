@@ -37,10 +37,12 @@ impl BulkBehav {
             match begin.keyword() {
                 "gravy" => {
                     scan.about("gravity");
-                    let Some(line) = scan.expect_continuation("grv1 grv2 grv3") else { continue };
-                    let value = [0, 1, 2].map(|k| scan.real(line, GRAVITY[k], format_args!("grv{}", k + 1)));
-                    if gravity.replace(value).is_some() {
+                    if gravity.is_some() {
                         scan.fault(begin.number, "a second $gravy", "expected one");
+                    }
+                    let gravity = gravity.insert([0.0; 3]);
+                    if let Some(line) = scan.expect_continuation("grv1 grv2 grv3") {
+                        *gravity = [0, 1, 2].map(|k| scan.real(line, GRAVITY[k], format_args!("grv{}", k + 1)));
                     }
                 }
                 "behav" => {

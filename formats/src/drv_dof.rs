@@ -1,10 +1,11 @@
 //! `DRV_DOF.DAT`: imposed velocities and forces.
 
+use std::collections::HashMap;
 use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{Line, Scan, Text, e14, fortran_real, integer, put};
+use crate::scan::{Line, Scan, Text, e14, free_real, put};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DrvDof(pub Vec<Driven>);
@@ -95,13 +96,14 @@ impl DrvDof {
     pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
         let scan = &mut Scan::new(path, text);
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mut all: Vec<Driven> = Vec::new();
+        let mut all = Vec::new();
+        let mut lines = HashMap::new();
         for record in 1.. {
             scan.about(format!("record {record}"));
             if scan.peek().is_none() {
                 break;
             }
-            if read_record(scan, folder, &mut all).is_none() {
+            if read_record(scan, folder, &mut all, &mut lines).is_none() {
                 scan.leave_record();
             }
         }
@@ -112,8 +114,8 @@ impl DrvDof {
     pub fn to_text(&self) -> String {
         let mut out = String::new();
         for driven in self.0.chunk_by(|a, b| a.body == b.body) {
-            let number = integer(driven[0].body + 1, 7);
-            let _ = write!(out, "$bdyty\n RBDY3{number}\n$nodty\n NO6xx      1\n{DOFTY}");
+            let number = driven[0].body + 1;
+            let _ = write!(out, "$bdyty\n RBDY3  {number:5}\n$nodty\n NO6xx      1\n{DOFTY}");
             for Driven { component, kind, evolution, .. } in driven {
                 let word = match kind {
                     DrivenKind::Velocity => "vlocy",
@@ -141,7 +143,12 @@ impl DrvDof {
 }
 
 /// One body with all that drives it; `None` after a fault that leaves the scan inside the record.
-fn read_record(scan: &mut Scan, folder: &Path, all: &mut Vec<Driven>) -> Option<()> {
+fn read_record(
+    scan: &mut Scan,
+    folder: &Path,
+    all: &mut Vec<Driven>,
+    lines: &mut HashMap<(usize, u64), usize>,
+) -> Option<()> {
     scan.expect_keyword("bdyty")?;
     let line = scan.expect("expected RBDY3 and the number of the body", |line| !line.text().starts_with('$'))?;
     if !scan.rigid(line, 2) {
@@ -173,12 +180,12 @@ fn read_record(scan: &mut Scan, folder: &Path, all: &mut Vec<Driven>) -> Option<
             scan.fault(line.number, format!("component is {component}"), "expected 1 to 6");
             continue;
         }
-        let driven = Driven { line: line.number, body, component: component as usize - 1, kind, evolution };
-        if let Some(known) = all.iter().find(|known| (known.body, known.component) == (body, driven.component)) {
-            let found = format!("component {component} is driven already by line {}", known.line);
+        if let Some(earlier) = lines.insert((body, component), line.number) {
+            let found = format!("component {component} is driven already by line {earlier}");
             scan.fault(line.number, found, "expected each component once");
         }
-        all.push(driven);
+        let component = component as usize - 1;
+        all.push(Driven { line: line.number, body, component, kind, evolution });
     }
     Some(())
 }
@@ -210,7 +217,7 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
     while let Some(line) = scan.line() {
         let words: Vec<_> = line.text().split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();
         // Free format: an integer is as good as a real here.
-        let numbers: Vec<_> = words.iter().map_while(|word| free_real(word)).collect();
+        let numbers: Vec<_> = words.iter().map_while(|word| free_real(word).ok()).collect();
         match numbers.as_slice() {
             &[time, value] if words.len() == 2 => points.push((line.number, [time, value])),
             _ => scan.fault(
@@ -228,17 +235,43 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
         }
     }
     if points.len() < 2 {
-        scan.fault_of_file(format!("{} points", points.len()), "expected at least two");
+        scan.fault_of_file(format!("the number of points is {}", points.len()), "expected at least 2");
     }
     scan.finish(points.into_iter().map(|(_, point)| point).collect())
-}
-
-fn free_real(word: &str) -> Option<f64> {
-    let has_point = word.contains('.');
-    fortran_real(word).ok().or_else(|| word.parse().ok().filter(|x: &f64| !has_point && x.is_finite()))
 }
 
 /// The text of a table of an [`Evolution::Table`].
 pub fn table_text(points: &[[f64; 2]]) -> String {
     points.iter().map(|&[time, value]| format!("{} {}\n", e14(time), e14(value))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn harmonic_and_ramp() {
+        let e = Evolution::Harmonic {
+            constant: 1.0,
+            amplitude: 2.0,
+            omega: std::f64::consts::PI,
+            phase: 0.0,
+            ramp_start: 0.0,
+            ramp_rate: 0.5,
+        };
+        assert_eq!(e.at(0.0), 0.0);
+        assert!((e.at(1.0) + 0.5).abs() < 1e-15); // (1 - 2) / 2
+        assert!((e.at(2.0) - 3.0).abs() < 1e-15); // the ramp has reached 1
+        assert!((e.at(4.0) - 3.0).abs() < 1e-14); // and stays there
+        assert_eq!(Evolution::constant(0.7).at(12.0), 0.7);
+    }
+
+    #[test]
+    fn tables_are_lines_beyond_both_ends() {
+        let e = Evolution::Table { name: "f".into(), points: vec![[1.0, 10.0], [2.0, 20.0], [4.0, 0.0]] };
+        for (t, value) in [(0.0, 0.0), (1.0, 10.0), (1.5, 15.0), (2.0, 20.0), (3.0, 10.0), (4.0, 0.0), (5.0, -10.0)] {
+            assert_eq!(e.at(t), value, "t = {t}");
+        }
+        assert!(e.at(f64::NAN).is_nan());
+    }
 }

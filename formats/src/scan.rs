@@ -79,6 +79,26 @@ impl<'a> Line<'a> {
         self.text
     }
 
+    /// Neither of two columns is blank: one word stands across them.
+    fn abuts(self, left: usize, right: usize) -> bool {
+        // Column 1 belongs to the keyword's sign.
+        left > 1 && [left, right].iter().all(|&column| !self.columns(column, column).trim().is_empty())
+    }
+
+    /// `value`, unless the number in the columns begins before them or goes on behind: LMGC90 would read a part.
+    fn alone<T>(self, (first, last): (usize, usize), value: T) -> Result<T, &'static str> {
+        let before = self.columns(first - 1, first - 1);
+        let digits_across = before.starts_with(|c: char| c.is_ascii_digit())
+            && self.columns(first, first).starts_with(|c: char| c.is_ascii_digit() || c == '.');
+        if digits_across || ["-", "+", "."].contains(&before) {
+            return Err("which begins before its columns");
+        }
+        if !self.columns(last + 1, last + 1).trim().is_empty() {
+            return Err("which goes on beyond its columns");
+        }
+        Ok(value)
+    }
+
     fn is_skipped(self) -> bool {
         self.text.starts_with(['!', '#']) || self.text.trim().is_empty()
     }
@@ -98,7 +118,7 @@ pub struct Scan<'a> {
 impl<'a> Scan<'a> {
     pub fn new(path: &'a Path, text: &'a Text) -> Self {
         let lines: Vec<_> = text.lines().filter(|line| !line.is_skipped()).collect();
-        let last = text.lines().last().map_or(1, |line| line.number);
+        let last = lines.last().map_or(1, |line| line.number);
         Scan { path, lines, next: 0, last, object: "file".into(), faults: Faults::default() }
     }
 
@@ -131,6 +151,7 @@ impl<'a> Scan<'a> {
         self.faults.push(Fault::new(self.path, None, "file", found, expected));
     }
 
+    /// The next line, left where it is.
     pub fn peek(&self) -> Option<Line<'a>> {
         self.lines.get(self.next).copied()
     }
@@ -171,7 +192,7 @@ impl<'a> Scan<'a> {
         match self.peek() {
             Some(line) => {
                 let text: String = line.text.trim_end().chars().take(40).collect();
-                self.fault(line.number, format!("the line is '{text}'"), expected);
+                self.fault(line.number, format!("the line is '{}'", text.escape_default()), expected);
             }
             None => self.fault(self.last, "the file ends", expected),
         }
@@ -188,27 +209,33 @@ impl<'a> Scan<'a> {
 
     /// The real in the 14 columns from `first`; NaN and a fault if there is none.
     pub fn real(&mut self, line: Line, first: usize, what: impl Display) -> f64 {
-        let last = first + REAL_WIDTH - 1;
-        let field = line.columns(first, last);
-        let fault = match fortran_real(field) {
-            Ok(_) if !line.columns(last + 1, last + 1).trim().is_empty() => "which goes on beyond its columns",
-            Ok(value) => return value,
-            Err(fault) => fault,
-        };
-        self.fault(line.number, found(what, field, fault), "expected a real such as 1.0000000E+00");
-        f64::NAN
+        let columns = (first, first + REAL_WIDTH - 1);
+        match fortran_real(line.columns(columns.0, columns.1)).and_then(|value| line.alone(columns, value)) {
+            Ok(value) => value,
+            Err(fault) => {
+                self.no_number(line, columns, what, fault, "expected a real such as 1.0000000E+00");
+                f64::NAN
+            }
+        }
     }
 
     /// The three reals of a grid line.
     pub fn grid(&mut self, line: Line, names: [&str; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|k| self.real(line, GRID[k], names[k]))
+        let mut values = [f64::NAN; 3];
+        for (k, first) in GRID.into_iter().enumerate() {
+            values[k] = self.real(line, first, names[k]);
+            if line.abuts(first + REAL_WIDTH - 1, first + REAL_WIDTH) {
+                break; // too wide a number shifts all behind it
+            }
+        }
+        values
     }
 
     /// A real that must not be negative.
     pub fn length(&mut self, line: Line, first: usize, what: &str) -> f64 {
         let value = self.real(line, first, what);
         if value < 0.0 {
-            self.fault(line.number, format!("{what} is {value}"), "expected 0 or more");
+            self.fault(line.number, format!("{what} is {value:?}"), "expected 0 or more");
         }
         value
     }
@@ -217,22 +244,38 @@ impl<'a> Scan<'a> {
     pub fn positive(&mut self, line: Line, first: usize, what: &str) -> f64 {
         let value = self.real(line, first, what);
         if value <= 0.0 {
-            self.fault(line.number, format!("{what} is {value}"), "expected more than 0");
+            self.fault(line.number, format!("{what} is {value:?}"), "expected more than 0");
         }
         value
     }
 
     /// The integer in columns `first` to `last`, blanks ignored; `None` and a fault if there is none.
-    pub fn integer(&mut self, line: Line, (first, last): (usize, usize), what: impl Display) -> Option<u64> {
-        let field = line.columns(first, last);
-        let digits: String = field.chars().filter(|&c| c != ' ').collect();
-        let fault = match digits.parse::<u64>() {
-            Ok(_) if !line.columns(last + 1, last + 1).trim().is_empty() => "which goes on beyond its columns",
-            Ok(value) => return Some(value),
-            Err(_) => number_fault(&digits).unwrap_or("not an integer"),
+    pub fn integer(&mut self, line: Line, columns: (usize, usize), what: impl Display) -> Option<u64> {
+        let digits = line.columns(columns.0, columns.1).replace(' ', "");
+        let number = digits.parse().map_err(|_| number_fault(&digits).unwrap_or("not an integer of 0 or more"));
+        match number.and_then(|value| line.alone(columns, value)) {
+            Ok(value) => Some(value),
+            Err(fault) => {
+                self.no_number(line, columns, what, fault, "expected an integer such as 12");
+                None
+            }
+        }
+    }
+
+    /// Notes that columns hold no number: `avrd is '100', without ...`.
+    fn no_number(
+        &mut self,
+        line: Line,
+        (first, last): (usize, usize),
+        what: impl Display,
+        fault: &str,
+        expected: &str,
+    ) {
+        let found = match line.columns(first, last).trim() {
+            "" => format!("{what} is blank"),
+            field => format!("{what} is '{}', {fault}", field.escape_default()),
         };
-        self.fault(line.number, found(what, field, fault), "expected an integer such as 12");
-        None
+        self.fault(line.number, found, expected);
     }
 
     /// A number that counts from 1 in the file, made to count from 0.
@@ -248,18 +291,18 @@ impl<'a> Scan<'a> {
     /// The name in columns `first` to `last`, trimmed; empty and a fault if there is none.
     pub fn name(&mut self, line: Line, (first, last): (usize, usize), what: &str) -> String {
         let field = line.columns(first, last);
-        if field.trim_matches(' ').is_empty() {
-            self.fault(
-                line.number,
-                format!("{what} is blank"),
-                format!("expected a name in columns {first} to {last}"),
-            );
+        let shown = field.trim_matches(' ').escape_default();
+        let (found, expected) = if field.trim_matches(' ').is_empty() {
+            (format!("{what} is blank"), format!("expected a name in columns {first} to {last}"))
         } else if field.bytes().any(|byte| !(b' '..=b'~').contains(&byte)) {
-            let shown = field.escape_default();
-            self.fault(line.number, format!("{what} is '{shown}'"), "expected a name of printable ASCII characters");
+            (format!("{what} is '{shown}'"), "expected a name of printable ASCII characters".into())
+        } else if line.abuts(first - 1, first) || line.abuts(last, last + 1) {
+            let found = format!("{what} is '{shown}', part of a longer word");
+            (found, format!("expected a name in columns {first} to {last} and blanks around it"))
         } else {
             return field.trim_matches(' ').to_string();
-        }
+        };
+        self.fault(line.number, found, expected);
         String::new()
     }
 
@@ -297,14 +340,6 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// `radius is '1.0.0', not a number`
-fn found(what: impl Display, field: &str, fault: &str) -> String {
-    match field.trim() {
-        "" => format!("{what} is blank"),
-        shown => format!("{what} is '{}', {fault}", shown.escape_default()),
-    }
-}
-
 /// What is wrong with a field in which no number could be read, if it is one of the usual things.
 fn number_fault(field: &str) -> Option<&'static str> {
     match field {
@@ -326,6 +361,12 @@ fn number_fault(field: &str) -> Option<&'static str> {
 /// assert!(fortran_real("100").is_err());
 /// ```
 pub fn fortran_real(field: &str) -> Result<f64, &'static str> {
+    let value = free_real(field)?;
+    if field.contains('.') { Ok(value) } else { Err("without a decimal point, which LMGC90 would scale by 1e-7") }
+}
+
+/// A real where columns do not matter: as [`fortran_real`], and the point may be missing.
+pub fn free_real(field: &str) -> Result<f64, &'static str> {
     let text: String = field.chars().filter(|&c| c != ' ').map(|c| c.to_ascii_lowercase()).collect();
     if let Some(fault) = number_fault(&text) {
         return Err(fault);
@@ -337,11 +378,8 @@ pub fn fortran_real(field: &str) -> Result<f64, &'static str> {
     let mantissa_end = unsigned.find(|c: char| c != '.' && !c.is_ascii_digit()).unwrap_or(unsigned.len());
     let (mantissa, exponent) = unsigned.split_at(mantissa_end);
     let exponent = if exponent.is_empty() { "0" } else { exponent.strip_prefix(['d', 'e', 'q']).unwrap_or(exponent) };
-    // What is neither is refused by `parse`, which knows no letters but e and the words refused above.
+    // Whatever else is wrong, `parse` refuses it: of letters it takes none but this e.
     let value: f64 = format!("{mantissa}e{exponent}").parse().map_err(|_| "not a number")?;
-    if !mantissa.contains('.') {
-        return Err("without a decimal point, which LMGC90 would scale by 1e-7");
-    }
     if value.is_infinite() {
         return Err("too large a number");
     }
@@ -422,4 +460,150 @@ pub fn put_steps(out: &mut String, title: &str, step: u64, time: f64) {
     let step = integer(step, 7);
     let time = d14(time);
     let _ = write!(out, "     \n! {title}\n     \n$steps  {step}{:14}time={time}\n \n{DASHES}", "");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reals_in_the_forms_of_fortran() {
+        for (field, value) in [
+            (" 0.1234568D+01", 1.234568),
+            ("-0.1234568d-04", -0.1234568e-4),
+            (" 1.2345679E+00", 1.2345679),
+            ("1.0Q2", 100.0),
+            ("1.0-10", 1e-10),
+            (" 0.1234568-122", 0.1234568e-122),
+            ("   1. 5   D 0 1", 15.0),
+            (".5", 0.5),
+            ("+5.", 5.0),
+            ("-0.0000000D+00", 0.0),
+        ] {
+            assert_eq!(fortran_real(field), Ok(value), "{field}");
+        }
+    }
+
+    #[test]
+    fn reals_that_are_refused() {
+        for field in [
+            "",
+            "   ",
+            "100",
+            "1e3",
+            "NaN",
+            "-nan",
+            "Infinity",
+            "inf",
+            "1.0E400",
+            "**************",
+            ".",
+            "1.0.0",
+            "1.0E",
+            "1.0EE5",
+            "E5",
+            "--1.0",
+            "1.0+-5",
+            "0x1.0",
+            "1,0",
+            "1.0e5.0",
+            "\u{1a}1.0",
+        ] {
+            assert!(fortran_real(field).is_err(), "{field} was read as {:?}", fortran_real(field));
+        }
+        assert!(fortran_real("100").unwrap_err().contains("1e-7"));
+        assert_eq!(free_real("100"), Ok(100.0));
+    }
+
+    #[test]
+    fn reals_as_c_writes_them() {
+        for (x, text) in [
+            (0.0, " 0.0000000E+00"),
+            (-0.0, "-0.0000000E+00"),
+            (1.23456789, " 1.2345679E+00"),
+            (9.99999996, " 1.0000000E+01"),
+            (9.99999994, " 9.9999999E+00"),
+            (-0.000123456785, "-1.2345679E-04"), // the double lies just above the tie
+            (1.00000005, " 1.0000000E+00"),      // and this one just below
+            (-2.5e99, "-2.5000000E+99"),
+            (9.9999999e99, " 9.9999999E+99"),
+            (1e-99, " 1.0000000E-99"),
+            (9.9e-100, " 0.0000000E+00"),
+            (-1e-300, "-0.0000000E+00"),
+            (1e100, "**************"),
+            (-9.99999999e99, "**************"),
+            (f64::NAN, "**************"),
+            (f64::NEG_INFINITY, "**************"),
+        ] {
+            assert_eq!(e14(x), text, "{x:e}");
+        }
+    }
+
+    #[test]
+    fn reals_as_fortran_writes_them() {
+        for (x, text) in [
+            (0.0, " 0.0000000D+00"),
+            (-0.0, "-0.0000000D+00"),
+            (1.234567891, " 0.1234568D+01"),
+            (0.99999996, " 0.1000000D+01"),
+            (-0.05, "-0.5000000D-01"),
+            (1.0, " 0.1000000D+01"),
+            (2.5e98, " 0.2500000D+99"),
+            (-2.5e99, "-0.2500000+100"),
+            (1e-99, " 0.1000000D-98"),
+            (9e-100, " 0.0000000D+00"),
+            (1e100, "**************"),
+            (f64::INFINITY, "**************"),
+        ] {
+            assert_eq!(d14(x), text, "{x:e}");
+        }
+    }
+
+    #[test]
+    fn what_is_written_fits_its_columns_and_is_read_again() {
+        let mut x = 1.2345678912345e-98;
+        while x < 1e99 {
+            for y in [x, -x] {
+                let (e, d) = (e14(y), d14(y));
+                assert_eq!((e.len(), d.len()), (14, 14), "{e} {d}");
+                assert!((fortran_real(&e).unwrap() / y - 1.0).abs() < 5.1e-8);
+                assert!((fortran_real(&d).unwrap() / y - 1.0).abs() < 5.1e-7);
+            }
+            x *= 7.3;
+        }
+    }
+
+    #[test]
+    fn integers_that_do_not_fit_become_stars() {
+        assert_eq!(integer(42, 5), "   42");
+        assert_eq!(integer(100_000, 5), "*****");
+    }
+
+    #[test]
+    fn frames() {
+        assert_eq!(frame_defect(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), 0.0);
+        assert_eq!(frame_defect(&[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), 0.0);
+        assert_eq!(frame_defect(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]), 2.0);
+        assert_eq!(frame_defect(&[[2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.0]]), 3.0);
+    }
+
+    #[test]
+    fn a_number_across_the_edge_of_its_columns_is_refused() {
+        let path = Path::new("f");
+        let text = Text::new(b"x-1.0000000E+00 -1.0000000E-100  12");
+        let scan = &mut Scan::new(path, &text);
+        let line = scan.line().unwrap();
+        assert_eq!(scan.real(line, 2, "a"), -1.0);
+        assert!(scan.real(line, 3, "b").is_nan());
+        assert!(scan.real(line, 17, "c").is_nan());
+        assert_eq!(scan.integer(line, (34, 34), "d"), None);
+        assert_eq!(scan.integer(line, (34, 35), "e"), Some(12));
+        let faults = scan.finish(()).unwrap_err().to_string();
+        assert_eq!(
+            faults,
+            "f:1: file: b is '1.0000000E+00', which begins before its columns; expected a real such as 1.0000000E+00\n\
+             f:1: file: c is '-1.0000000E-10', which goes on beyond its columns; expected a real such as 1.0000000E+00\n\
+             f:1: file: d is '1', which goes on beyond its columns; expected an integer such as 12"
+        );
+    }
 }

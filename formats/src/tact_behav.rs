@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::bodies::CONTACTORS;
 use crate::error::Faults;
-use crate::scan::{Scan, Text, e14, put};
+use crate::scan::{Line, Scan, Text, e14, fortran_real, put};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TactBehav {
@@ -207,8 +207,21 @@ fn read_law(scan: &mut Scan) -> Option<Law> {
             };
             law.parameters.push(value);
         }
+        // LMGC90 would not look at them.
+        if let Some(&beyond) = PARAMETERS.get(labels.len()).filter(|&&first| has_real(line, first)) {
+            let found = format!("a parameter in columns {beyond} to {}", beyond + 13);
+            scan.fault(line.number, found, format!("expected {} alone on this line of {}", labels.join(" "), law.kind));
+        }
+    }
+    if let Some(more) = scan.line_if(|line| line.continues() && has_real(line, PARAMETERS[0])) {
+        let found = format!("one more line of parameters than {} has", law.kind);
+        scan.fault(more.number, found, format!("expected {}", lines.len()));
     }
     Some(law)
+}
+
+fn has_real(line: Line, first: usize) -> bool {
+    fortran_real(line.columns(first, first + 13)).is_ok()
 }
 
 /// The row after `$seety`.

@@ -59,7 +59,8 @@ struct Kind {
     /// Order of the components of force and velocity.
     components: &'static str,
     gap_label: &'static str,
-    /// Order of the lines of axes and point (`p`) after the gap.
+    /// Order of the lines of axes and point (`p`) after the gap. LMGC90 writes `tnsp` for SPCDx and
+    /// SPDCx but reads `stnp`; ours are to be read. Our reader goes by labels.
     rows: &'static str,
     /// s in the file is t x n.
     turned: bool,
@@ -72,8 +73,8 @@ const KINDS: [Kind; 10] = [
     Kind { name: "PRPLx", pair: &LONG, components: "stn", gap_label: "gapTT", rows: "ptns", turned: true },
     Kind { name: "PRPRx", pair: &LONG, components: "tns", gap_label: "gapTT", rows: "ptns", turned: true },
     Kind { name: "PTPT3", pair: &SHORT, components: "tns", gap_label: "gapTT", rows: "np", turned: true },
-    Kind { name: "SPCDx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "tnsp", turned: false },
-    Kind { name: "SPDCx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "tnsp", turned: false },
+    Kind { name: "SPCDx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: false },
+    Kind { name: "SPDCx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: false },
     Kind { name: "SPPLx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: true },
     Kind { name: "SPPRx", pair: &SHORT, components: "tns", gap_label: "gapTT", rows: "ptns", turned: true },
     Kind { name: "SPSPx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: true },
