@@ -22,6 +22,10 @@ pub struct Solution {
     pub active: usize,
 }
 
+/// Largest share of the last change that is carried on. Uncapped momentum bounces on dense frictional
+/// packings; 0.7 to 0.85 are alike.
+const MOMENTUM_CAP: f64 = 0.8;
+
 /// Solves to E <= `tol`, or stops after `max_sweeps`.
 ///
 /// Only rows that can close within the step are swept. A row left out that the solution would close
@@ -35,20 +39,21 @@ pub fn nlgs(system: &System, tol: f64, max_sweeps: u64) -> Solution {
     let mut sweeps = 0;
     loop {
         let judge = Judge::new(system, &active);
-        let mut records = velocities(system, &impulses);
+        let mut iteration = Iteration::new(system, &active, impulses);
         let mut next_check = sweeps;
         let residual = loop {
             if sweeps >= next_check || sweeps >= max_sweeps {
-                let residual = judge.residual(&impulses);
+                let residual = judge.residual(&iteration.impulses);
                 if residual.value <= tol || sweeps >= max_sweeps {
                     break residual;
                 }
                 // A check costs about a sweep: seldom enough not to matter, often enough not to overshoot by much.
                 next_check = sweeps + 2 + sweeps / 8;
             }
-            sweep(system, &active, &mut impulses, &mut records);
+            iteration.sweep();
             sweeps += 1;
         };
+        impulses = iteration.impulses;
         // From the impulses anew: the records have gathered the sweeps' rounding.
         let records = velocities(system, &impulses);
         let missed = closing_outside(system, &active, &records);
@@ -68,13 +73,64 @@ pub fn nlgs(system: &System, tol: f64, max_sweeps: u64) -> Solution {
     }
 }
 
-fn sweep(system: &System, active: &[u32], impulses: &mut [Vec3], records: &mut [Record]) {
-    for &k in active {
-        let row = &system.rows[k as usize];
-        let r = &mut impulses[k as usize];
-        let new = signorini_coulomb(row, &row.velocity(records), r);
-        row.apply(records, &(new - *r));
-        *r = new;
+/// Sweeps with momentum: each starts from y = r + beta (r - r_previous), beta growing as Nesterov's
+/// up to a cap and from 0 again when the last change points uphill.
+///
+/// Sources: Y. Nesterov, Soviet Math. Dokl. 27 (1983) 372-376; B. O'Donoghue, E. Candes, Found. Comput.
+/// Math. 15 (2015) 715-732 (restart); H. Mazhar et al., ACM Trans. Graph. 34 (2015) (in contact dynamics).
+struct Iteration<'a> {
+    system: &'a System,
+    active: &'a [u32],
+    impulses: Vec<Vec3>,
+    previous: Vec<Vec3>,
+    records: Vec<Record>,
+    previous_records: Vec<Record>,
+    t: f64,
+    beta: f64,
+}
+
+impl<'a> Iteration<'a> {
+    fn new(system: &'a System, active: &'a [u32], impulses: Vec<Vec3>) -> Self {
+        let records = velocities(system, &impulses);
+        Iteration {
+            system,
+            active,
+            previous: impulses.clone(),
+            impulses,
+            previous_records: records.clone(),
+            records,
+            t: 1.0,
+            beta: 0.0,
+        }
+    }
+
+    fn sweep(&mut self) {
+        let beta = self.beta;
+        // The velocities are linear in the impulses: carrying them on is one pass over the bodies.
+        for (record, previous) in self.records.iter_mut().zip(&mut self.previous_records) {
+            let (v, w) = (record.v, record.w);
+            record.v += (v - previous.v) * beta;
+            record.w += (w - previous.w) * beta;
+            (previous.v, previous.w) = (v, w);
+        }
+        let mut uphill = 0.0;
+        for &k in self.active {
+            let row = &self.system.rows[k as usize];
+            let (r, previous) = (&mut self.impulses[k as usize], &mut self.previous[k as usize]);
+            let start = *r + (*r - *previous) * beta;
+            let new = signorini_coulomb(row, &row.velocity(&self.records), &start);
+            row.apply(&mut self.records, &(new - start));
+            uphill += row.w_n * (start - new).dot(&(new - *r));
+            *previous = *r;
+            *r = new;
+        }
+        if uphill > 0.0 {
+            (self.t, self.beta) = (1.0, 0.0);
+        } else {
+            let t = 0.5 * (1.0 + (1.0 + 4.0 * self.t * self.t).sqrt());
+            self.beta = ((self.t - 1.0) / t).min(MOMENTUM_CAP);
+            self.t = t;
+        }
     }
 }
 
