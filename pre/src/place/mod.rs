@@ -99,7 +99,7 @@ fn jittered_lattice(
             "{} grains, the largest of radius {largest:?} m, in {room}: the lattice has {sites} sites",
             radii.len()
         ),
-        expected: "fewer or smaller grains, a larger envelope, or RandomSequential for grains of very unequal size",
+        expected: "fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very unequal grains",
     })?;
     let order = z_order(room, &sites);
     sites = order.into_iter().map(|k| sites[k]).collect();
@@ -124,7 +124,7 @@ fn random_sequential(
             radii.len(),
             sequential::ATTEMPTS
         ),
-        expected: "fewer or smaller grains, or a larger envelope",
+        expected: "fewer or smaller grains, or a larger envelope (a smaller solid fraction)",
     })?;
     let order = z_order(room, &centres);
     *radii = order.iter().map(|&k| radii[k]).collect();

@@ -1,0 +1,223 @@
+//! The program from its command line: what it writes, what it says, what it returns.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use cd_formats::bodies::{Bodies, Shape};
+use cd_formats::bulk_behav::BulkBehav;
+use cd_formats::compute::Compute;
+use cd_formats::dof::Dof;
+use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
+use cd_formats::tact_behav::TactBehav;
+use cd_formats::vloc_rloc::VlocRloc;
+use nalgebra::Vector3;
+
+fn cd_pre(arguments: &[&Path]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_cd-pre")).args(arguments).output().unwrap()
+}
+
+fn example(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name).join("scene.ron")
+}
+
+/// DATBOX of an example, in a folder that lives as long as the first value.
+fn datbox(name: &str) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = cd_pre(&[&example(name), Path::new("-o"), folder.path()]);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let datbox = folder.path().join("DATBOX");
+    (folder, datbox)
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// All spheres: centre and radius.
+fn spheres(bodies: &Bodies) -> Vec<(Vector3<f64>, f64)> {
+    let sphere = |body: &cd_formats::bodies::Body| match body.contactors[0].shape {
+        Shape::Sphere { radius } => Some((Vector3::from(body.position), radius)),
+        _ => None,
+    };
+    bodies.0.iter().filter_map(sphere).collect()
+}
+
+/// Smallest distance of two surfaces, m, over all pairs.
+fn smallest_gap(spheres: &[(Vector3<f64>, f64)]) -> f64 {
+    let gaps =
+        spheres.iter().enumerate().flat_map(|(k, a)| spheres[..k].iter().map(move |b| (a.0 - b.0).norm() - a.1 - b.1));
+    gaps.fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn accretion_is_a_thousand_grains_at_rest() {
+    let (_folder, datbox) = datbox("accretion");
+    let bodies = Bodies::read(&datbox.join("BODIES.DAT")).unwrap();
+    let spheres = spheres(&bodies);
+    assert_eq!((bodies.0.len(), spheres.len()), (1000, 1000));
+    assert!(spheres.iter().all(|(_, radius)| (8.0..=12.0).contains(radius)));
+    assert!(bodies.0.iter().zip(&spheres).all(|(body, (_, radius))| body.equivalent_radius == *radius));
+    assert!(smallest_gap(&spheres) >= 0.0);
+    let dof = Dof::read(&datbox.join("DOF.INI")).unwrap();
+    assert_eq!((dof.step, dof.time, dof.bodies.len()), (0, 0.0, 1000));
+    assert!(dof.bodies.iter().all(|body| body.velocity == [0.0; 6] && body.displacement == [0.0; 6]));
+    let bulk = BulkBehav::read(&datbox.join("BULK_BEHAV.DAT")).unwrap();
+    assert_eq!((bulk.gravity, bulk.materials[0].density), ([0.0; 3], 2700.0));
+    let tact = TactBehav::read(&datbox.join("TACT_BEHAV.DAT")).unwrap();
+    assert_eq!((tact.laws[0].kind.as_str(), &tact.laws[0].parameters[..]), ("IQS_CLB", &[0.4][..]));
+    assert!((tact.visibility[0].alert - 1.0).abs() < 0.05); // a tenth of the mean radius, about 10 m
+    assert!(DrvDof::read(&datbox.join("DRV_DOF.DAT")).unwrap().0.is_empty());
+    assert!(VlocRloc::read(&datbox.join("Vloc_Rloc.INI")).unwrap().contacts.is_empty());
+    let compute = Compute::read(&datbox.join("COMPUTE.RON")).unwrap();
+    assert_eq!((compute.dt, compute.end_time, compute.self_gravity), (2.0, Some(9000.0), true));
+}
+
+#[test]
+fn spheres_box_has_five_plates_that_stand_still() {
+    let (_folder, datbox) = datbox("spheres-box");
+    let bodies = Bodies::read(&datbox.join("BODIES.DAT")).unwrap();
+    assert_eq!((bodies.0.len(), spheres(&bodies).len()), (65, 60));
+    assert!(smallest_gap(&spheres(&bodies)) >= 0.0);
+    let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT")).unwrap().0;
+    let expected: Vec<_> = (60..65).flat_map(|body| (0..6).map(move |component| (body, component))).collect();
+    assert_eq!(driven.iter().map(|d| (d.body, d.component)).collect::<Vec<_>>(), expected);
+    assert!(driven.iter().all(|d| d.kind == DrivenKind::Velocity && d.evolution == Evolution::constant(0.0)));
+    let tact = TactBehav::read(&datbox.join("TACT_BEHAV.DAT")).unwrap();
+    let shapes: Vec<_> = tact.visibility.iter().map(|see| see.antagonist.contactor.as_str()).collect();
+    assert_eq!(shapes, ["SPHER", "PLANx"]);
+    // Mass by equal volume: (8 + 2) x (8 + 2) x 1 m^3 of the floor.
+    let floor = &bodies.0[60];
+    let volume = 4.0 / 3.0 * std::f64::consts::PI * floor.equivalent_radius.powi(3);
+    assert!((volume - 100.0).abs() < 1e-5); // 8 digits
+    let axes = Dof::read(&datbox.join("DOF.INI")).unwrap().bodies[60].axes;
+    assert_eq!(axes[2], [0.0, 0.0, 1.0]);
+}
+
+#[test]
+fn two_aggregates_spin_rigidly_and_approach() {
+    let (_folder, datbox) = datbox("two-aggregates");
+    let spheres = spheres(&Bodies::read(&datbox.join("BODIES.DAT")).unwrap());
+    let dof = Dof::read(&datbox.join("DOF.INI")).unwrap();
+    assert!(smallest_gap(&spheres) >= 0.0);
+    for (group, sign) in [(0..100, 1.0), (100..200, -1.0)] {
+        let spin = Vector3::new(0.0, 0.0, sign * 2e-4);
+        let mass = |k: usize| spheres[k].1.powi(3);
+        let velocity = |k: usize| Vector3::from_fn(|c, _| dof.bodies[k].velocity[c]);
+        let total: f64 = group.clone().map(mass).sum();
+        let mean: Vector3<f64> = group.clone().map(|k| velocity(k) * mass(k)).sum::<Vector3<f64>>() / total;
+        // Seven digits of velocities of about 0.07 m/s.
+        assert!((mean - Vector3::new(sign * 0.05, 0.0, 0.0)).norm() < 1e-8);
+        let first = group.start;
+        for k in group {
+            let (dx, dv) = (spheres[k].0 - spheres[first].0, velocity(k) - velocity(first));
+            assert!((dv - spin.cross(&dx)).norm() < 3e-8);
+            assert_eq!(dof.bodies[k].velocity[3..], [0.0, 0.0, sign * 2e-4]);
+        }
+    }
+}
+
+#[test]
+fn moving_walls_driven_grains_and_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.ron");
+    std::fs::write(
+        &scene,
+        r#"(
+            materials: [(name: "ROCKx", density: 2700)],
+            laws: [(name: "rst", kind: RST_CLB(normal_restitution: 0.5, tangential_restitution: 0, friction: 0.3))],
+            contacts: [
+                (between: ("BALLx", "BALLx"), law: "rst"),
+                (between: ("PLATE", "BALLx"), law: "rst", alert: 0.01),
+            ],
+            grains: [(
+                material: "ROCKx", colour: "BALLx", sizes: Single(0.1),
+                place: List(positions: [(0, 0, 0.1), (0, 0, 0.3)]),
+                driven: (Constant(0), Harmonic(amplitude: 2, omega: 3), Table([(0, 1), (1, 2)])),
+            )],
+            walls: [Plate(
+                material: "ROCKx", colour: "PLATE", centre: (0, 0, -0.5), half_lengths: (3, 2, 0.5),
+                velocity: (Constant(0.25), Constant(0), Table([(0, 1), (1, 2)])),
+                rotation: (Constant(0), Constant(0), Constant(1)),
+            )],
+        )"#,
+    )
+    .unwrap();
+    // Without -o the folder of the scene takes DATBOX.
+    assert_eq!(cd_pre(&[&scene]).status.code(), Some(0));
+    let datbox = folder.path().join("DATBOX");
+    let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT")).unwrap().0;
+    assert_eq!(driven.len(), 18);
+    assert_eq!(driven[1].evolution.at(0.0), 2.0);
+    assert_eq!((driven[2].evolution.at(3.0), driven[14].evolution.at(3.0)), (4.0, 4.0)); // beyond the end: linear
+    let velocity = |body: usize| Dof::read(&datbox.join("DOF.INI")).unwrap().bodies[body].velocity;
+    assert_eq!(velocity(0), [0.0, 2.0, 1.0, 0.0, 0.0, 0.0]);
+    assert_eq!(velocity(2), [0.25, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let see = TactBehav::read(&datbox.join("TACT_BEHAV.DAT")).unwrap().visibility;
+    assert_eq!(see[1].candidate.contactor, "SPHER"); // against a plane the sphere is the candidate
+    assert_eq!((see[1].candidate.colour.as_str(), see[1].alert), ("BALLx", 0.01));
+    // A step of 1e-3 s at sqrt(5) m/s is less than a tenth of the radius 0.1 m.
+    assert_eq!(see[0].alert, 0.01);
+}
+
+#[test]
+fn the_seed_decides_every_byte() {
+    let scene = std::fs::read_to_string(example("two-aggregates")).unwrap();
+    let bytes = |scene: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.ron");
+        std::fs::write(&path, scene).unwrap();
+        assert_eq!(cd_pre(&[&path]).status.code(), Some(0));
+        ["BODIES.DAT", "DOF.INI", "TACT_BEHAV.DAT"]
+            .map(|name| std::fs::read(folder.path().join("DATBOX").join(name)).unwrap())
+    };
+    let first = bytes(&scene);
+    assert!(bytes(&scene) == first);
+    assert!(bytes(&scene.replace("seed: 1", "seed: 2")) != first);
+}
+
+#[test]
+fn says_what_it_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = cd_pre(&[&example("spheres-box"), Path::new("-o"), folder.path()]);
+    let said = text(&output.stdout);
+    assert!(said.contains("65 bodies, 5 of them plates: 60 spheres, radius 0.8"), "{said}");
+    assert!(said.contains(&format!("wrote {}: BODIES.DAT", folder.path().join("DATBOX").display())), "{said}");
+    assert_eq!(text(&output.stderr), "");
+}
+
+#[test]
+fn a_refused_scene_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.ron");
+    let good = std::fs::read_to_string(example("accretion")).unwrap();
+    std::fs::write(&scene, good.replace("min: 8.0", "min: 18.0")).unwrap();
+    let output = cd_pre(&[&scene]);
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(
+        text(&output.stderr),
+        format!(
+            "cd-pre: {}:13: grains 1, sizes: min 18.0 is larger than max 12.0; expected min <= max (m)\n",
+            scene.display()
+        )
+    );
+    assert_eq!(text(&output.stdout), "");
+    assert!(!folder.path().join("DATBOX").exists());
+}
+
+#[test]
+fn missing_scene_and_unwritable_folder_are_refused() {
+    let output = cd_pre(&[Path::new("no-such.ron")]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).starts_with("cd-pre: no-such.ron: file: cannot be read: "));
+    let taken = tempfile::NamedTempFile::new().unwrap(); // a file where a folder is wanted
+    let output = cd_pre(&[&example("accretion"), Path::new("-o"), taken.path()]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("cannot be written"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn help_and_version_are_no_fault_but_unknown_flags_are() {
+    let code = |argument: &str| cd_pre(&[Path::new(argument)]).status.code();
+    assert_eq!((code("--help"), code("--version"), code("--nonsense")), (Some(0), Some(0), Some(2)));
+    assert!(text(&cd_pre(&[Path::new("--help")]).stdout).contains("scene.ron"));
+}

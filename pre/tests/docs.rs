@@ -1,0 +1,87 @@
+//! docs/scene.md is complete, and what it shows is accepted.
+
+use std::path::{Path, PathBuf};
+
+use cd_formats::compute::{Compute, from_ron};
+use cd_pre::scene;
+
+fn page() -> (PathBuf, String) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/scene.md");
+    let text = std::fs::read_to_string(&path).unwrap();
+    (path, text)
+}
+
+/// Names of fields and variants in the source of `scene.rs`, as they stand in a scene.
+fn names() -> Vec<String> {
+    let source = include_str!("../src/scene.rs");
+    let types = source.split("impl LawKind").next().unwrap();
+    let mut names = Vec::new();
+    let mut renamed = None;
+    for line in types.lines().map(str::trim).filter(|line| !line.starts_with("//")) {
+        if let Some(name) = line.strip_prefix("#[serde(rename = \"") {
+            renamed = name.split('"').next().map(str::to_string);
+        }
+        if line.starts_with('#') || line.starts_with("use ") || line.starts_with("fn ") {
+            continue;
+        }
+        // `Variant { field: type, ... },`, `Variant(type),`, `pub field: type,` or `field: type,`.
+        let words: Vec<&str> = line.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':')).collect();
+        let first = words[0];
+        if first.starts_with(char::is_uppercase) && line.ends_with(['{', ',']) && !line.contains("::default()") {
+            names.push(renamed.take().unwrap_or_else(|| first.trim_end_matches(',').to_string()));
+        }
+        names.extend(words.iter().filter_map(|word| word.strip_suffix(':')).map(str::to_string));
+    }
+    names.retain(|name| !name.is_empty() && !["D", "Rotation"].contains(&name.as_str()));
+    names
+}
+
+#[test]
+fn every_field_and_variant_is_described() {
+    let (_, text) = page();
+    let names = names();
+    // A check of the check: one of each sort.
+    for known in ["solid_fraction", "min", "IQS_WET_DS_CLB", "cohesion", "Ellipsoid", "Constant", "ramp_start"] {
+        assert!(names.iter().any(|name| name == known), "{known} is not among {names:?}");
+    }
+    // Words in `code` outside of the examples.
+    let prose: String = text.split("```").step_by(2).collect();
+    let code = prose.split('`').skip(1).step_by(2);
+    let words: Vec<&str> = code.flat_map(|span| span.split(|c: char| !(c.is_alphanumeric() || c == '_'))).collect();
+    for name in names {
+        assert!(words.contains(&name.as_str()), "docs/scene.md does not describe {name}");
+    }
+}
+
+#[test]
+fn options_of_the_run_are_those_of_the_solver() {
+    let (_, text) = page();
+    let row = |(name, default, help): (&str, String, String)| {
+        format!("| `{name}` | {default} | {} |\n", help.replace('|', "\\|"))
+    };
+    let table: String = Compute::table().into_iter().map(row).collect();
+    assert!(text.contains(&table), "docs/scene.md should hold the rows\n{table}");
+}
+
+#[test]
+fn what_it_shows_is_accepted() {
+    let (path, text) = page();
+    let mut shown = 0;
+    for block in text.split("```ron ").skip(1) {
+        let (kind, rest) = block.split_once('\n').unwrap();
+        let ron = rest.split("```").next().unwrap();
+        let read = match kind {
+            "Scene" => cd_pre::read(&path, ron).map(drop),
+            "LawKind" => from_ron::<scene::LawKind>(&path, ron, kind).map(drop),
+            "Contact" => from_ron::<scene::Contact>(&path, ron, kind).map(drop),
+            "Sizes" => from_ron::<scene::Sizes>(&path, ron, kind).map(drop),
+            "Place" => from_ron::<scene::Place>(&path, ron, kind).map(drop),
+            "Wall" => from_ron::<scene::Wall>(&path, ron, kind).map(drop),
+            "Evolution" => from_ron::<scene::Evolution>(&path, ron, kind).map(drop),
+            _ => panic!("no type for {kind}"),
+        };
+        read.unwrap_or_else(|faults| panic!("{ron}\n{faults}"));
+        shown += 1;
+    }
+    assert_eq!(shown, text.matches("```ron").count());
+}

@@ -1,0 +1,238 @@
+//! Every kind of scene that is refused, with the whole of its message.
+
+use std::path::Path;
+
+/// A scene without fault; each case below changes one of its lines.
+const GOOD: &str = r#"(
+    gravity: (0.0, 0.0, -9.81),
+    materials: [(name: "ROCKx", density: 2700.0)],
+    laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+    contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "WALLx"), law: "iqsc0")],
+    grains: [(
+        material: "ROCKx", colour: "BLUEx",
+        number: 20,
+        sizes: Uniform(min: 0.5, max: 1.0),
+        place: JitteredLattice(envelope: Ball(radius: 10.0)),
+        spin: (0.0, 0.0, 0.1),
+    )],
+    walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0.0, 0.0, -11.0), half_lengths: (9.0, 9.0, 0.5))],
+    compute: (dt: 1.0e-3),
+)
+"#;
+
+/// What cd-pre says when `from` stands as `to` in the good scene.
+fn said(from: &str, to: &str) -> String {
+    assert!(GOOD.contains(from), "{from}");
+    match cd_pre::read(Path::new("scene.ron"), &GOOD.replacen(from, to, 1)) {
+        Ok(_) => String::from("nothing"),
+        Err(faults) => faults.to_string(),
+    }
+}
+
+#[test]
+fn the_good_scene_is_good() {
+    assert_eq!(said("dt", "dt"), "nothing");
+}
+
+/// `from`, `to`, message without the file's name.
+type Case = (&'static str, &'static str, &'static str);
+
+fn check(cases: &[Case]) {
+    for (from, to, message) in cases {
+        assert_eq!(said(from, to), format!("scene.ron:{message}"), "{from} -> {to}");
+    }
+}
+
+#[test]
+fn text_that_is_no_scene() {
+    for (from, to, start) in [
+        ("spin:", "spinn:", "scene.ron:11:9: scene: Unexpected field named `spinn` in `Grains`, expected one of"),
+        ("dt:", "step:", "scene.ron:14:15: scene: Unexpected field named `step` in `Compute`, expected one of"),
+        ("min:", "low:", "scene.ron:9:24: scene: Unexpected field named `low` in `Uniform`, expected either"),
+        ("Uniform(", "Even(", "scene.ron:9:16: scene: Unexpected variant named `Even` in enum `Sizes`"),
+        ("2700.0", "\"heavy\"", "scene.ron:3:41: scene: Expected float"),
+        ("number: 20", "number: -20", "scene.ron:8:18: scene: Integer is out of bounds"),
+        ("law: \"iqsc0\"), (", "), (", "scene.ron:5:47: scene: Unexpected missing field named `law`"),
+    ] {
+        let said = said(from, to);
+        assert!(said.starts_with(start), "{from} -> {to}: {said}");
+        assert!(said.ends_with("; expected a scene as described in docs/scene.md"), "{said}");
+    }
+}
+
+#[test]
+fn materials_laws_and_colours() {
+    check(&[
+        (
+            "name: \"ROCKx\"",
+            "name: \"GRANITE\"",
+            "3: material 1, name: 'GRANITE'; expected 1 to 5 printable ASCII characters without blanks\nscene.ron:7: grains 1, material: 'ROCKx' is not defined; expected one of GRANITE\nscene.ron:13: wall 1, material: 'ROCKx' is not defined; expected one of GRANITE",
+        ),
+        ("2700.0", "NaN", "3: material 1, density: NaN; expected a density > 0 kg/m^3"),
+        (
+            "2700.0)",
+            "2700.0), (name: \"ROCKx\", density: 1.0)",
+            "3: material 2, name: 'ROCKx' is there twice; expected a name of its own",
+        ),
+        (
+            "material: \"ROCKx\", colour: \"B",
+            "material: \"ICExx\", colour: \"B",
+            "7: grains 1, material: 'ICExx' is not defined; expected one of ROCKx",
+        ),
+        ("-9.81", "inf", "2: gravity: [0.0, 0.0, inf]; expected finite numbers (m/s^2)"),
+        ("friction: 0.4", "friction: -0.4", "4: law 1, kind: friction -0.4; expected a finite number >= 0"),
+        (
+            "IQS_CLB(friction: 0.4)",
+            "IQS_DS_CLB(dynamic_friction: 0.5, static_friction: 0.4)",
+            "4: law 1, kind: dynamic_friction 0.5 is larger than static_friction 0.4; expected dynamic_friction <= static_friction",
+        ),
+        (
+            "IQS_CLB(friction: 0.4)",
+            "RST_CLB(normal_restitution: 1.1, tangential_restitution: 0, friction: 0)",
+            "4: law 1, kind: normal_restitution 1.1; expected 0 to 1",
+        ),
+        ("law: \"iqsc0\"", "law: \"iqsc1\"", "5: contact 1, law: 'iqsc1' is not defined; expected one of iqsc0"),
+        (
+            "(\"BLUEx\", \"WALLx\")",
+            "(\"BLUEx\", \"REDxx\")",
+            "5: contact 2: no grains and no wall have the colour 'REDxx'; expected one of BLUEx, WALLx\nscene.ron:5: contacts: no law between 'BLUEx' and 'WALLx'; expected one for each pair that can meet (law: None for none)",
+        ),
+        (
+            "(\"BLUEx\", \"BLUEx\")",
+            "(\"WALLx\", \"BLUEx\")",
+            "5: contact 2: 'BLUEx' and 'WALLx' are there twice; expected each pair once\nscene.ron:5: contacts: no law between 'BLUEx' and 'BLUEx'; expected one for each pair that can meet (law: None for none)",
+        ),
+        ("\"iqsc0\"),", "\"iqsc0\", alert: 0.0),", "5: contact 1, alert: 0.0; expected a distance > 0 m"),
+    ]);
+    // A law that reaches further than contacts are listed.
+    let cohesive = "IQS_WET_DS_CLB(cohesion: 1.0, range: 0.2, dynamic_friction: 0.1, static_friction: 0.1)";
+    let scene =
+        GOOD.replace("IQS_CLB(friction: 0.4)", cohesive).replacen("law: \"iqsc0\"", "law: \"iqsc0\", alert: 0.1", 1);
+    assert_eq!(
+        cd_pre::read(Path::new("scene.ron"), &scene).unwrap_err().to_string(),
+        "scene.ron:5: contact 1, alert: 0.1 is less than the range 0.2 of law 'iqsc0'; expected at least the range (m), for beyond alert no law acts"
+    );
+}
+
+#[test]
+fn sizes_and_numbers() {
+    check(&[
+        ("min: 0.5", "min: 1.5", "9: grains 1, sizes: min 1.5 is larger than max 1.0; expected min <= max (m)"),
+        ("min: 0.5", "min: 0.0", "9: grains 1, sizes: min 0.0; expected a radius > 0 m"),
+        (
+            "Uniform(min: 0.5, max: 1.0)",
+            "PowerLaw(min: 0.5, max: 1.0, exponent: 0)",
+            "9: grains 1, sizes: exponent 0.0; expected a number > 0",
+        ),
+        (
+            "Uniform(min: 0.5, max: 1.0)",
+            "LogNormal(median: 1, sigma: -1, min: 0.5, max: 1)",
+            "9: grains 1, sizes: sigma -1.0; expected a number > 0",
+        ),
+        (
+            "Uniform(min: 0.5, max: 1.0)",
+            "LogNormal(median: 1, sigma: 0.1, min: 5, max: 6)",
+            "9: grains 1, sizes: min 5.0 and max 6.0 leave less than a millionth of the distribution; expected cut-offs about the median (m)",
+        ),
+        (
+            "Uniform(min: 0.5, max: 1.0)",
+            "List([0.5, 0.6])",
+            "8: grains 1, number: 20 for 2 listed radii; expected their number, or none",
+        ),
+        (
+            "Uniform(min: 0.5, max: 1.0)",
+            "List([0.5, NaN])",
+            "9: grains 1, sizes: radius NaN; expected a radius > 0 m\nscene.ron:8: grains 1, number: 20 for 2 listed radii; expected their number, or none",
+        ),
+        ("number: 20", "number: 0", "8: grains 1, number: 0; expected 1 to 9999999 grains"),
+        (
+            "number: 20,",
+            "",
+            "6: grains 1: size of the envelope given; expected exactly two of number, solid_fraction and size of the envelope",
+        ),
+        (
+            "number: 20",
+            "number: 20, solid_fraction: 0.2",
+            "6: grains 1: number, solid_fraction, size of the envelope given; expected exactly two of number, solid_fraction and size of the envelope",
+        ),
+        ("number: 20", "solid_fraction: 1.5", "8: grains 1, solid_fraction: 1.5; expected more than 0 and less than 1"),
+        (
+            "number: 20",
+            "number: 2000",
+            "10: grains 1, place: 2000 grains, the largest of radius 0.99981832 m, in a ball of radius 10.00000 m: the lattice has 555 sites; expected fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very unequal grains",
+        ),
+    ]);
+}
+
+#[test]
+fn places_and_motion() {
+    check(&[
+        ("radius: 10.0", "radius: -1.0", "10: grains 1, place, envelope: radius -1.0; expected lengths > 0 m"),
+        (
+            "Ball(radius: 10.0)",
+            "Box(lengths: (1, 0, 1))",
+            "10: grains 1, place, envelope: lengths [1.0, 0.0, 1.0]; expected lengths > 0 m",
+        ),
+        (
+            "Ball(radius: 10.0)",
+            "Box(lengths: (9, 9, 9), ratios: (1, 1, 1))",
+            "10: grains 1, place, envelope: both its size and ratios; expected one of them",
+        ),
+        ("10.0))", "10.0), jitter: 1.5)", "10: grains 1, place: jitter 1.5; expected 0 to 1"),
+        ("0.1),", "NaN),", "11: grains 1, spin: [0.0, 0.0, NaN]; expected finite numbers (rad/s)"),
+        ("0.1),", "0.1), thermal_velocity: -1", "11: grains 1, thermal_velocity: -1.0; expected a speed >= 0 m/s"),
+        (
+            "0.1),",
+            "0.1), orientation: (axis: (0, 0, 0), angle: 1)",
+            "11: grains 1, orientation: axis [0.0, 0.0, 0.0]; expected a finite vector that is not 0",
+        ),
+        (
+            "0.1),",
+            "0.1), driven: (Constant(0), Constant(0), Constant(0))",
+            "11: grains 1, driven: the grains have a velocity, spin or thermal_velocity as well; expected their motion imposed or initial, not both",
+        ),
+        (
+            "half_lengths: (9.0, 9.0, 0.5)",
+            "half_lengths: (9.0, 9.0, 0.0)",
+            "13: wall 1, half_lengths: [9.0, 9.0, 0.0]; expected lengths > 0 m",
+        ),
+        (
+            "centre: (0.0, 0.0, -11.0)",
+            "centre: (0, 0, -11), normal: (0, 0, 1), first_axis: (0, 0, 1)",
+            "13: wall 1: first_axis is parallel to normal; expected two different directions",
+        ),
+        (
+            "centre: (0.0, 0.0, -11.0)",
+            "centre: (0, 0, -11), velocity: (Constant(0), Constant(0), Table([(1, 0), (0, 0)]))",
+            "13: wall 1, velocity 3: 2 points; expected at least two points, their times rising (s)",
+        ),
+        ("dt: 1.0e-3", "dt: 0.0", "14: compute, dt: 0; expected a finite time step > 0 s"),
+    ]);
+}
+
+#[test]
+fn overlaps() {
+    let list = "place: List(positions: [(0, 0, 0), (0, 0, 1.5), (5, 0, 0)]), // ";
+    let sizes = "sizes: Single(1.0), // ";
+    let scene = GOOD.replace("place:", list).replace("sizes:", sizes).replace("number: 20", "number: 3");
+    let said = |scene: &str| match cd_pre::read(Path::new("scene.ron"), scene) {
+        Ok(_) => String::from("nothing"),
+        Err(faults) => faults.to_string(),
+    };
+    let expected = "expected grains that touch at most (a List may have allow_overlap: true)";
+    assert_eq!(
+        said(&scene),
+        format!(
+            "scene.ron:10: grains 1, place: grain 1 of grains 1 and grain 2 of grains 1 overlap by 5.000e-1 m; {expected}"
+        )
+    );
+    assert_eq!(said(&scene.replace("1.5)", "2.0)")), "nothing"); // touching
+    assert_eq!(said(&scene.replace("1.5), (5, 0, 0)]", "1.5), (5, 0, 0)], allow_overlap: true")), "nothing");
+    assert_eq!(
+        said(&scene.replace("1.5)", "3.0)").replace("-11.0", "-1.25")),
+        format!("scene.ron:10: grains 1, place: grain 1 of grains 1 and wall 1 overlap by 2.500e-1 m; {expected}\n")
+            + &format!(
+                "scene.ron:10: grains 1, place: grain 3 of grains 1 and wall 1 overlap by 2.500e-1 m; {expected}"
+            )
+    );
+}
