@@ -52,7 +52,7 @@ fn text_that_is_no_scene() {
         ("Uniform(", "Even(", "scene.ron:9:16: scene: Unexpected variant named `Even` in enum `Sizes`"),
         ("2700.0", "\"heavy\"", "scene.ron:3:41: scene: Expected float"),
         ("number: 20", "number: -20", "scene.ron:8:18: scene: Integer is out of bounds"),
-        ("law: \"iqsc0\"), (", "), (", "scene.ron:5:47: scene: Unexpected missing field named `law`"),
+        ("law: \"iqsc0\"), (", "), (", "scene.ron:5:46: scene: Unexpected missing field named `law`"),
     ] {
         let said = said(from, to);
         assert!(said.starts_with(start), "{from} -> {to}: {said}");
