@@ -118,7 +118,7 @@ impl Bodies {
 
 /// The record after `$bdyty`; `None` after a fault that leaves the scan inside the record.
 fn read_body(scan: &mut Scan, begin: usize, number: &mut u64) -> Option<Body> {
-    let line = scan.expect("expected RBDY3 and the number of the body", |line| !line.text().starts_with('$'))?;
+    let line = scan.expect("expected RBDY3 and the number of the body", Line::is_data)?;
     if !scan.rigid(line, 2) {
         return None;
     }
@@ -152,7 +152,7 @@ fn read_body(scan: &mut Scan, begin: usize, number: &mut u64) -> Option<Body> {
         if scan.line_if(|line| line.keyword() == "$$$$$").is_some() {
             break;
         }
-        let line = scan.expect("expected a contactor or $$$$$$", |line| !line.text().starts_with('$'))?;
+        let line = scan.expect("expected a contactor or $$$$$$", Line::is_data)?;
         scan.about(format!("{body}, contactor {} {rank}", line.keyword().trim()));
         let contactor = read_contactor(scan, line);
         all_read &= contactor.is_some();

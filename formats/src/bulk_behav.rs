@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{Scan, Text, e14, put};
+use crate::scan::{Line, Scan, Text, e14, put};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BulkBehav {
@@ -47,7 +47,7 @@ impl BulkBehav {
                 }
                 "behav" => {
                     scan.about(format!("material {}", materials.len() + 1));
-                    let Some(line) = scan.expect("expected a material", |line| !line.text().starts_with('$')) else {
+                    let Some(line) = scan.expect("expected a material", Line::is_data) else {
                         continue;
                     };
                     let name = scan.name5(line, 2, "name");

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{DASHES, Scan, Text, d14, integer, put_grid, put_steps};
+use crate::scan::{DASHES, Line, Scan, Text, d14, integer, put_grid, put_steps};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Dof {
@@ -91,7 +91,7 @@ impl Dof {
 /// One body; `None` after a fault that leaves the scan inside the record.
 fn read_record(scan: &mut Scan) -> Option<BodyDof> {
     scan.expect_keyword("bdyty")?;
-    let line = scan.expect("expected RBDY3 and the number of the body", |line| !line.text().starts_with('$'))?;
+    let line = scan.expect("expected RBDY3 and the number of the body", Line::is_data)?;
     if !scan.rigid(line, 2) {
         return None;
     }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{Line, Scan, Text, e14, free_real, put};
+use crate::scan::{Line, Scan, Text, e14, free_real, integer, put};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DrvDof(pub Vec<Driven>);
@@ -114,8 +114,10 @@ impl DrvDof {
     pub fn to_text(&self) -> String {
         let mut out = String::new();
         for driven in self.0.chunk_by(|a, b| a.body == b.body) {
+            // Of the columns 7-15 that are read, up to 13 as pre does while that is enough.
             let number = driven[0].body + 1;
-            let _ = write!(out, "$bdyty\n RBDY3  {number:5}\n$nodty\n NO6xx      1\n{DOFTY}");
+            let number = if number > 99_999 { integer(number, 9) } else { integer(number, 7) };
+            let _ = write!(out, "$bdyty\n RBDY3{number}\n$nodty\n NO6xx      1\n{DOFTY}");
             for Driven { component, kind, evolution, .. } in driven {
                 let word = match kind {
                     DrivenKind::Velocity => "vlocy",
@@ -150,7 +152,7 @@ fn read_record(
     lines: &mut HashMap<(usize, u64), usize>,
 ) -> Option<()> {
     scan.expect_keyword("bdyty")?;
-    let line = scan.expect("expected RBDY3 and the number of the body", |line| !line.text().starts_with('$'))?;
+    let line = scan.expect("expected RBDY3 and the number of the body", Line::is_data)?;
     if !scan.rigid(line, 2) {
         return None;
     }
@@ -163,7 +165,7 @@ fn read_record(
     }
     scan.expect_keyword("dofty")?;
     while scan.line_if(|line| line.keyword() == "$$$$$").is_none() {
-        let line = scan.expect("expected vlocy, force or $$$$$$", |line| !line.text().starts_with('$'))?;
+        let line = scan.expect("expected vlocy, force or $$$$$$", Line::is_data)?;
         let kind = match line.keyword() {
             "vlocy" => DrivenKind::Velocity,
             "force" => DrivenKind::Force,

@@ -4,13 +4,16 @@
 //! column and goes on whatever stands there: a field at fault is noted, and its value is one that
 //! fails no later comparison (NaN, `None`, an empty name), so that one mistake gives one message.
 //!
-//! Three blanks-and-labels grids are shared by all files:
+//! Most lines of all files share a grid:
 //!
-//! | line | columns |
+//! | columns | content |
 //! |---|---|
-//! | keyword, or type word of a data line | 2-6 |
-//! | number of the object | 9-13, 9-15 in state files |
-//! | three reals, each behind a label of five columns | 35-48, 56-69, 77-90 |
+//! | 2-6 | keyword behind `$`, or type of what the line describes |
+//! | 9-13, in state files 9-15 | number of the object |
+//! | 35-48, 56-69, 77-90 | reals, each behind a label of five columns that nobody reads |
+//!
+//! No field but the internal variables of a contact lies beyond column 103, so the 180 columns that
+//! LMGC90 takes of a line need no care.
 
 use std::fmt::{Display, Write};
 use std::fs;
@@ -32,10 +35,12 @@ pub const FRAME_TOLERANCE: f64 = 1e-4;
 pub struct Text(String);
 
 impl Text {
+    /// The file's text; a file that cannot be read is a fault.
     pub fn load(path: &Path) -> Result<Self, Faults> {
         fs::read(path).map(|bytes| Text::new(&bytes)).map_err(|error| Fault::io(path, "read", &error).into())
     }
 
+    /// The text that a file of these bytes has.
     pub fn new(bytes: &[u8]) -> Self {
         Text(bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '\x1a' }).collect())
     }
@@ -46,6 +51,7 @@ impl Text {
     }
 }
 
+/// One line of a [`Text`].
 #[derive(Debug, Clone, Copy)]
 pub struct Line<'a> {
     /// 1-based
@@ -65,6 +71,11 @@ impl<'a> Line<'a> {
         self.columns(2, 6)
     }
 
+    /// Not a keyword line.
+    pub fn is_data(self) -> bool {
+        !self.text.starts_with('$')
+    }
+
     /// Columns 2 to 6 are blank: the line goes on with what an earlier one began.
     pub fn continues(self) -> bool {
         self.keyword().trim().is_empty()
@@ -75,6 +86,7 @@ impl<'a> Line<'a> {
         self.text.trim_end().len()
     }
 
+    /// The whole line.
     pub fn text(self) -> &'a str {
         self.text
     }
@@ -116,6 +128,7 @@ pub struct Scan<'a> {
 }
 
 impl<'a> Scan<'a> {
+    /// At the first line of `text`; `path` is for messages.
     pub fn new(path: &'a Path, text: &'a Text) -> Self {
         let lines: Vec<_> = text.lines().filter(|line| !line.is_skipped()).collect();
         let last = lines.last().map_or(1, |line| line.number);
@@ -137,6 +150,7 @@ impl<'a> Scan<'a> {
         self.object = object.into();
     }
 
+    /// What [`Scan::about`] was told last.
     pub fn object(&self) -> &str {
         &self.object
     }
@@ -170,25 +184,24 @@ impl<'a> Scan<'a> {
 
     /// The next line, which must fit: otherwise a fault, and the line stays.
     pub fn expect(&mut self, expected: &str, fits: impl Fn(Line<'a>) -> bool) -> Option<Line<'a>> {
-        let line = self.line_if(fits);
-        if line.is_none() {
-            self.unexpected(expected);
-        }
-        line
+        self.line_if(fits).or_else(|| self.unexpected(expected))
     }
 
     /// The next line, which must be a keyword line such as `$nodty`.
     pub fn expect_keyword(&mut self, keyword: &str) -> Option<Line<'a>> {
-        self.expect(&format!("expected ${keyword}"), |line| line.keyword() == keyword)
+        let line = self.line_if(|line| line.keyword() == keyword);
+        line.or_else(|| self.unexpected(&format!("expected ${keyword}")))
     }
 
     /// The next line, which must go on with the present object, its columns 2 to 6 blank.
     pub fn expect_continuation(&mut self, what: &str) -> Option<Line<'a>> {
-        self.expect(&format!("expected a line with {what}"), Line::continues)
+        let line = self.line_if(Line::continues);
+        line.or_else(|| self.unexpected(&format!("expected a line with {what}")))
     }
 
-    /// Notes that the next line, or the end of the file, has no place here.
-    pub fn unexpected(&mut self, expected: &str) {
+    /// Notes that the next line, or the end of the file, has no place here. Returns `None`, for use at the
+    /// end of a search.
+    pub fn unexpected(&mut self, expected: &str) -> Option<Line<'a>> {
         match self.peek() {
             Some(line) => {
                 let text: String = line.text.trim_end().chars().take(40).collect();
@@ -196,6 +209,7 @@ impl<'a> Scan<'a> {
             }
             None => self.fault(self.last, "the file ends", expected),
         }
+        None
     }
 
     /// Leaves the present record: past its `$$$$$$`, or to the `$bdyty` that begins another.

@@ -179,7 +179,7 @@ impl TactBehav {
 
 /// The law after `$behav`; its parameters are left empty after a fault in its kind.
 fn read_law(scan: &mut Scan) -> Option<Law> {
-    let first = scan.expect("expected a law", |line| !line.text().starts_with('$'))?;
+    let first = scan.expect("expected a law", Line::is_data)?;
     let nickname = scan.name5(first, 2, "nickname");
     let kind = scan.name(first, (9, 38), "kind");
     scan.about(format!("law '{nickname}'"));
@@ -226,12 +226,12 @@ fn has_real(line: Line, first: usize) -> bool {
 
 /// The row after `$seety`.
 fn read_row(scan: &mut Scan) -> Option<See> {
-    let title = scan.expect("expected a line of titles, then a row", |line| !line.text().starts_with('$'))?;
+    let title = scan.expect("expected a line of titles, then a row", Line::is_data)?;
     let line = if title.keyword() == "RBDY3" {
         scan.fault(title.number, "a row that LMGC90 would skip", "expected a line of titles between $seety and it");
         title
     } else {
-        scan.expect("expected a row of the visibility table", |line| !line.text().starts_with('$'))?
+        scan.expect("expected a row of the visibility table", Line::is_data)?
     };
     if !(scan.rigid(line, CANDIDATE[0]) && scan.rigid(line, ANTAGONIST[0])) {
         return None;

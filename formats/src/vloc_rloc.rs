@@ -134,9 +134,14 @@ fn axis(letter: char) -> usize {
     }
 }
 
-/// Labels of a line of three, `s(1)=` or `coo1=` for the point.
-fn row_labels(letter: char) -> [String; 3] {
-    [1, 2, 3].map(|k| if letter == 'p' { format!("coo{k}=") } else { format!("{letter}({k})=") })
+/// Labels of a line of an axis, or of the point.
+fn row_labels(letter: char) -> [&'static str; 3] {
+    match letter {
+        'n' => ["n(1)=", "n(2)=", "n(3)="],
+        't' => ["t(1)=", "t(2)=", "t(3)="],
+        's' => ["s(1)=", "s(2)=", "s(3)="],
+        _ => ["coo1=", "coo2=", "coo3="],
+    }
 }
 
 impl Kind {
@@ -217,12 +222,12 @@ fn read_contact(scan: &mut Scan) -> Option<ContactRecord> {
         scan.fault(begin.number, format!("a contact of type '{name}'"), format!("expected one of {known}"));
         return None;
     };
-    let title = scan.expect("expected a line of titles", |line| !line.text().starts_with('$'))?;
+    let title = scan.expect("expected a line of titles", Line::is_data)?;
     if title.keyword() == "RBDY3" {
         scan.fault(title.number, "a pair that LMGC90 would skip", "expected a line of titles between $icdan and it");
         return None;
     }
-    let line = scan.expect("expected the pair in contact", |line| !line.text().starts_with('$'))?;
+    let line = scan.expect("expected the pair in contact", Line::is_data)?;
     let pair = if kind.name == "SPSPx" && title.width() > 80 { &WIDE } else { kind.pair };
     let candidate = read_side(scan, line, &pair.candidate, "candidate");
     let antagonist = read_side(scan, line, &pair.antagonist, "antagonist");
@@ -233,7 +238,7 @@ fn read_contact(scan: &mut Scan) -> Option<ContactRecord> {
     let velocity = read_components(scan, kind, 'v')?;
     let gap = scan.expect_continuation("the gap").map(|line| scan.real(line, GRID[0], "gap"))?;
     let (frame, point) = read_rows(scan, kind)?;
-    let internals = match scan.line_if(|line| !line.text().starts_with('$')) {
+    let internals = match scan.line_if(|line| line.is_data() && !line.columns(2, 15).trim().is_empty()) {
         Some(line) => read_internals(scan, line),
         None => Vec::new(),
     };
@@ -289,13 +294,14 @@ fn read_rows(scan: &mut Scan, kind: &Kind) -> Option<([[f64; 3]; 3], [f64; 3])> 
     let (mut frame, mut point) = ([[0.0; 3]; 3], [0.0; 3]);
     let mut missing = kind.rows.to_string();
     while !missing.is_empty() {
-        let expected: Vec<_> = missing.chars().map(|letter| row_labels(letter)[0].clone()).collect();
-        let expected = format!("expected a line with {} in columns 30 to 34", expected.join(" or "));
         let named = |line: Line| missing.chars().find(|&letter| line.columns(30, 34) == row_labels(letter)[0]);
-        let line = scan.expect(&expected, |line| line.continues() && named(line).is_some())?;
+        let line = scan.line_if(|line| line.continues() && named(line).is_some()).or_else(|| {
+            let expected: Vec<_> = missing.chars().map(|letter| row_labels(letter)[0]).collect();
+            scan.unexpected(&format!("expected a line with {} in columns 30 to 34", expected.join(" or ")))
+        })?;
         let letter = named(line)?;
         let labels = row_labels(letter);
-        let row = scan.grid(line, labels.each_ref().map(|label| label.trim_end_matches('=')));
+        let row = scan.grid(line, labels.map(|label| label.trim_end_matches('=')));
         match letter {
             'p' => point = row,
             _ => frame[axis(letter)] = row,
@@ -315,35 +321,13 @@ fn write_contact(out: &mut String, kind: &Kind, pair: &PairColumns, rank: usize,
     kind.turn(&mut contact);
     let _ = writeln!(out, "$icdan  {:<5}  {}", kind.name, integer(rank, 7));
 
-    for (side, number) in [(&pair.candidate, "cdbdy cdtac"), (&pair.antagonist, "anbdy antac")] {
-        let (body, contactor) = number.split_at(5);
-        if side.body == pair.antagonist.body {
-            if let Some(column) = pair.vertex {
-                put(out, column, "CDVER");
-            }
-            put(out, pair.law, "behav");
-        }
-        put(out, side.body, body);
-        put(out, side.number.1 - 4, "numbr");
-        put(out, side.contactor, contactor.trim());
-        put(out, side.rank.1 - 4, "numbr");
-    }
-    put(out, pair.status, "sttus\n");
-
-    for (side, columns) in [(&contact.candidate, &pair.candidate), (&contact.antagonist, &pair.antagonist)] {
-        if columns.body == pair.antagonist.body {
-            if let Some(column) = pair.vertex.filter(|_| kind.name.starts_with("PR")) {
-                put(out, column, integer(0, 5));
-            }
-            put(out, pair.law, &contact.law);
-        }
-        put(out, columns.body, "RBDY3");
-        put(out, columns.number.0, integer(side.body + 1, columns.number.1 - columns.number.0 + 1));
-        put(out, columns.contactor, &side.contactor);
-        put(out, columns.rank.0, integer(side.rank + 1, columns.rank.1 - columns.rank.0 + 1));
-    }
-    put(out, pair.status, &contact.status);
-    out.push('\n');
+    let titles = [["cdbdy", "numbr", "cdtac", "numbr"], ["anbdy", "numbr", "antac", "numbr"]];
+    put_pair(out, pair, titles.map(|side| side.map(String::from)), "CDVER", "behav", "sttus");
+    let sides = [&contact.candidate, &contact.antagonist].map(|side| {
+        ["RBDY3".to_string(), (side.body + 1).to_string(), side.contactor.clone(), (side.rank + 1).to_string()]
+    });
+    let vertex = if kind.name.starts_with("PR") { "    0" } else { "" };
+    put_pair(out, pair, sides, vertex, &contact.law, &contact.status);
 
     for (letter, unit, values) in [('r', "/H", &contact.force), ('v', " =", &contact.velocity)] {
         let labels: Vec<_> = kind.components.chars().map(|component| format!("{letter}l{component}{unit}")).collect();
@@ -354,7 +338,7 @@ fn write_contact(out: &mut String, kind: &Kind, pair: &PairColumns, rank: usize,
     put_grid(out, "", &[kind.gap_label], &[contact.gap], d14);
     for letter in kind.rows.chars() {
         let row = if letter == 'p' { &contact.point } else { &contact.frame[axis(letter)] };
-        put_grid(out, "", &row_labels(letter).each_ref().map(String::as_str), row, d14);
+        put_grid(out, "", &row_labels(letter), row, d14);
     }
     if !contact.internals.is_empty() {
         out.push_str("#internals\n");
@@ -364,4 +348,23 @@ fn write_contact(out: &mut String, kind: &Kind, pair: &PairColumns, rank: usize,
         out.push('\n');
     }
     out.push_str(" \n");
+}
+
+/// A line about a pair: type of body, its number, type of contactor, its rank, for candidate and antagonist.
+fn put_pair(out: &mut String, pair: &PairColumns, sides: [[String; 4]; 2], vertex: &str, law: &str, status: &str) {
+    let put_side = |out: &mut String, columns: &SideColumns, [body, number, contactor, rank]: [String; 4]| {
+        put(out, columns.body, body);
+        put(out, columns.number.0, integer(number, columns.number.1 - columns.number.0 + 1));
+        put(out, columns.contactor, contactor);
+        put(out, columns.rank.0, integer(rank, columns.rank.1 - columns.rank.0 + 1));
+    };
+    let [candidate, antagonist] = sides;
+    put_side(out, &pair.candidate, candidate);
+    if let Some(column) = pair.vertex {
+        put(out, column, vertex);
+    }
+    put(out, pair.law, law);
+    put_side(out, &pair.antagonist, antagonist);
+    put(out, pair.status, status);
+    out.push('\n');
 }
