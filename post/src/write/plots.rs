@@ -16,7 +16,7 @@ pub struct Plot {
     pub title: &'static str,
     /// What the vertical axis shows.
     pub quantity: &'static str,
-    /// Logarithmic in powers of ten; values <= 0 are left out.
+    /// Logarithmic in powers of ten; values under [`ROUNDING`] of the largest are left out.
     pub logarithmic: bool,
     /// Name of a column, and what the legend calls it.
     pub curves: &'static [(&'static str, &'static str)],
@@ -66,7 +66,9 @@ const LEGEND_WIDTH: i32 = 150;
 const COLOURS: [RGBColor; 3] = [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115)];
 const INK: RGBColor = RGBColor(60, 60, 60);
 /// More points than this are drawn as a line without marks.
-const MARKED: usize = 60;
+const MARKED: usize = 30;
+/// Share of the largest value below which a logarithmic axis shows nothing but round-off.
+const ROUNDING: f64 = 1e-14;
 
 /// The text of the SVG file.
 pub fn svg(plot: &Plot, rows: &[Row]) -> String {
@@ -86,17 +88,23 @@ fn draw(root: &Area, plot: &Plot, rows: &[Row]) -> Drawn {
     root.fill(&WHITE)?;
     let column = |name: &str| Row::COLUMNS.iter().position(|(known, _, _)| *known == name).expect("a column");
     let unit = Row::COLUMNS[column(plot.curves[0].0)].1;
-    let values = |name: &str| -> Vec<f64> {
-        let index = column(name);
-        let shown = |v: f64| v.is_finite() && (!plot.logarithmic || v > 0.0);
-        rows.iter().map(|row| row.numbers()[index]).map(|v| if shown(v) { v } else { f64::NAN }).collect()
-    };
     let times: Vec<f64> = rows.iter().map(|row| row.time).collect();
-    let curves: Vec<Vec<f64>> = plot.curves.iter().map(|(name, _)| values(name)).collect();
-    let largest = curves.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs()));
+    let curves: Vec<Vec<f64>> = plot
+        .curves
+        .iter()
+        .map(|(name, _)| column(name))
+        .map(|index| rows.iter().map(|row| row.numbers()[index]).collect())
+        .collect();
+    let finite = curves.iter().flatten().filter(|v| v.is_finite());
+    let largest = finite.fold(0.0, |a: f64, b| a.max(b.abs()));
     // On a logarithmic axis the exponents are drawn, so that both kinds of axes are the same below.
     let (factor, unit) = if plot.logarithmic { (1.0, unit.to_string()) } else { prefixed(largest, unit) };
-    let height = |v: f64| if plot.logarithmic { v.log10() } else { v / factor };
+    let height = |v: f64| match plot.logarithmic {
+        _ if !v.is_finite() => f64::NAN,
+        true if v <= ROUNDING * largest => f64::NAN,
+        true => v.log10(),
+        false => v / factor,
+    };
     let curves: Vec<Vec<f64>> = curves.iter().map(|curve| curve.iter().map(|v| height(*v)).collect()).collect();
     let (time_factor, time_unit) = prefixed(times.iter().fold(0.0, |a, b| a.max(b.abs())), "s");
 
@@ -134,7 +142,8 @@ fn draw(root: &Area, plot: &Plot, rows: &[Row]) -> Drawn {
         for part in points.split(|(_, y)| y.is_nan()).filter(|part| !part.is_empty()) {
             chart.draw_series(LineSeries::new(part.iter().copied(), colour.stroke_width(width)))?;
             if part.len() == 1 || points.len() <= MARKED {
-                chart.draw_series(part.iter().map(|point| Circle::new(*point, 1 + width as i32, colour.filled())))?;
+                chart
+                    .draw_series(part.iter().map(|point| Circle::new(*point, 2 + width as i32 / 2, colour.filled())))?;
             }
         }
     }
