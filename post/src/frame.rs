@@ -278,3 +278,46 @@ fn unsound(snapshot: &Snapshot) -> Vec<(String, String, &'static str)> {
     }
     faults
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::Scene;
+
+    #[test]
+    fn planes_and_driven_bodies_are_walls() {
+        let mut scene = Scene::default();
+        let (floor, grain, stirrer, piston) = (
+            scene.plate([0.0; 3], [1.0, 1.0, 0.1]),
+            scene.grain([0.0, 0.0, 2.0], 1.0),
+            scene.grain([5.0, 0.0, 2.0], 0.5),
+            scene.plate([0.0, 0.0, 9.0], [1.0, 1.0, 0.1]),
+        );
+        scene.snapshot.bodies.body_driven[grain] = 0b00_0111; // held in place, free to turn
+        scene.snapshot.bodies.body_driven[stirrer] = DRIVEN_ALL;
+        scene.snapshot.bodies.body_driven[piston] = 0b11_1011; // free along z
+        scene.contact_at(grain, floor, [0.0; 3], Vec3::z());
+        scene.contact_at(stirrer, floor, [0.0; 3], Vec3::z());
+        scene.contact(stirrer, grain, Vec3::x());
+        let frame = scene.frame();
+        assert_eq!(frame.grains.iter().map(|g| g.id).collect::<Vec<_>>(), [2]);
+        assert_eq!(frame.walls.iter().map(|w| w.id).collect::<Vec<_>>(), [1, 3, 4]);
+        assert_eq!(frame.walls[1].shape, WallShape::Ball(0.5));
+        // The one between two walls is left out.
+        let sides: Vec<(Side, Side)> = frame.contacts.iter().map(|c| (c.candidate, c.antagonist)).collect();
+        assert_eq!(sides, [(Side::Grain(0), Side::Wall(0)), (Side::Wall(1), Side::Grain(0))]);
+        // Force on the candidate is against the grain's own when that is the antagonist.
+        assert_eq!(frame.contacts[1].forces_on_grains().collect::<Vec<_>>(), [(0, -Vec3::x())]);
+    }
+
+    #[test]
+    fn inertia_is_turned_into_the_worlds_frame() {
+        let mut scene = Scene::default();
+        let grain = scene.grain([0.0; 3], 1.0);
+        scene.snapshot.bodies.body_inertia[grain] = [1.0, 2.0, 4.0];
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        scene.snapshot.bodies.body_q[grain] = [half, 0.0, 0.0, half]; // a quarter turn about z: x to y
+        let expected = Mat3::from_diagonal(&Vec3::new(2.0, 1.0, 4.0));
+        assert!((scene.frame().grains[0].inertia - expected).norm() < 1e-14); // some roundings of 4
+    }
+}

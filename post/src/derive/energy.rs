@@ -4,13 +4,16 @@ use rayon::prelude::*;
 
 use crate::frame::{Frame, Grain, Vec3};
 
-/// Kinetic energy of the grains, J: sums of m v^2 / 2 and of w.(I w) / 2.
+/// Kinetic energy of a grain, J: of translation, m v^2 / 2, and of rotation, w.(I w) / 2.
 ///
 /// A ball of 2 kg at 3 m/s has 9 J; with radius 1 m and 5 rad/s about any axis, 10 J of rotation.
-pub fn kinetic(grains: &[Grain]) -> (f64, f64) {
-    let translation = grains.iter().map(|g| 0.5 * g.mass * g.v.norm_squared()).sum();
-    let rotation = grains.iter().map(|g| 0.5 * g.w.dot(&(g.inertia * g.w))).sum();
-    (translation, rotation)
+pub fn kinetic(grain: &Grain) -> (f64, f64) {
+    (0.5 * grain.mass * grain.v.norm_squared(), 0.5 * grain.w.dot(&(grain.inertia * grain.w)))
+}
+
+/// The sums of [`kinetic`] over all grains, J.
+pub fn kinetic_sums(grains: &[Grain]) -> (f64, f64) {
+    grains.iter().map(kinetic).fold((0.0, 0.0), |(t, r), (translation, rotation)| (t + translation, r + rotation))
 }
 
 /// G of the snapshot, m^3 kg^-1 s^-2, if the grains attract each other.
@@ -68,7 +71,8 @@ mod tests {
         scene.snapshot.bodies.body_inertia[ball] = [0.8; 3];
         scene.snapshot.bodies.body_v[ball] = [1.0, 2.0, -2.0];
         scene.snapshot.bodies.body_w_world[ball] = [0.0, 3.0, -4.0];
-        assert_eq!(kinetic(&scene.frame().grains), (9.0, 10.0));
+        scene.grain([0.0; 3], 1.0); // at rest
+        assert_eq!(kinetic_sums(&scene.frame().grains), (9.0, 10.0));
     }
 
     #[test]

@@ -122,7 +122,7 @@ impl Row {
         let whole = motion::Whole::of(grains);
         let [a, b, c] = whole.semi_axes();
         let spin = whole.spin();
-        let (e_translation, e_rotation) = energy::kinetic(grains);
+        let (e_translation, e_rotation) = energy::kinetic_sums(grains);
         let fragments = fragments::fragments(frame);
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / count;
         Row {

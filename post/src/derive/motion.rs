@@ -139,7 +139,7 @@ mod tests {
         let whole = Whole::of(&grains);
         assert!((whole.spin() - spin).norm() < 1e-14);
         assert!((whole.velocity() - velocity).norm() < 1e-14);
-        let (translation, rotation) = crate::derive::energy::kinetic(&grains);
+        let (translation, rotation) = crate::derive::energy::kinetic_sums(&grains);
         assert!((whole.rigid_energy() / (translation + rotation) - 1.0).abs() < 1e-14);
     }
 

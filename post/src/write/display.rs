@@ -16,6 +16,7 @@ use vtkio::model::{
 };
 
 use crate::derive::coordination::contact_counts;
+use crate::derive::energy::kinetic;
 use crate::derive::stress::{grain_stresses, pressure};
 use crate::frame::{Frame, Mat3, Side, Vec3, WallShape};
 
@@ -40,7 +41,10 @@ pub fn is_ours(name: &str) -> bool {
 pub fn grains(frame: &Frame) -> Vec<u8> {
     let grains = &frame.grains;
     let stresses = grain_stresses(frame);
-    let energy = |g: &crate::frame::Grain| 0.5 * (g.mass * g.v.norm_squared() + g.w.dot(&(g.inertia * g.w)));
+    let energy = |grain| {
+        let (translation, rotation) = kinetic(grain);
+        translation + rotation
+    };
     let point = vec![
         scalars("radius", grains.iter().map(|g| g.radius).collect::<Vec<f64>>()),
         scalars("id", grains.iter().map(|g| g.id).collect::<Vec<u64>>()),
@@ -200,4 +204,39 @@ fn file(piece: PolyDataPiece) -> Vec<u8> {
         bytes.splice(place..place, *b" NumberOfPoints=\"0\"");
     }
     bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::Scene;
+
+    #[test]
+    fn an_empty_file_still_says_that_it_has_no_points() {
+        let frame = Scene::default().frame();
+        for bytes in [grains(&frame), contacts(&frame), walls(&frame)] {
+            let text = String::from_utf8(bytes).unwrap();
+            assert_eq!(text.matches("NumberOfPoints=\"0\"").count(), 1, "{text}");
+        }
+    }
+
+    #[test]
+    fn only_files_of_this_program_are_its_own() {
+        let ours = ["grains-000012.vtp", "walls-1234567.vtp", "contacts.pvd"];
+        let others = ["grains.vtp", "grains-12.vtp", "grains-a00012.vtp", "view.pvsm", "grains-000012.vtu", "my.pvd"];
+        assert!(ours.into_iter().all(is_ours) && !others.into_iter().any(is_ours));
+    }
+
+    #[test]
+    fn faces_of_a_plate_point_outward_and_share_its_corners() {
+        let corner = |k: u64| Vec3::from_fn(|axis, _| if k >> axis & 1 == 0 { -1.0 } else { 1.0 });
+        let mut uses = [0; 8];
+        for face in FACES {
+            let [a, b, c, d] = face.map(corner);
+            assert!((b - a).cross(&(c - b)).dot(&(a + b + c + d)) > 0.0);
+            assert_eq!(a + c, b + d); // a parallelogram, its corners in turn
+            face.iter().for_each(|k| uses[*k as usize] += 1);
+        }
+        assert_eq!(uses, [3; 8]);
+    }
 }

@@ -64,6 +64,8 @@ const SIZE: (u32, u32) = (800, 450);
 const LEGEND_WIDTH: i32 = 150;
 /// Okabe & Ito (2008): told apart by colour-blind eyes too.
 const COLOURS: [RGBColor; 3] = [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115)];
+/// Of lines, the last drawn first: earlier curves are wider, and where two are equal both are seen.
+const WIDTHS: [u32; COLOURS.len()] = [2, 4, 6];
 const INK: RGBColor = RGBColor(60, 60, 60);
 /// More points than this are drawn as a line without marks.
 const MARKED: usize = 30;
@@ -84,39 +86,51 @@ pub fn svg(plot: &Plot, rows: &[Row]) -> String {
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 
-fn draw(root: &Area, plot: &Plot, rows: &[Row]) -> Drawn {
-    root.fill(&WHITE)?;
+/// What is drawn: values in the unit of the axis, NaN where nothing is; on a logarithmic axis
+/// exponents of ten, so that from here on both kinds are the same.
+struct Scaled {
+    times: Vec<f64>,
+    time_unit: String,
+    curves: Vec<Vec<f64>>,
+    unit: String,
+}
+
+fn scaled(plot: &Plot, rows: &[Row]) -> Scaled {
     let column = |name: &str| Row::COLUMNS.iter().position(|(known, _, _)| *known == name).expect("a column");
     let unit = Row::COLUMNS[column(plot.curves[0].0)].1;
-    let times: Vec<f64> = rows.iter().map(|row| row.time).collect();
-    let curves: Vec<Vec<f64>> = plot
-        .curves
-        .iter()
-        .map(|(name, _)| column(name))
-        .map(|index| rows.iter().map(|row| row.numbers()[index]).collect())
-        .collect();
-    let finite = curves.iter().flatten().filter(|v| v.is_finite());
-    let largest = finite.fold(0.0, |a: f64, b| a.max(b.abs()));
-    // On a logarithmic axis the exponents are drawn, so that both kinds of axes are the same below.
+    let curve = |index: usize| -> Vec<f64> { rows.iter().map(|row| row.numbers()[index]).collect() };
+    let mut curves: Vec<Vec<f64>> = plot.curves.iter().map(|(name, _)| curve(column(name))).collect();
+    let largest = largest(curves.iter().flatten());
     let (factor, unit) = if plot.logarithmic { (1.0, unit.to_string()) } else { prefixed(largest, unit) };
-    let height = |v: f64| match plot.logarithmic {
-        _ if !v.is_finite() => f64::NAN,
-        true if v <= ROUNDING * largest => f64::NAN,
-        true => v.log10(),
-        false => v / factor,
-    };
-    let curves: Vec<Vec<f64>> = curves.iter().map(|curve| curve.iter().map(|v| height(*v)).collect()).collect();
-    let (time_factor, time_unit) = prefixed(times.iter().fold(0.0, |a, b| a.max(b.abs())), "s");
+    for value in curves.iter_mut().flatten() {
+        *value = match plot.logarithmic {
+            _ if !value.is_finite() => f64::NAN,
+            true if *value <= ROUNDING * largest => f64::NAN,
+            true => value.log10(),
+            false => *value / factor,
+        };
+    }
+    let mut times: Vec<f64> = rows.iter().map(|row| row.time).collect();
+    let (factor, time_unit) = prefixed(self::largest(times.iter()), "s");
+    times.iter_mut().for_each(|time| *time /= factor);
+    Scaled { times, time_unit, curves, unit }
+}
 
+fn largest<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
+    values.filter(|v| v.is_finite()).fold(0.0, |a, b| a.max(b.abs()))
+}
+
+fn draw(root: &Area, plot: &Plot, rows: &[Row]) -> Drawn {
+    root.fill(&WHITE)?;
+    let Scaled { times, time_unit, curves, unit } = scaled(plot, rows);
     let (left, right) = root.split_horizontally(SIZE.0 as i32 - LEGEND_WIDTH);
-    let font = |size: i32| ("sans-serif", size).into_font().color(&INK);
     let mut chart = ChartBuilder::on(&left)
         .caption(plot.title, font(20))
         .margin(12)
         .x_label_area_size(48)
         .y_label_area_size(72)
         .build_cartesian_2d(
-            range(times.iter().map(|t| t / time_factor), false),
+            range(times.iter().copied(), false),
             Ticks(range(curves.iter().flatten().copied(), plot.logarithmic), plot.logarithmic),
         )?;
     let label = if unit == "1" { plot.quantity.to_string() } else { format!("{} ({unit})", plot.quantity) };
@@ -135,9 +149,8 @@ fn draw(root: &Area, plot: &Plot, rows: &[Row]) -> Drawn {
         .y_label_formatter(&|y| if plot.logarithmic { power_of_ten(*y) } else { significant(*y) })
         .draw()?;
     for (k, (curve, colour)) in curves.iter().zip(COLOURS).enumerate() {
-        // Later curves are thinner: where two are equal both are seen.
-        let width = 2 * (curves.len() - k) as u32;
-        let points: Vec<(f64, f64)> = times.iter().map(|t| t / time_factor).zip(curve.iter().copied()).collect();
+        let width = WIDTHS[curves.len() - 1 - k];
+        let points: Vec<(f64, f64)> = times.iter().copied().zip(curve.iter().copied()).collect();
         // A value that is not defined parts the line.
         for part in points.split(|(_, y)| y.is_nan()).filter(|part| !part.is_empty()) {
             chart.draw_series(LineSeries::new(part.iter().copied(), colour.stroke_width(width)))?;
@@ -147,13 +160,22 @@ fn draw(root: &Area, plot: &Plot, rows: &[Row]) -> Drawn {
             }
         }
     }
+    legend(&right, plot, curves.iter().flatten().all(|y| y.is_nan()))
+}
+
+fn font(size: i32) -> TextStyle<'static> {
+    ("sans-serif", size).into_font().color(&INK)
+}
+
+/// Names the curves beside the plot, where no data can be under it.
+fn legend(area: &Area, plot: &Plot, empty: bool) -> Drawn {
+    let line = |k: usize| 60 + 24 * k as i32;
     for (k, ((_, name), colour)) in plot.curves.iter().zip(COLOURS).enumerate() {
-        let y = 60 + 24 * k as i32;
-        right.draw(&PathElement::new([(0, y), (20, y)], colour.stroke_width(3)))?;
-        right.draw(&Text::new(*name, (28, y - 7), font(13)))?;
+        area.draw(&PathElement::new([(0, line(k)), (20, line(k))], colour.stroke_width(3)))?;
+        area.draw(&Text::new(*name, (28, line(k) - 7), font(13)))?;
     }
-    if curves.iter().flatten().all(|y| y.is_nan()) {
-        right.draw(&Text::new("no value", (28, 60 + 24 * curves.len() as i32), font(13)))?;
+    if empty {
+        area.draw(&Text::new("no value", (28, line(plot.curves.len()) - 7), font(13)))?;
     }
     Ok(())
 }
