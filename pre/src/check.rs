@@ -93,8 +93,7 @@ fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
     let (_, parameters) = kind.row();
     for &(name, x) in &parameters {
         let (holds, expected) = match name {
-            "normal_restitution" => ((0.0..=1.0).contains(&x), "0 to 1"),
-            "tangential_restitution" => ((-1.0..=1.0).contains(&x), "-1 to 1"),
+            "normal_restitution" | "tangential_restitution" => ((0.0..=1.0).contains(&x), "0 to 1"),
             "cohesion" => (x >= 0.0, "a force >= 0 N"),
             "range" => (x >= 0.0, "a distance >= 0 m"),
             _ => (x >= 0.0, "a finite number >= 0"),

@@ -133,6 +133,11 @@ fn summary(scene: &Scene, population: &Population) -> String {
 }
 
 /// The nearest number that the files can hold: 8 digits, and no negative zero.
+///
+/// ```
+/// assert_eq!(cd_pre::round8(2.0 / 3.0), 0.66666667);
+/// assert_eq!(cd_pre::round8(-123456789.0), -123456790.0);
+/// ```
 pub fn round8(x: f64) -> f64 {
     format!("{x:.7e}").parse().unwrap_or(x) + 0.0
 }
