@@ -1,6 +1,6 @@
 //! cd-post: from the snapshots of cd-solve to what is looked at.
 //!
-//! `read` ([`frame`]) -> `derive` ([`derive`]) -> `write` ([`write`]): each snapshot of
+//! `read` ([`frame`]) -> `derive` ([`mod@derive`]) -> `write` ([`mod@write`]): each snapshot of
 //! `DIR/OUTBOX` becomes a [`Frame`], a [`Row`] of `POSTPRO/series.csv` and the files of
 //! `DISPLAY/`; the rows together become plots, the last frame a picture.
 
