@@ -138,8 +138,8 @@ fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
 }
 
 fn check_sizes(report: &mut Report, path: &str, sizes: &Sizes) {
-    if let Sizes::List(radii) = sizes {
-        report.expect(!radii.is_empty(), path, "an empty list", "at least one radius (m)");
+    if matches!(sizes, Sizes::List(radii) if radii.is_empty()) {
+        return report.fault(path, "an empty list", "at least one radius (m)");
     }
     let radii = match sizes {
         Sizes::List(radii) => radii.iter().map(|&r| ("radius", r)).collect(),
@@ -162,7 +162,7 @@ fn check_sizes(report: &mut Report, path: &str, sizes: &Sizes) {
         Sizes::LogNormal { median, sigma, .. } => {
             value(report, path, "sigma", sigma, sigma > 0.0, "a number > 0");
             let share = |r: f64| normal_share(libm::log(r / median) / sigma);
-            // Below a millionth of the whole the difference of two shares has lost half of its digits.
+            // The difference of two shares near 1 then still has ten digits.
             if positive(sigma) && min < max && share(max) - share(min) < 1e-6 {
                 let found = format!("min {min:?} and max {max:?} leave less than a millionth of the distribution");
                 report.fault(path, found, "cut-offs about the median (m)");
