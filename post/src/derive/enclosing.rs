@@ -37,7 +37,7 @@ const ROUNDING: f64 = 1e-13;
 ///
 /// At most four of them, the basis, decide it. Beginning with one, the ball that sticks out most is
 /// taken in, and the smallest enclosing ball of these at most five is found by trying every subset
-/// of at most four ([`tangent`]). The radius grows at each turn, so it ends, after some ten turns
+/// of at most four (`tangent`). The radius grows at each turn, so it ends, after some ten turns
 /// in practice, each of which looks at every ball once.
 ///
 /// Source: Fischer & Gaertner (2003), "The smallest enclosing ball of balls: combinatorial

@@ -16,7 +16,7 @@ pub struct Plot {
     pub title: &'static str,
     /// What the vertical axis shows.
     pub quantity: &'static str,
-    /// Logarithmic in powers of ten; values under [`ROUNDING`] of the largest are left out.
+    /// Logarithmic in powers of ten; values under 1e-14 of the largest, round-off, are left out.
     pub logarithmic: bool,
     /// Name of a column, and what the legend calls it.
     pub curves: &'static [(&'static str, &'static str)],
