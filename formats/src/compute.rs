@@ -92,8 +92,8 @@ options! {
     gravity_constant: f64 = GRAVITATIONAL_CONSTANT, f64, [value_name = "X"];
     /// RMS relative error allowed in the self-gravity; the direct sum keeps any that is at least 1e-14.
     gravity_error: f64 = 1.0e-3, f64, [value_name = "X"];
-    /// Share of every free body's velocity that is taken away at the start of each step: 0 none, 1 brings an aggregate to true rest.
-    quench: f64 = 0.0, f64, [num_args = 0..=1, require_equals = true, default_missing_value = "1.0", value_name = "X"];
+    /// Share of every free body's velocity that is taken away at the start of each step, which brings an aggregate to true rest: 0 none; --quench alone asks for 0.01.
+    quench: f64 = 0.0, f64, [num_args = 0..=1, require_equals = true, default_missing_value = "0.01", value_name = "X"];
     /// Steps between two snapshots.
     output_every: u64 = 100, u64, [value_name = "N"];
     /// Threads; 0 takes all processors. Never changes a result.

@@ -22,9 +22,10 @@ pub struct Solution {
     pub active: usize,
 }
 
-/// Largest share of the last change that is carried on. Uncapped momentum bounces on dense frictional
-/// packings; 0.7 to 0.85 are alike.
-const MOMENTUM_CAP: f64 = 0.8;
+/// Largest share of the last change that is carried on where there is friction: uncapped momentum
+/// bounces on dense frictional packings; 0.7 to 0.85 are alike. Without friction the problem is convex
+/// and needs no cap.
+const FRICTIONAL_CAP: f64 = 0.8;
 
 /// Solves to E <= `tol`, or stops after `max_sweeps`.
 ///
@@ -87,11 +88,13 @@ struct Iteration<'a> {
     previous_records: Vec<Record>,
     t: f64,
     beta: f64,
+    cap: f64,
 }
 
 impl<'a> Iteration<'a> {
     fn new(system: &'a System, active: &'a [u32], impulses: Vec<Vec3>) -> Self {
         let records = velocities(system, &impulses);
+        let frictional = active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
         Iteration {
             system,
             active,
@@ -101,6 +104,7 @@ impl<'a> Iteration<'a> {
             records,
             t: 1.0,
             beta: 0.0,
+            cap: if frictional { FRICTIONAL_CAP } else { 1.0 },
         }
     }
 
@@ -128,7 +132,7 @@ impl<'a> Iteration<'a> {
             (self.t, self.beta) = (1.0, 0.0);
         } else {
             let t = 0.5 * (1.0 + (1.0 + 4.0 * self.t * self.t).sqrt());
-            self.beta = ((self.t - 1.0) / t).min(MOMENTUM_CAP);
+            self.beta = ((self.t - 1.0) / t).min(self.cap);
             self.t = t;
         }
     }
