@@ -1,0 +1,51 @@
+# What can be made: `make` alone says so.
+
+CARGO ?= cargo
+CARGO_TARGET_DIR ?= target
+TARGET := $(abspath $(CARGO_TARGET_DIR))
+BIN := $(TARGET)/release
+
+.PHONY: help build demo test vtk golden lint fmt doc check clean
+.DEFAULT_GOAL := help
+
+help: ## this list
+	@awk -F ' ## ' '/^[a-z]+:.* ## / { sub(/:.*/, "", $$1); printf "  make %-8s %s\n", $$1, $$2 }' Makefile
+
+build: ## cd-pre, cd-solve and cd-post, in release mode, in target/release
+	$(CARGO) build --release --bins
+
+demo: build ## runs examples/accretion: a thousand grains fall together; about two minutes
+	$(MAKE) --no-print-directory -C examples/accretion CD_BIN=$(BIN)
+	@echo "Where to look, in examples/accretion:"
+	@echo "  POSTPRO/series.csv     a row a snapshot; docs/observables.md names the columns"
+	@echo "  POSTPRO/*.svg          energy, coordination, solid fraction, pressure, semi-axes against time"
+	@echo "  POSTPRO/aggregate.svg  the aggregate at the end"
+	@echo "  DISPLAY/grains.pvd     for ParaView; contacts.pvd beside it"
+	@echo "  OUTBOX/steps.csv       cost and error of every step"
+
+test: ## all tests; CD_REQUIRE_VTK=1 makes a missing VTK an error
+	$(CARGO) test --workspace
+	$(MAKE) --no-print-directory vtk
+
+vtk: ## reads the ParaView files of two small cases back with VTK
+	$(CARGO) build --bins
+	TARGET=$(TARGET) tests/vtk_readback.sh
+
+golden: ## makes the expected files of tests/golden anew, of all or of SCENE=name; prints the largest changes
+	$(CARGO) run --quiet --package cd-tests --bin golden -- $(SCENE)
+
+lint: ## formatting, clippy without warnings
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --workspace --all-targets -- -D warnings
+
+fmt: ## formats the code
+	$(CARGO) fmt --all
+
+doc: ## documentation of the code, without warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps
+
+check: lint doc test ## lint, doc and test
+
+clean: ## removes what was built and the results of the examples
+	$(CARGO) clean
+	for example in examples/*/Makefile; do $(MAKE) --no-print-directory -C "$${example%/Makefile}" clean; done

@@ -1,0 +1,77 @@
+# The rules that all examples share:
+#
+#   scene.ron -cd-pre-> DATBOX/ -cd-solve-> OUTBOX/ -cd-post-> POSTPRO/, DISPLAY/
+#
+#   make             the stages that are not up to date, then the figures of the end
+#   make -n          what that would do
+#   make solve       up to a stage: pre, solve, post
+#   make resume      goes on from the last snapshot, after an interruption or for a later end, where
+#                    `make` would begin anew; then as `make`
+#   make clean
+#
+#   make SOLVE_FLAGS="--threads 1"      flags of the programs: PRE_FLAGS, SOLVE_FLAGS, POST_FLAGS
+#   make CD_BIN=DIR                     where the programs are
+#
+# A stage is made again when its input or its program is newer than its FOLDER/.done. That file is
+# taken away before the program starts and comes back when it has ended well, so that a stage that
+# was refused or killed is not done. Flags are not watched.
+#
+# An example with several cases lists their folders in CASES and has a rule for CASE/scene.ron.
+
+EXAMPLES := $(patsubst %/,%,$(dir $(lastword $(MAKEFILE_LIST))))
+TOP := $(abspath $(EXAMPLES)/..)
+CD_BIN ?= $(or $(CARGO_TARGET_DIR),$(TOP)/target)/release
+STAGES ?= pre solve post figures
+CASES ?= .
+FIGURES ?= @$(foreach case,$(CASES),awk -f $(EXAMPLES)/figures.awk $(case)/OUTBOX/steps.csv $(case)/POSTPRO/series.csv;)
+
+.PHONY: all pre solve post figures resume clean
+.DEFAULT_GOAL := all
+
+all: $(STAGES)
+pre: $(CASES:%=%/DATBOX/.done)
+solve: $(CASES:%=%/OUTBOX/.done)
+post: $(CASES:%=%/POSTPRO/.done)
+
+figures: post
+	$(FIGURES)
+
+# Exit status 1: done, with something reported.
+REPORTED = || test $$$$? -eq 1
+
+define rules
+$(1)/DATBOX/.done: $(1)/scene.ron $(CD_BIN)/cd-pre
+	@rm -f $$@
+	$(CD_BIN)/cd-pre $(PRE_FLAGS) $(1)/scene.ron -o $(1) $(REPORTED)
+	@touch $$@
+
+$(1)/OUTBOX/.done: $(1)/DATBOX/.done $(wildcard $(1)/DATBOX/*) $(CD_BIN)/cd-solve
+	@rm -f $$@
+	$(CD_BIN)/cd-solve --force $(SOLVE_FLAGS) $(1) $(REPORTED)
+	@touch $$@
+
+$(1)/POSTPRO/.done: $(1)/OUTBOX/.done $(wildcard $(1)/OUTBOX/*.npz) $(CD_BIN)/cd-post
+	@rm -f $$@
+	$(CD_BIN)/cd-post $(POST_FLAGS) $(1) $(REPORTED)
+	@touch $$@
+
+.PHONY: $(1)/.resume
+$(1)/.resume: $(1)/DATBOX/.done $(CD_BIN)/cd-solve
+	@rm -f $(1)/OUTBOX/.done
+	$(CD_BIN)/cd-solve --resume $(SOLVE_FLAGS) $(1) $(REPORTED)
+	@touch $(1)/OUTBOX/.done
+endef
+$(foreach case,$(CASES),$(eval $(call rules,$(case))))
+
+resume: $(CASES:%=%/.resume)
+	$(MAKE) --no-print-directory
+
+# Files found above that are gone by now, as in `make clean all`.
+$(foreach case,$(CASES),$(wildcard $(case)/DATBOX/* $(case)/OUTBOX/*.npz)): ;
+
+# Programs that are not there; `make build` at the top brings them up to date.
+$(CD_BIN)/cd-%:
+	$(MAKE) --no-print-directory -C $(TOP) build
+
+clean:
+	rm -rf $(foreach case,$(CASES),$(addprefix $(case)/,DATBOX OUTBOX POSTPRO DISPLAY TIMER.csv))

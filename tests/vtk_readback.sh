@@ -1,0 +1,41 @@
+#!/usr/bin/env bash
+# Runs the scenes of tests/golden through the programs in $TARGET/debug and reads their ParaView files back with VTK.
+#
+# VTK and numpy come from PyPI into $TARGET/vtk, once. A machine without python3, venv or network is told
+# so, loudly, and the rest of the tests counts; with CD_REQUIRE_VTK=1 it is an error.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+TARGET=${TARGET:-$PWD/target}
+PYTHON=${PYTHON:-python3}
+PACKAGES="vtk==9.7.1 numpy==2.4.6"
+VENV=$TARGET/vtk
+
+not_run() {
+    printf '\n********\n  VTK read-back NOT run: %s\n********\n\n' "$1" >&2
+    [ "${CD_REQUIRE_VTK:-0}" = 1 ] && exit 1
+    exit 0
+}
+
+if [ "$(cat "$VENV/.done" 2> /dev/null)" != "$PACKAGES" ]; then
+    command -v "$PYTHON" > /dev/null || not_run "there is no $PYTHON"
+    rm -rf "$VENV"
+    "$PYTHON" -m venv "$VENV" || not_run "$PYTHON -m venv failed (on Debian: apt-get install python3-venv)"
+    # Readers need nothing of what the vtk package depends on.
+    # shellcheck disable=SC2086
+    "$VENV/bin/pip" install --quiet --disable-pip-version-check --no-deps $PACKAGES || not_run "pip install $PACKAGES failed"
+    "$VENV/bin/python" -c "import numpy, vtkmodules.vtkIOXML" || not_run "the installed VTK cannot be loaded"
+    echo "$PACKAGES" > "$VENV/.done"
+fi
+
+for scene in tests/golden/*/scene.ron; do
+    name=$(basename "$(dirname "$scene")")
+    case=$TARGET/vtk-cases/$name
+    rm -rf "$case"
+    mkdir -p "$case"
+    {
+        "$TARGET/debug/cd-pre" "$scene" -o "$case"
+        "$TARGET/debug/cd-solve" "$case"
+        "$TARGET/debug/cd-post" --no-plots "$case"
+    } > "$case/log" 2>&1 || { cat "$case/log" >&2; exit 1; }
+    "$VENV/bin/python" tests/vtk_readback.py "$case"
+done
