@@ -1,1 +1,12 @@
+//! What the tests of the three programs together share. The programs are called as their binaries call them;
+//! files on disk are the only link between them.
+//!
+//! | module | |
+//! |---|---|
+//! | [`case`] | a case in a temporary folder, and the programs on it |
+//! | [`columns`] | a file of results as named columns of numbers |
+//! | [`golden`] | the expected files of `tests/golden`: stages, tolerances, changes |
 
+pub mod case;
+pub mod columns;
+pub mod golden;

@@ -1,0 +1,165 @@
+//! A file of results as named columns of numbers, whatever its kind.
+//!
+//! The readers here are not those of the programs: a snapshot is read as the zip of npy arrays that
+//! numpy takes it for, a `.vtp` file with vtkio.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{Cursor, Read};
+use std::path::Path;
+
+use serde_json::Value;
+use vtkio::model::{Attribute, Attributes, DataSet, IOBuffer, Piece, VertexNumbers};
+
+/// Names and values. An empty field is a NaN; vectors stand flat. Text stands as numbers too, a byte a row.
+pub type Columns = BTreeMap<String, Vec<f64>>;
+
+/// The columns of a file, by the ending of its name.
+pub fn read(path: &Path) -> Result<Columns, String> {
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("csv") => csv(path),
+        Some("npz") => npz(path),
+        Some("vtp") => vtp(path),
+        _ => Ok([("text".to_string(), bytes(path)?.into_iter().map(f64::from).collect())].into()),
+    }
+}
+
+fn bytes(path: &Path) -> Result<Vec<u8>, String> {
+    fs::read(path).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// A table whose first line names the columns.
+pub fn csv(path: &Path) -> Result<Columns, String> {
+    let text = String::from_utf8(bytes(path)?).map_err(|error| error.to_string())?;
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let mut columns: Columns = names.iter().map(|name| (name.to_string(), Vec::new())).collect();
+    for line in lines {
+        let fields: Vec<&str> = line.split(',').collect();
+        if fields.len() != names.len() {
+            return Err(format!("{}: a line has {} fields: {line}", path.display(), fields.len()));
+        }
+        for (name, field) in names.iter().zip(fields) {
+            let value = if field.is_empty() { Ok(f64::NAN) } else { field.parse() };
+            let value = value.map_err(|_| format!("{}: {name}: '{field}' is no number", path.display()))?;
+            columns.get_mut(*name).unwrap().push(value);
+        }
+    }
+    Ok(columns)
+}
+
+/// The arrays of a snapshot, and what its `meta` holds as `meta.step`, `meta.parameters.theta`, ...
+pub fn npz(path: &Path) -> Result<Columns, String> {
+    let fault = |what: String| format!("{}: {what}", path.display());
+    let mut archive = zip::ZipArchive::new(Cursor::new(bytes(path)?)).map_err(|e| fault(e.to_string()))?;
+    let mut columns = Columns::new();
+    for k in 0..archive.len() {
+        let mut entry = archive.by_index(k).map_err(|e| fault(e.to_string()))?;
+        let name = entry.name().map_err(|e| fault(e.to_string()))?.trim_end_matches(".npy").to_string();
+        let mut bytes = Vec::new();
+        entry.read_to_end(&mut bytes).map_err(|e| fault(format!("{name}: {e}")))?;
+        if name == "meta" {
+            let text = npy(&bytes).ok_or_else(|| fault(name.clone()))?.iter().map(|b| *b as u8).collect::<Vec<u8>>();
+            let meta = serde_json::from_slice(&text).map_err(|e| fault(format!("meta: {e}")))?;
+            flatten("meta", &meta, &mut columns);
+        } else {
+            columns.insert(name.clone(), npy(&bytes).ok_or_else(|| fault(format!("{name}: not an array of numbers")))?);
+        }
+    }
+    Ok(columns)
+}
+
+/// The values of an npy file of version 1.0 in C order; u64 above 2^53 would lose digits, and none are.
+fn npy(bytes: &[u8]) -> Option<Vec<f64>> {
+    let length = u16::from_le_bytes([*bytes.get(8)?, *bytes.get(9)?]) as usize;
+    let header = std::str::from_utf8(bytes.get(10..10 + length)?).ok()?;
+    let data = &bytes[10 + length..];
+    if bytes[..8] != *b"\x93NUMPY\x01\x00" || !header.contains("'fortran_order': False") {
+        return None;
+    }
+    let after = |key: &str| header.split(key).nth(1);
+    let descr = after("'descr': '")?.split('\'').next()?;
+    let shape = after("'shape': (")?.split(')').next()?;
+    let dimensions = shape.split(',').map(str::trim).filter(|n| !n.is_empty());
+    let count: usize = dimensions.map(|n| n.parse::<usize>().ok()).product::<Option<usize>>()?;
+    macro_rules! values {
+        ($type:ty) => {
+            data.chunks_exact(size_of::<$type>())
+                .map(|c| <$type>::from_le_bytes(c.try_into().unwrap()) as f64)
+                .collect()
+        };
+    }
+    let values: Vec<f64> = match descr {
+        "<f8" => values!(f64),
+        "<u8" => values!(u64),
+        "<u4" => values!(u32),
+        "<u2" => values!(u16),
+        "|u1" => values!(u8),
+        _ => return None,
+    };
+    (values.len() == count).then_some(values)
+}
+
+/// Numbers and truth values by their path; the version of the program is not a result.
+fn flatten(path: &str, value: &Value, columns: &mut Columns) {
+    match value {
+        Value::Null => drop(columns.insert(path.into(), vec![f64::NAN])),
+        Value::Bool(b) => drop(columns.insert(path.into(), vec![f64::from(u8::from(*b))])),
+        Value::Number(n) => columns.entry(path.into()).or_default().push(n.as_f64().unwrap_or(f64::NAN)),
+        Value::String(_) if path == "meta.program" => {}
+        Value::String(s) => columns.entry(path.into()).or_default().extend(s.bytes().map(f64::from)),
+        Value::Array(list) => list.iter().for_each(|item| flatten(path, item, columns)),
+        Value::Object(map) => map.iter().for_each(|(key, item)| flatten(&format!("{path}.{key}"), item, columns)),
+    }
+}
+
+/// Points, cells and arrays of a ParaView file.
+pub fn vtp(path: &Path) -> Result<Columns, String> {
+    let fault = |what: String| format!("{}: {what}", path.display());
+    let vtk = vtkio::Vtk::import(path).map_err(|error| fault(error.to_string()))?;
+    let DataSet::PolyData { pieces, .. } = vtk.data else { return Err(fault("is no polygonal data".into())) };
+    let [Piece::Inline(piece)] = &pieces[..] else { return Err(fault("expected one piece".into())) };
+    let mut columns = Columns::from([("points".to_string(), numbers(&piece.points))]);
+    for (name, cells) in [("verts", &piece.verts), ("lines", &piece.lines), ("polys", &piece.polys)] {
+        if let Some(VertexNumbers::XML { connectivity, .. }) = cells {
+            columns.insert(name.into(), connectivity.iter().map(|k| *k as f64).collect());
+        }
+    }
+    let Attributes { point, cell } = &piece.data;
+    for attribute in point.iter().chain(cell) {
+        let Attribute::DataArray(array) = attribute else { return Err(fault("expected arrays".into())) };
+        columns.insert(array.name.clone(), numbers(&array.data));
+    }
+    Ok(columns)
+}
+
+fn numbers(buffer: &IOBuffer) -> Vec<f64> {
+    buffer.cast_into().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_of_a_table_by_name_and_empty_ones_as_nan() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.csv");
+        fs::write(&path, "step,x\n1,2.5\n2,\n").unwrap();
+        let table = csv(&path).unwrap();
+        assert_eq!(table["step"], [1.0, 2.0]);
+        assert!(table["x"][0] == 2.5 && table["x"][1].is_nan());
+        fs::write(&path, "step,x\n1\n").unwrap();
+        assert!(csv(&path).unwrap_err().contains("has 1 fields"));
+    }
+
+    #[test]
+    fn the_values_of_an_array() {
+        let header = "{'descr': '<u2', 'fortran_order': False, 'shape': (1, 2, ), }\n";
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.bytes().chain([7, 0, 0, 1]));
+        assert_eq!(npy(&bytes), Some(vec![7.0, 256.0]));
+        assert_eq!(npy(&bytes[..bytes.len() - 2]), None);
+    }
+}

@@ -1,0 +1,310 @@
+//! The three programs one after the other: what they owe each other and the user.
+
+use std::fs;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use cd_formats::compute::{Action, Compute};
+use cd_formats::dof::Dof;
+use cd_formats::snapshot::list;
+use cd_formats::vloc_rloc::VlocRloc;
+use cd_tests::case::{Case, assert_same_results, cloud, files, post};
+use cd_tests::columns::vtp;
+
+/// Forty rocks in the thick of their collisions at the end; snapshots 0, 50, ... 300.
+fn collapse() -> Case {
+    Case::of(&cloud(40, 0.4, 1, "dt: 8.0, steps: 300, output_every: 50, text: true"))
+}
+
+/// Rocks that stick, an event before and one after the middle, a driven plate: all that a restart must carry.
+const BUSY: &str = r#"(
+    seed: 5,
+    gravity: (0.0, 0.0, -2.0e-5),
+    materials: [(name: "ROCKx", density: 2700.0)],
+    laws: [
+        (name: "wet00", kind: IQS_WET_DS_CLB(cohesion: 100.0, range: 0.2, dynamic_friction: 0.3, static_friction: 0.4)),
+        (name: "rstc0", kind: RST_CLB(normal_restitution: 0.3, tangential_restitution: 0.0, friction: 0.3)),
+    ],
+    contacts: [(between: ("BLUEx", "BLUEx"), law: "wet00"), (between: ("BLUEx", "FLOOR"), law: "rstc0")],
+    grains: [(
+        material: "ROCKx",
+        colour: "BLUEx",
+        number: 30,
+        solid_fraction: 0.3,
+        sizes: PowerLaw(min: 8.0, max: 14.0, exponent: 2.5),
+        place: RandomSequential(envelope: Ball()),
+        spin: (0.0, 1.0e-4, 0.0),
+        thermal_velocity: 0.01,
+    )],
+    walls: [Plate(
+        material: "ROCKx",
+        colour: "FLOOR",
+        centre: (0.0, 0.0, -70.0),
+        half_lengths: (100.0, 100.0, 2.0),
+        velocity: (Constant(0.0), Constant(0.0), Harmonic(amplitude: 0.02, omega: 0.01)),
+    )],
+    compute: (
+        dt: 4.0,
+        steps: 240,
+        self_gravity: true,
+        output_every: 40,
+        quench: 0.001,
+        events: [
+            (time: 300.0, action: AddSpin((0.0, 0.0, 1.0e-4))),
+            (time: 320.0, action: SetQuench(0.0)),
+            (time: 700.0, action: SetGravity((1.0e-5, 0.0, 0.0))),
+        ],
+    ),
+)"#;
+
+#[test]
+fn threads_never_change_a_byte() {
+    let one = collapse().solved(&["--threads", "1"]);
+    let two = one.twin().solved(&["--threads", "2"]);
+    assert_same_results(&one, &two);
+    let three = one.twin().solved(&["--threads=3"]);
+    assert_same_results(&one, &three);
+    assert!(one.last_snapshot().contacts.contact_impulse.iter().any(|r| r[0] > 0.0), "nothing has met");
+}
+
+#[test]
+fn a_run_that_stops_and_goes_on_equals_the_unbroken_one() {
+    for case in [collapse(), Case::of(BUSY)] {
+        let broken = case.twin();
+        let unbroken = case.solved(&[]);
+        let last = list(&unbroken.outbox()).pop().unwrap().0;
+        for steps in ["40", "80", "100", "160", "200"] {
+            // Only at the moments of snapshots: a run writes its last step too.
+            if !unbroken.outbox().join(format!("snapshot-{:06}.npz", steps.parse::<u64>().unwrap())).exists() {
+                continue;
+            }
+            let first = !broken.outbox().exists();
+            assert_eq!(broken.solve(&["--steps", steps, if first { "--force" } else { "--resume" }]), 0);
+        }
+        assert!(broken.last_snapshot().meta.step < last);
+        assert_eq!(broken.solve(&["--resume"]), 0);
+        assert_same_results(&unbroken, &broken);
+    }
+}
+
+#[test]
+fn a_stop_between_two_snapshots_changes_nothing_that_follows() {
+    let case = Case::of(BUSY);
+    let broken = case.twin().solved(&["--steps", "123"]);
+    let unbroken = case.solved(&[]);
+    assert_eq!(broken.solve(&["--resume"]), 0);
+    fs::remove_file(broken.outbox().join("snapshot-000123.npz")).unwrap();
+    assert_same_results(&unbroken, &broken);
+}
+
+/// Not a test of its own: cd-solve as a process that the next test can kill.
+#[test]
+fn solver_process() {
+    if let Ok(case) = std::env::var("CD_TESTS_CASE") {
+        let code = cd_solve::run(["cd-solve".into(), case.into(), "--force".into()]);
+        std::process::exit(code);
+    }
+}
+
+#[test]
+fn a_killed_run_goes_on_to_the_same_bytes() {
+    let case = Case::of(&cloud(40, 0.4, 1, "dt: 8.0, steps: 400, output_every: 7"));
+    let killed = case.twin();
+    let unbroken = case.solved(&[]);
+    let mut process = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "solver_process", "--nocapture"])
+        .env("CD_TESTS_CASE", killed.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    // If the process is too fast for this, it ends by itself, and the rest holds all the more.
+    while list(&killed.outbox()).len() < 20 && process.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let _ = process.kill();
+    process.wait().unwrap();
+    assert!(list(&killed.outbox()).len() >= 20);
+    assert_eq!(killed.solve(&["--resume"]), 0);
+    // A kill in the middle of writing may leave a part, which nobody reads.
+    for name in files(&killed.outbox()).iter().filter(|name| name.ends_with(".part")) {
+        fs::remove_file(killed.outbox().join(name)).unwrap();
+    }
+    assert_same_results(&unbroken, &killed);
+}
+
+#[test]
+fn results_are_not_overwritten_unasked() {
+    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10")).solved(&[]);
+    let before = case.results();
+    assert_eq!(case.solve(&[]), 2);
+    assert_eq!(case.solve(&["--steps", "40"]), 2);
+    assert_eq!(case.solve(&["--resume", "--force"]), 2);
+    assert_eq!(case.results(), before);
+
+    // Anew: what the earlier run wrote and this one does not is gone, what is not ours stays.
+    fs::write(case.outbox().join("notes.txt"), "mine").unwrap();
+    assert_eq!(case.solve(&["--force", "--steps", "5", "--output-every", "5"]), 0);
+    let names = files(&case.outbox());
+    assert_eq!(names, ["notes.txt", "snapshot-000000.npz", "snapshot-000005.npz", "steps.csv"]);
+    assert_eq!(case.steps()["step"], [1.0, 2.0, 3.0, 4.0, 5.0]);
+
+    // Refused input leaves the results of before.
+    fs::write(case.datbox("TACT_BEHAV.DAT"), "$behav\n").unwrap();
+    assert_eq!(case.solve(&["--force"]), 2);
+    assert_eq!(files(&case.outbox()), names);
+}
+
+#[test]
+fn a_flag_wins_over_its_option() {
+    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10, tol: 1.0e-4, theta: 0.6"));
+    let case = case.solved(&[]);
+    let meta = case.last_snapshot().meta;
+    assert_eq!((meta.step, meta.h, meta.parameters.tol, meta.parameters.theta), (20, 8.0, 1e-4, 0.6));
+    assert!(meta.parameters.self_gravity);
+    let flags = [
+        "--force",
+        "--dt=2",
+        "--steps=6",
+        "--output-every=2",
+        "--tol=1e-6",
+        "--theta=1",
+        "--max-sweeps=77",
+        "--alert=3.5",
+        "--self-gravity=false",
+        "--gravity-error=1e-5",
+        "--quench",
+        "--threads=1",
+        "--text",
+    ];
+    assert_eq!(case.solve(&flags), 0);
+    let meta = case.last_snapshot().meta;
+    assert_eq!((meta.step, meta.time, meta.h), (6, 12.0, 2.0));
+    let p = meta.parameters;
+    assert_eq!((p.tol, p.theta, p.max_sweeps, p.alert), (1e-6, 1.0, 77, Some(3.5)));
+    assert_eq!((p.self_gravity, p.gravity_error, p.quench), (false, 1e-5, 0.01));
+    assert_eq!(list(&case.outbox()).iter().map(|(step, _)| *step).collect::<Vec<_>>(), [0, 2, 4, 6]);
+    assert!(case.outbox().join("DOF.OUT.3").exists() && case.outbox().join("Vloc_Rloc.OUT.3").exists());
+}
+
+#[test]
+fn a_datbox_without_options_runs_from_flags_and_defaults() {
+    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0"));
+    let with_options = case.twin();
+    fs::remove_file(case.datbox("COMPUTE.RON")).unwrap();
+    let case = case.solved(&["--dt=8", "--steps=20", "--output-every=10", "--self-gravity"]);
+    let default = Compute::default();
+    let p = case.last_snapshot().meta.parameters;
+    assert_eq!((p.theta, p.tol, p.max_sweeps), (default.theta, default.tol, default.max_sweeps));
+    let with_options = with_options.solved(&["--steps=20", "--output-every=10"]);
+    assert_same_results(&with_options, &case);
+}
+
+#[test]
+fn what_cannot_be_read_is_refused() {
+    let empty = Case::empty();
+    assert_eq!(empty.solve(&[]), 2);
+    assert_eq!(post(empty.path(), &[]), 2);
+    for name in ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT", "COMPUTE.RON", "DOF.INI"] {
+        let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 5"));
+        fs::write(case.datbox(name), "$behav\n nothing of the kind\n").unwrap();
+        assert_eq!(case.solve(&[]), 2, "{name}");
+        assert!(!case.outbox().exists(), "{name}");
+    }
+    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 5")).solved(&[]);
+    let (_, last) = list(&case.outbox()).pop().unwrap();
+    let bytes = fs::read(&last).unwrap();
+    fs::write(&last, &bytes[..bytes.len() / 2]).unwrap();
+    assert_eq!(case.solve(&["--resume", "--steps", "10"]), 2);
+    assert_eq!(post(case.path(), &[]), 2);
+}
+
+/// Rounding of 0.1000000, where it is largest; a bit more for the way there.
+const SEVEN_DIGITS: f64 = 5.001e-7;
+
+/// The files of `--text` say what the snapshots say, to the digits they have, and a new run can start from them.
+#[test]
+fn text_files_are_a_start_for_a_nearby_run() {
+    let case = collapse().solved(&[]);
+    let step = 200;
+    let snapshot = case.snapshot(step);
+    let (dof_file, vloc_file) = (case.outbox().join("DOF.OUT.4"), case.outbox().join("Vloc_Rloc.OUT.4"));
+    let (dof, vloc) = (Dof::read(&dof_file).unwrap(), VlocRloc::read(&vloc_file).unwrap());
+    assert_eq!((dof.step, vloc.step), (step, step));
+    assert!((dof.time - snapshot.meta.time).abs() <= SEVEN_DIGITS * snapshot.meta.time);
+    for (body, v) in dof.bodies.iter().zip(&snapshot.bodies.body_v) {
+        let digits = body.velocity.iter().zip(v).all(|(text, v)| (text - v).abs() <= SEVEN_DIGITS * v.abs());
+        assert!(digits, "velocity of body {}: {:?}, expected {v:?}", body.body + 1, body.velocity);
+    }
+    let force = |pair: [usize; 2]| {
+        let rows = &snapshot.contacts.contact_body;
+        let row = rows.iter().position(|row| row.map(|b| b as usize) == pair).expect("the same contacts");
+        snapshot.contacts.contact_force[row][0]
+    };
+    assert_eq!(vloc.contacts.len(), snapshot.contacts.contact_body.len());
+    assert!(vloc.contacts.iter().any(|contact| contact.force[0] > 0.0));
+    for contact in &vloc.contacts {
+        let expected = force([contact.candidate.body, contact.antagonist.body]);
+        assert!((contact.force[0] - expected).abs() <= SEVEN_DIGITS * expected.abs());
+    }
+
+    let nearby = case.twin();
+    fs::copy(&dof_file, nearby.datbox("DOF.INI")).unwrap();
+    fs::copy(&vloc_file, nearby.datbox("Vloc_Rloc.INI")).unwrap();
+    let nearby = nearby.solved(&["--steps", "210", "--output-every", "10"]);
+    let whole = case.twin().solved(&["--steps", "210", "--output-every", "10"]);
+    let (a, b) = (whole.snapshot(210), nearby.snapshot(210));
+    assert!((a.meta.time - b.meta.time).abs() < 1e-3);
+    // Ten steps of 8 s later: seven digits of displacements of some 10 m and of velocities of some 0.01 m/s, and contacts
+    // solved to 1e-3; grains have 10 m.
+    let distance = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
+    let farthest = a.bodies.body_x.iter().zip(&b.bodies.body_x).map(|(a, b)| distance(a, b)).fold(0.0, f64::max);
+    assert!(farthest < 1e-3 && farthest > 0.0, "{farthest} m apart");
+}
+
+#[test]
+fn events_happen_once_and_at_their_time() {
+    let case = Case::of(BUSY).solved(&[]);
+    // Those of 300 s and 700 s before the snapshots of 320 s and 800 s, that of 320 s in the step which begins there.
+    let done = |step| case.snapshot(step).meta.parameters.events_done;
+    assert_eq!([0, 40, 80, 120, 160, 200, 240].map(done), [0, 0, 1, 2, 2, 3, 3]);
+    let parameters = |step| case.snapshot(step).meta.parameters;
+    assert_eq!((parameters(40).quench, parameters(240).quench), (0.001, 0.0));
+    assert_eq!(parameters(160).uniform_gravity, [0.0, 0.0, -2e-5]);
+    assert_eq!(parameters(240).uniform_gravity, [1e-5, 0.0, 0.0]);
+    let compute = Compute::read(&case.datbox("COMPUTE.RON")).unwrap();
+    assert_eq!(compute.events[0].action, Action::AddSpin([0.0, 0.0, 1e-4]));
+}
+
+/// What cd-post writes, read back without VTK; `vtk_readback.py` does it with VTK.
+#[test]
+fn paraview_files_hold_the_snapshots() {
+    let case = Case::of(BUSY).solved(&[]);
+    assert_eq!(post(case.path(), &["--every", "3"]), 0);
+    let display = case.path().join("DISPLAY");
+    let pvd = fs::read_to_string(display.join("grains.pvd")).unwrap();
+    for step in [0, 120, 240] {
+        let snapshot = case.snapshot(step);
+        let (bodies, contacts) = (&snapshot.bodies, &snapshot.contacts);
+        assert!(pvd.contains(&format!("timestep=\"{:?}\"", snapshot.meta.time)));
+        assert!(pvd.contains(&format!("file=\"grains-{step:06}.vtp\"")));
+        let grains = vtp(&display.join(format!("grains-{step:06}.vtp"))).unwrap();
+        let count = bodies.body_id.len() - 1; // the last is the plate
+        assert_eq!(grains["points"], bodies.body_x[..count].concat());
+        assert_eq!(grains["velocity"], bodies.body_v[..count].concat());
+        assert_eq!(grains["spin"], bodies.body_w_world[..count].concat());
+        assert_eq!(grains["radius"], bodies.body_radius[..count]);
+        assert_eq!(grains["stress"].len(), 9 * count);
+        let lines = vtp(&display.join(format!("contacts-{step:06}.vtp"))).unwrap();
+        assert_eq!(lines["lines"].len(), 2 * contacts.contact_gap.len());
+        assert_eq!(lines["gap"], contacts.contact_gap);
+        assert_eq!(lines["normal_force"], contacts.contact_force.iter().map(|f| f[0]).collect::<Vec<_>>());
+        assert_eq!(vtp(&display.join(format!("walls-{step:06}.vtp"))).unwrap()["polys"].len(), 24);
+    }
+    let plots = files(&case.path().join("POSTPRO"));
+    for name in ["series.csv", "aggregate.svg", "energy.svg", "pressure.svg", "coordination.svg"] {
+        assert!(plots.iter().any(|plot| plot == name), "{name} in {plots:?}");
+    }
+    let picture = fs::read_to_string(case.path().join("POSTPRO/aggregate.svg")).unwrap();
+    assert!(picture.contains("<svg") && picture.trim_end().ends_with("</svg>"));
+}

@@ -1,0 +1,206 @@
+//! Who may import whom, read from the sources.
+//!
+//! Between crates: `formats` stands below, the programs import it and never each other.
+//!
+//! Within cd-solve, where a *type* is a name with a capital letter, and a room's types are those of any
+//! of its files:
+//!
+//! | who | may import | never |
+//! |---|---|---|
+//! | bench: `laws`, `gravity`, `math` | `math` | shelf, rooms, formats |
+//! | shelf: `scene`, `state` | benches, types of formats | rooms |
+//! | room: `integrate`, `detect`, `assemble`, `solve` | shelf, benches, types of rooms earlier in the step, types of options | functions of another room, other formats |
+//! | room: `read`, `write` | shelf, benches, formats, types of `step` | functions of another room |
+//! | `step` | rooms, shelf, benches | formats, `read`, `write` |
+//! | `run`, `cli`, `progress` | all | |
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const BENCHES: [&str; 3] = ["laws", "gravity", "math"];
+const SHELF: [&str; 2] = ["scene", "state"];
+/// In the order in which a step first enters them.
+const ROOMS: [&str; 4] = ["integrate", "detect", "assemble", "solve"];
+const DOORS: [&str; 2] = ["read", "write"];
+const OUTSIDE: [&str; 4] = ["run", "cli", "progress", "lib"];
+
+/// Imports against the table that stand for now, each with what would mend it.
+const EXCEPTIONS: &[(&str, &str)] = &[
+    // The energy of gravity could stand in a bench, for `assemble` and for the summary.
+    ("write", "crate::assemble::potential_energy"),
+];
+
+/// Types of formats that the shelf and the rooms may name: options, events and functions of time are the same there
+/// as in the files.
+fn is_shared_type(path: &str) -> bool {
+    ["cd_formats::compute::", "cd_formats::drv_dof::Evolution", "cd_formats::snapshot::"]
+        .iter()
+        .any(|p| path.starts_with(p))
+        && is_type(path)
+        && !path.ends_with("::Snapshot")
+}
+
+/// The last name that is not a method's or a variant's parent: a type, as rustc names them.
+fn is_type(path: &str) -> bool {
+    path.split("::").any(|name| name.starts_with(char::is_uppercase))
+}
+
+fn allowed(who: &str, path: &str) -> bool {
+    let mut words = path.split("::");
+    let (root, what) = (words.next().unwrap(), words.next().unwrap_or_default());
+    let is = |list: &[&str]| list.contains(&what);
+    let step_types = what == "step" && is_type(path);
+    match root {
+        "cd_formats" if OUTSIDE.contains(&who) || DOORS.contains(&who) => true,
+        "cd_formats" => (SHELF.contains(&who) || ROOMS.contains(&who)) && is_shared_type(path),
+        _ if what == who || OUTSIDE.contains(&who) => true,
+        _ if BENCHES.contains(&who) => what == "math",
+        _ if SHELF.contains(&who) => is(&BENCHES) || is(&SHELF),
+        _ if DOORS.contains(&who) => is(&BENCHES) || is(&SHELF) || step_types || (is(&ROOMS) && is_type(path)),
+        _ if who == "step" => is(&BENCHES) || is(&SHELF) || is(&ROOMS),
+        _ => {
+            let place = |room: &str| ROOMS.iter().position(|r| *r == room);
+            let mine =
+                place(who).unwrap_or_else(|| panic!("'{who}' is neither room, bench nor shelf: extend the table"));
+            // The two halves of `assemble` stand on either side of `detect`.
+            let earlier = place(what).is_some_and(|theirs| theirs < mine);
+            is(&BENCHES) || is(&SHELF) || (earlier && is_type(path))
+        }
+    }
+}
+
+/// The `.rs` files below a folder.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap().flatten() {
+        match entry.path() {
+            path if path.is_dir() => found.extend(sources(&path)),
+            path if path.extension().is_some_and(|e| e == "rs") => found.push(path),
+            _ => {}
+        }
+    }
+    found
+}
+
+/// Every path in `text` that begins with one of `roots`, in `use` lines and elsewhere, groups written out.
+/// Comments and what follows `#[cfg(test)]` do not count.
+fn paths(text: &str, roots: &[&str]) -> BTreeSet<String> {
+    let text = text.split("#[cfg(test)]").next().unwrap_or_default();
+    let code: String =
+        text.lines().map(|line| line.split("//").next().unwrap_or_default().trim().to_string() + " ").collect();
+    let mut found = BTreeSet::new();
+    for root in roots {
+        for (at, _) in code.match_indices(&format!("{root}::")) {
+            let inside_word = code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':');
+            if !inside_word {
+                expand("", &code[at..], &mut found);
+            }
+        }
+    }
+    found
+}
+
+/// Reads one path with its groups; returns its length.
+fn expand(prefix: &str, text: &str, found: &mut BTreeSet<String>) -> usize {
+    let name = text.find(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':')).unwrap_or(text.len());
+    let path = format!("{prefix}{}", &text[..name]);
+    if !path.ends_with("::") || !text[name..].starts_with('{') {
+        found.insert(path.trim_end_matches(':').trim_end_matches("::self").to_string());
+        return name;
+    }
+    let mut at = name + 1;
+    loop {
+        at += text[at..].len() - text[at..].trim_start_matches([' ', ',']).len();
+        if text[at..].starts_with('}') || text[at..].is_empty() {
+            return at + 1;
+        }
+        at += expand(&path, &text[at..], found).max(1);
+    }
+}
+
+#[test]
+fn the_solver_keeps_its_table_of_imports() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../solver/src");
+    let mut faults = Vec::new();
+    let mut used = BTreeSet::new();
+    for file in sources(&root) {
+        let inside = file.strip_prefix(&root).unwrap();
+        let who = inside.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
+        if who == "main" {
+            continue;
+        }
+        for path in paths(&fs::read_to_string(&file).unwrap(), &["crate", "cd_formats"]) {
+            if let Some(exception) = EXCEPTIONS.iter().find(|(room, import)| *room == who && *import == path) {
+                used.insert(exception);
+            } else if !allowed(who, &path) {
+                faults.push(format!("solver/src/{}: {who} imports {path}", inside.display()));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    let unused: Vec<_> = EXCEPTIONS.iter().filter(|exception| !used.contains(exception)).collect();
+    assert!(unused.is_empty(), "no longer needed: {unused:?}");
+}
+
+#[test]
+fn programs_import_formats_and_never_each_other() {
+    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    for (krate, may) in [("formats", ""), ("pre", "cd-formats"), ("solver", "cd-formats"), ("post", "cd-formats")] {
+        let text = fs::read_to_string(workspace.join(krate).join("Cargo.toml")).unwrap();
+        let dependencies = text.split("[dependencies]").nth(1).unwrap().split("\n[").next().unwrap();
+        for line in dependencies.lines().filter(|line| line.starts_with("cd-")) {
+            let name = line.split(['.', ' ', '=']).next().unwrap();
+            assert_eq!(name, may, "{krate}/Cargo.toml");
+        }
+    }
+}
+
+#[test]
+fn paths_are_found_in_groups_and_in_code() {
+    let text = "
+        use crate::math::{Vec3, lanes::{self, Line}};
+        // use crate::comment::Nothing;
+        fn f() -> crate::state::State { my_crate::no(); crate::read::case(1) }
+        #[cfg(test)]
+        mod tests { use crate::write::path; }";
+    let found: Vec<String> = paths(text, &["crate"]).into_iter().collect();
+    let expected = [
+        "crate::math::Vec3",
+        "crate::math::lanes",
+        "crate::math::lanes::Line",
+        "crate::read::case",
+        "crate::state::State",
+    ];
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn the_table_refuses_what_it_should() {
+    for (who, path) in [
+        ("laws", "crate::state::Contact"),
+        ("gravity", "crate::laws::Law"),
+        ("math", "cd_formats::snapshot::Ledger"),
+        ("scene", "crate::detect::narrow"),
+        ("scene", "cd_formats::bodies::Bodies"),
+        ("integrate", "crate::solve::Solution"),
+        ("solve", "crate::assemble::contact_problem"),
+        ("solve", "cd_formats::error::Fault"),
+        ("step", "cd_formats::compute::Compute"),
+        ("step", "crate::write::Results"),
+        ("write", "crate::read::case"),
+    ] {
+        assert!(!allowed(who, path), "{who} imports {path}");
+    }
+    for (who, path) in [
+        ("laws", "crate::math::Vec3"),
+        ("scene", "cd_formats::compute::Compute"),
+        ("solve", "crate::assemble::System"),
+        ("read", "cd_formats::error::Fault"),
+        ("write", "crate::step::StepReport"),
+        ("step", "crate::assemble::relative_velocity"),
+        ("run", "crate::write::Results"),
+    ] {
+        assert!(allowed(who, path), "{who} may import {path}");
+    }
+}
