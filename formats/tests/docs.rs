@@ -1,0 +1,107 @@
+//! docs/files.md is complete, and what it shows is accepted.
+
+use std::path::{Path, PathBuf};
+
+use cd_formats::compute::{Compute, Event, from_ron};
+use cd_formats::snapshot::{BodyArrays, ContactArrays, LawName, MaterialName, Meta};
+
+fn page() -> (PathBuf, String) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/files.md");
+    let text = std::fs::read_to_string(&path).unwrap();
+    (path, text)
+}
+
+/// The section under a heading of the second level, without its subsections.
+fn section<'a>(page: &'a str, heading: &str) -> &'a str {
+    let (_, rest) = page.split_once(&format!("\n## {heading}\n")).unwrap();
+    rest.split("\n## ").next().unwrap().split("\n### ").next().unwrap()
+}
+
+/// The cells of the table rows whose first cell is one name in code and that have `cells` cells.
+fn rows(section: &str, cells: usize) -> Vec<Vec<String>> {
+    let row = |line: &str| -> Option<Vec<String>> {
+        let inner = line.strip_prefix("| ")?.strip_suffix(" |")?.replace("\\|", "\u{1}");
+        Some(inner.split(" | ").map(|cell| cell.replace('\u{1}', "|")).collect())
+    };
+    section.lines().filter_map(row).filter(|row| row.len() == cells && row[0].starts_with('`')).collect()
+}
+
+#[test]
+fn options_are_those_of_compute_ron() {
+    let (_, text) = page();
+    let documented: Vec<[String; 3]> = rows(section(&text, "COMPUTE.RON"), 4)
+        .into_iter()
+        .map(|row| {
+            assert!(!row[1].trim().is_empty(), "{} has no unit", row[0]);
+            [row[0].clone(), row[2].clone(), row[3].clone()]
+        })
+        .collect();
+    let options: Vec<[String; 3]> =
+        Compute::table().into_iter().map(|(name, default, help)| [format!("`{name}`"), default, help]).collect();
+    assert_eq!(documented, options);
+}
+
+/// Name, type, shape and meaning of every array; the page may say more behind the first clause.
+#[test]
+fn arrays_are_those_of_snapshots() {
+    let (_, text) = page();
+    let documented = rows(section(&text, "snapshot-NNNNNN.npz"), 5);
+    let arrays: Vec<_> = BodyArrays::table()
+        .into_iter()
+        .map(|array| ("N", array))
+        .chain(ContactArrays::table().into_iter().map(|array| ("C", array)))
+        .collect();
+    assert_eq!(documented.len(), arrays.len());
+    for (row, (count, (name, descr, shape, help))) in documented.iter().zip(arrays) {
+        let shape: String = shape.iter().fold(count.to_string(), |shape, n| format!("{shape}, {n}"));
+        assert_eq!(row[..3], [format!("`{name}`"), format!("`{descr}`"), format!("({shape})")]);
+        let meaning = help.trim().split(';').next().unwrap();
+        assert!(row[4].starts_with(meaning), "{name}: `{}` does not begin with `{meaning}`", row[4]);
+        let unit = row[3].replace('²', "^2");
+        assert!(unit == "-" || help.contains(&format!(", {unit}")), "{name}: unit {unit} is not in `{help}`");
+    }
+}
+
+#[test]
+fn meta_is_described_field_by_field() {
+    fn names(value: &serde_json::Value, into: &mut Vec<String>) {
+        match value {
+            serde_json::Value::Object(fields) => fields.iter().for_each(|(name, value)| {
+                into.push(name.clone());
+                names(value, into);
+            }),
+            serde_json::Value::Array(items) => items.iter().for_each(|item| names(item, into)),
+            _ => {}
+        }
+    }
+    let (_, text) = page();
+    let section = section(&text, "snapshot-NNNNNN.npz");
+    let mut meta = Meta::default();
+    meta.materials.push(MaterialName { name: String::new(), density: 1.0 });
+    meta.laws.push(LawName { nickname: String::new(), kind: String::new(), parameters: vec![] });
+    let mut fields = Vec::new();
+    names(&serde_json::to_value(&meta).unwrap(), &mut fields);
+    assert!(fields.len() > 30, "{fields:?}"); // a check of the check
+    for field in fields {
+        assert!(section.contains(&format!("`{field}`")), "docs/files.md does not describe {field}");
+    }
+}
+
+#[test]
+fn what_it_shows_is_accepted() {
+    let (path, text) = page();
+    let mut shown = 0;
+    for block in text.split("```ron ").skip(1) {
+        let (kind, rest) = block.split_once('\n').unwrap();
+        let ron = rest.split("```").next().unwrap();
+        let read = match kind {
+            "Compute" => from_ron::<Compute>(&path, ron, kind).and_then(|compute| compute.check(&path)),
+            "Events" => from_ron::<Vec<Event>>(&path, ron, kind)
+                .and_then(|events| Compute { events, ..Compute::default() }.check(&path)),
+            _ => panic!("no type for {kind}"),
+        };
+        read.unwrap_or_else(|faults| panic!("{ron}\n{faults}"));
+        shown += 1;
+    }
+    assert_eq!((shown, text.matches("```ron").count()), (2, 2));
+}
