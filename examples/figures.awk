@@ -29,8 +29,11 @@ END {
     if (file < 2) exit 1
     printf "At the end, t = %g s:\n", row["time"]
     line("grains", n)
-    p = row["pressure"]; virial = row["pressure_virial"]
-    line("pressure", sprintf("%.5g Pa from contacts, %.5g Pa from the virial (%+.2f %%)", p, virial, virial != 0 ? 100 * (p / virial - 1) : 0))
+    p = row["pressure"]; virial = row["pressure_virial"]; kinetic = row["pressure_kinetic"]
+    line("pressure", sprintf("%.5g Pa from contacts; virial %.5g Pa%s", p, virial, virial != 0 ? sprintf(", %+.2f %%", 100 * (p / virial - 1)) : ""))
+    # In steady rotation the contacts carry what the motion leaves of the virial.
+    if (virial != 0 && kinetic > 0.001 * virial)
+        line("", sprintf("virial less motion %.5g Pa, %+.2f %%", virial - kinetic, 100 * (p / (virial - kinetic) - 1)))
     if (row["E_grav"] != 0) {
         radius = row["R_enclosing"]
         density = row["mass"] / (4 / 3 * PI * radius ^ 3)
@@ -38,7 +41,7 @@ END {
     }
     z = row["Z_no_rattlers"]
     line("coordination Z", sprintf("%.3f, without rattlers %s", row["Z"], z == "" ? "not defined" : sprintf("%.3f", z)))
-    line("contacts with force", sprintf("%d; isostatic without friction: 3 N - 6 = %d", row["n_contacts"], 3 * n - 6))
+    line("contacts with force", sprintf("%d%s", row["n_contacts"], row["E_grav"] != 0 ? sprintf("; isostatic without friction: 3 N - 6 = %d", 3 * n - 6) : ""))
     line("solid fraction nu", sprintf("%.4f in the enclosing ball, R = %.5g m", row["nu"], row["R_enclosing"]))
     line("semi-axes", sprintf("%.5g, %.5g, %.5g m", row["a"], row["b"], row["c"]))
     line("fragments", sprintf("%d, the largest with %.1f %% of the mass", row["n_fragments"], 100 * row["largest_fraction"]))
