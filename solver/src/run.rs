@@ -42,6 +42,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool) -> Resul
     let mut course = Course { threads: rayon::current_num_threads(), ..Course::default() };
     if !resumed {
         open_ledger(scene, &mut state);
+        expect_finite(&state)?;
         let writing = Instant::now();
         results.state(scene, &state)?;
         course.clock.writing += writing.elapsed();
@@ -51,13 +52,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool) -> Resul
     while state.step < last {
         let mut lap = Clock::default();
         let report = step(scene, &mut state, &mut lap);
-        if !state.is_finite() {
-            progress.finish();
-            let (step, time) = (state.step, state.time);
-            return Err(Failure::Broken(format!(
-                "step {step}, t = {time} s: a position or velocity is no longer finite; the last snapshot is sound"
-            )));
-        }
+        expect_finite(&state).inspect_err(|_| progress.finish())?;
         course.steps += 1;
         course.sweeps += report.sweeps;
         if !report.converged {
@@ -90,6 +85,16 @@ fn open_ledger(scene: &Scene, state: &mut State) {
     state.ledger.momentum_expected = motion.momentum.into();
     state.ledger.angular_momentum_expected = Vec3::into(angular);
     state.ledger.momentum_scale = motion.scale;
+}
+
+/// What is not finite is never written.
+fn expect_finite(state: &State) -> Result<(), Failure> {
+    if state.is_finite() {
+        return Ok(());
+    }
+    let State { step, time, .. } = state;
+    let found = "a position, velocity, momentum or energy is not finite";
+    Err(Failure::Broken(format!("step {step}, t = {time} s: {found}; snapshots written before are sound")))
 }
 
 /// Refuses options that cannot lead to a run from this state.

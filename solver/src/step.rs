@@ -7,6 +7,7 @@ use crate::detect;
 use crate::integrate::{self, Configuration};
 use crate::math::{Vec3, to_local};
 use crate::scene::Scene;
+use crate::solve::sweep::Width;
 use crate::solve::{self, Solution};
 use crate::state::{Contact, SolvedContact, State, Status};
 
@@ -68,7 +69,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     lap.stop(&mut clock.detection);
     let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
     lap.stop(&mut clock.assembly);
-    let solution = solve::nlgs(&system, scene.options.tol, scene.options.max_sweeps); // M5  r
+    let solution = solve::nlgs(&system, scene.options.tol, scene.options.max_sweeps, Width::detect()); // M5  r
     lap.stop(&mut clock.solve);
     let solved = end_of_contacts(scene, &q_c, contacts, &free, &system, &solution);
     let report = book(scene, state, &q_c, &free, &system, &solution, &solved);

@@ -26,8 +26,12 @@ pub struct Free {
 
 /// Events whose time has come, and the option `quench`, at a step's start.
 pub fn interventions(scene: &Scene, state: &mut State) {
-    while let Some(event) = scene.events.get(state.events_done).filter(|event| event.time <= state.time) {
+    // A thousandth of a step of slack: the time is a sum of steps, and a little before or after their product.
+    let now = state.time + 1e-3 * scene.options.dt;
+    while let Some(event) = scene.events.get(state.events_done).filter(|event| event.time <= now) {
+        let gravity = state.gravity;
         state.set_by(&event.action);
+        book_potential(scene, state, state.gravity - gravity);
         match event.action {
             Action::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
             Action::AddSpin(spin) => {
@@ -58,6 +62,12 @@ fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec
         add(&mut state.ledger.angular_momentum_expected, &(state.x[i].cross(&momentum) + spin));
         (state.v[i], state.w[i]) = (v, w);
     }
+}
+
+/// Books the potential energy that a change of uniform gravity gives as coming from outside.
+fn book_potential(scene: &Scene, state: &mut State, change: Vec3) {
+    let height = |&i: &u32| scene.bodies[i as usize].mass * change.dot(&state.x[i as usize]);
+    state.ledger.outside_work -= scene.free.iter().map(height).sum::<f64>();
 }
 
 fn add(sum: &mut [f64; 3], term: &Vec3) {

@@ -5,6 +5,7 @@
 //! that the solver works on r̂ = r - c n alone (see [`crate::laws`]).
 
 use crate::integrate::Configuration;
+use crate::math::lanes::Line;
 use crate::math::{Vec3, to_local};
 use crate::scene::{Scene, Shape};
 use crate::state::{Contact, State, Status};
@@ -52,6 +53,8 @@ pub struct Row {
 
 pub struct System {
     pub rows: Vec<Row>,
+    /// All bodies in the order of space, neighbours near each other.
+    pub order: Vec<u32>,
     /// Velocities if every r̂ were 0.
     pub records: Vec<Record>,
 }
@@ -132,7 +135,7 @@ pub fn contact_problem(
             row.apply(&mut records, &(row.normal * row.impulse_shift));
         }
     }
-    System { rows, records }
+    System { rows, records, order: order_of_space(&q_c.x) }
 }
 
 /// r̂ of the last step for the same contact, scaled to the new step length, its tangential part
@@ -146,16 +149,45 @@ fn warm_start(old: &crate::state::SolvedContact, contact: &Contact, impulse_shif
     n * normal + (tangential - n * n.dot(&tangential)) * scale
 }
 
+/// Bodies along Morton's curve through their bounding box.
+fn order_of_space(x: &[Vec3]) -> Vec<u32> {
+    let bound = |pick: fn(f64, f64) -> f64| {
+        x.iter().fold(None, |b: Option<Vec3>, p| Some(b.map_or(*p, |b| b.zip_map(p, pick))))
+    };
+    let (Some(low), Some(high)) = (bound(f64::min), bound(f64::max)) else { return Vec::new() };
+    let scale = f64::from(1 << 21) / (high - low).max().max(f64::MIN_POSITIVE);
+    let key =
+        |p: &Vec3| (0..3).fold(0, |key, k| key | spread((((p[k] - low[k]) * scale) as u64).min((1 << 21) - 1)) << k);
+    let mut keyed: Vec<(u64, u32)> = x.iter().enumerate().map(|(i, p)| (key(p), i as u32)).collect();
+    keyed.sort_unstable();
+    keyed.into_iter().map(|(_, i)| i).collect()
+}
+
+/// The 21 low bits, each followed by two zeros.
+fn spread(bits: u64) -> u64 {
+    let bits = (bits | bits << 32) & 0x001f_0000_0000_ffff;
+    let bits = (bits | bits << 16) & 0x001f_0000_ff00_00ff;
+    let bits = (bits | bits << 8) & 0x100f_00f0_0f00_f00f;
+    let bits = (bits | bits << 4) & 0x10c3_0c30_c30c_30c3;
+    (bits | bits << 2) & 0x1249_2492_4924_9249
+}
+
+impl Record {
+    /// The record as a line of the sweeps: v, 1/m, w, 1/I.
+    pub fn to_line(&self) -> Line {
+        let Record { v, inverse_mass, w, inverse_inertia } = self;
+        [v.x, v.y, v.z, *inverse_mass, w.x, w.y, w.z, *inverse_inertia]
+    }
+}
+
 impl Row {
     /// û at the records' velocities, world frame, m/s.
-    #[inline(always)]
     pub fn velocity(&self, records: &[Record]) -> Vec3 {
         let [a, b] = self.bodies.map(|i| &records[i as usize]);
         a.v - b.v + self.normal.cross(&(a.w * self.levers[0] + b.w * self.levers[1])) + self.shift
     }
 
     /// Gives the two bodies the impulse `r` on the candidate and -r on the antagonist, N s.
-    #[inline(always)]
     pub fn apply(&self, records: &mut [Record], r: &Vec3) {
         let turn = r.cross(&self.normal); // moment per lever, the same for both sides
         let a = &mut records[self.bodies[0] as usize];

@@ -7,12 +7,16 @@
 //! | IQS_DS_CLB | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //! | GAP_SGR_CLB, Signorini on the gap | g/h | 0 | 0 | mu |
 //! | VEL_SGR_CLB, Signorini on the velocity (g <= 0, else no contact) | 0 | 0 | 0 | mu |
-//! | RST_CLB, restitution (g <= 0, else no contact) | e_n min(0, u_n⁻) | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
+//! | RST_CLB, restitution (g <= 0, else no contact) | e_n u_n⁻ | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
 //! | RST_DS_CLB | the same | the same | 0 | mu_d after sliding, else mu_s |
 //! | IQS_WET_DS_CLB, cohesive force f while g <= range | max(0, g/h) | 0 | -h f | mu_d after sliding, else mu_s |
 //!
 //! u⁻ is the relative velocity at the step's start. Friction acts on r̂_n = r_n + h f: a cohesive
 //! contact slides at mu (r_n/h + f). Names and parameters are those of LMGC90.
+//!
+//! Restitution holds for a contact that was parting, too: thrown back by its neighbours within the step, it may
+//! close at e_n times its speed. So (v⁺ + e v⁻)/(1 + e) is the projection of v⁻ on what the contacts allow, and
+//! several contacts of one e_n give no energy without friction. With friction that holds for a single contact only.
 //!
 //! Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177 (1999) 235-257; J.J. Moreau, Unilateral
 //! contact and dry friction in finite freedom dynamics, CISM 302 (1988).
@@ -26,7 +30,7 @@ pub enum Unilateral {
     Gap,
     /// Only once touching, and then without regard to the gap.
     Velocity,
-    /// Newton's restitution on a closing shock.
+    /// Newton's restitution.
     Restitution { normal: f64, tangential: f64 },
 }
 
@@ -117,11 +121,7 @@ impl Law {
             Unilateral::Gap => (gap / h, 0.0),
             Unilateral::Velocity if gap <= 0.0 => (0.0, 0.0),
             Unilateral::Restitution { normal, tangential } if gap <= 0.0 => {
-                if u_n < 0.0 {
-                    (normal * u_n, tangential)
-                } else {
-                    (0.0, 0.0)
-                }
+                (normal * u_n, if u_n < 0.0 { tangential } else { 0.0 })
             }
             Unilateral::Velocity | Unilateral::Restitution { .. } => return None,
         };
@@ -158,7 +158,7 @@ mod tests {
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.1, -1.0, false), None);
         let shock = Shift { normal: -0.5, tangential: 0.25, impulse: 0.0, friction: 0.4 };
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, -1.0, false), Some(shock));
-        assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, 1.0, false), plain(0.0, 0.4));
+        assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, 1.0, false), plain(0.5, 0.4));
         let wet = Shift { normal: 0.02, tangential: 0.0, impulse: -5.0, friction: 0.3 };
         assert_eq!(shift("IQS_WET_DS_CLB", &[10.0, 0.0, 0.01, 0.2, 0.3], 0.01, 0.0, false), Some(wet));
         assert_eq!(shift("IQS_WET_DS_CLB", &[10.0, 0.0, 0.01, 0.2, 0.3], 0.02, 0.0, false), plain(0.04, 0.3));

@@ -1,5 +1,7 @@
 //! Bench: vectors, rotations, orthonormal frames.
 
+pub mod lanes;
+
 use nalgebra::{UnitQuaternion, Vector3};
 
 pub type Vec3 = Vector3<f64>;

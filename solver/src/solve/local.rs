@@ -1,93 +1,145 @@
 //! One contact, exactly, with every other impulse frozen.
 
-use crate::assemble::Row;
-use crate::math::Vec3;
+use crate::math::lanes::Lanes;
+
+/// Three components.
+pub type Triple<V> = [V; 3];
+
+/// a . b
+#[inline(always)]
+pub fn dot<L: Lanes>(l: L, a: Triple<L::V>, b: Triple<L::V>) -> L::V {
+    l.mul_add(a[0], b[0], l.mul_add(a[1], b[1], l.mul(a[2], b[2])))
+}
+
+/// a x b + c
+#[inline(always)]
+pub fn cross_add<L: Lanes>(l: L, a: Triple<L::V>, b: Triple<L::V>, c: Triple<L::V>) -> Triple<L::V> {
+    [
+        l.mul_add(a[1], b[2], l.neg_mul_add(a[2], b[1], c[0])),
+        l.mul_add(a[2], b[0], l.neg_mul_add(a[0], b[2], c[1])),
+        l.mul_add(a[0], b[1], l.neg_mul_add(a[1], b[0], c[2])),
+    ]
+}
+
+/// The three components of an expression in `$k`. Not a closure, which a compiler may leave outside
+/// the instruction set that its caller is compiled for.
+macro_rules! triple {
+    ($k:ident => $component:expr) => {
+        [
+            {
+                let $k = 0;
+                $component
+            },
+            {
+                let $k = 1;
+                $component
+            },
+            {
+                let $k = 2;
+                $component
+            },
+        ]
+    };
+}
+pub(super) use triple;
 
 /// r̂ that solves one contact with Signorini's condition and Coulomb's law, N s.
 ///
-/// * `velocity`: û with the contact's present impulse at work, m/s.
+/// * `n`: unit normal.
+/// * `u`: û with the impulse `r` at work, m/s.
 /// * `r`: that impulse, N s.
+/// * `inverse_w`: 1/w_n and 1/w_t, kg; `friction`: mu.
 ///
 /// With W = diag(w_n, w_t, w_t) the solution is closed: the impulse that would stop the contact,
 /// r - û_n/w_n n - û_T/w_t, has its normal part cut at 0 (Signorini) and its tangential part
 /// projected on the disc of radius mu r̂_n (Coulomb); sticking where it lies inside.
 ///
 /// Source: F. Jourdan, P. Alart, M. Jean, Comput. Methods Appl. Mech. Engrg. 155 (1998) 31-47.
+///
+/// ```
+/// # use cd_solve::{math::lanes::Scalar, solve::local::signorini_coulomb};
+/// // 2 kg (1/w_n) arriving at 2 m/s is stopped by 4 N s; the tangential 7 m/s would need
+/// // 4 N s too (1/w_t = 4/7), but friction gives 0.5 * 4.
+/// let r = signorini_coulomb(Scalar, [0.0, 0.0, 1.0], [0.0, 7.0, -2.0], [0.0; 3], [2.0, 4.0 / 7.0], 0.5);
+/// assert_eq!(r, [0.0, -2.0, 4.0]);
+/// ```
 #[inline(always)]
-pub fn signorini_coulomb(row: &Row, velocity: &Vec3, r: &Vec3) -> Vec3 {
-    let n = &row.normal;
-    let u_n = n.dot(velocity);
-    let r_n = n.dot(r);
-    let normal = r_n - u_n / row.w_n;
-    if normal <= 0.0 {
-        return Vec3::zeros();
-    }
-    if row.friction == 0.0 {
-        return n * normal;
-    }
-    let tangential = (r - n * r_n) - (velocity - n * u_n) / row.w_t;
-    let bound = row.friction * normal;
-    let size2 = tangential.norm_squared();
-    let inside = if size2 > bound * bound { bound / size2.sqrt() } else { 1.0 };
-    n * normal + tangential * inside
+pub fn signorini_coulomb<L: Lanes>(
+    l: L,
+    n: Triple<L::V>,
+    u: Triple<L::V>,
+    r: Triple<L::V>,
+    inverse_w: [L::V; 2],
+    friction: L::V,
+) -> Triple<L::V> {
+    let zero = l.splat(0.0);
+    let stopping = l.neg_mul_add(dot(l, n, u), inverse_w[0], dot(l, n, r)); // r_n - û_n/w_n
+    let normal = l.select_greater(stopping, zero, stopping, zero);
+    let tangential = {
+        let full = triple!(k => l.neg_mul_add(u[k], inverse_w[1], r[k]));
+        let along = dot(l, n, full);
+        triple!(k => l.neg_mul_add(n[k], along, full[k]))
+    };
+    let bound = l.mul(friction, normal);
+    let size2 = dot(l, tangential, tangential);
+    let ratio = l.div(bound, l.sqrt(size2));
+    let inside = l.select_greater(size2, l.mul(bound, bound), ratio, l.splat(1.0));
+    triple!(k => l.mul_add(n[k], normal, l.mul(tangential[k], inside)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assemble::Record;
+    use crate::math::lanes::Scalar;
+    use proptest::prelude::*;
 
-    fn row(friction: f64) -> (Row, [Record; 2]) {
-        let free = Record { v: Vec3::zeros(), inverse_mass: 0.5, w: Vec3::zeros(), inverse_inertia: 1.25 };
-        let fixed = Record { inverse_mass: 0.0, inverse_inertia: 0.0, ..free };
-        let row = Row {
-            bodies: [0, 1],
-            normal: Vec3::z(),
-            levers: [1.0, 0.0],
-            shift: Vec3::zeros(),
-            w_n: 0.5,
-            w_t: 0.5 + 1.25,
-            friction,
-            impulse_shift: 0.0,
-            contact: 0,
-            can_close: true,
-            start: Vec3::zeros(),
-            u_before: Vec3::zeros(),
-        };
-        (row, [free, fixed])
-    }
-
-    /// The solution and the velocity that it leaves.
-    fn solved(friction: f64, v: Vec3) -> (Vec3, Vec3) {
-        let (row, mut records) = row(friction);
-        records[0].v = v;
-        let r = signorini_coulomb(&row, &row.velocity(&records), &Vec3::zeros());
-        row.apply(&mut records, &r);
-        (r, row.velocity(&records))
-    }
+    const UP: [f64; 3] = [0.0, 0.0, 1.0];
+    /// 1/w of a solid sphere of 2 kg against the ground: w_t = 7/2 w_n.
+    const INVERSE_W: [f64; 2] = [2.0, 4.0 / 7.0];
 
     #[test]
-    fn parting_sticking_and_sliding() {
-        assert_eq!(solved(0.5, Vec3::z()).0, Vec3::zeros());
-        // 2 kg arriving at 2 m/s is stopped by 4 N s; u_t = 0.35 needs 0.2 N s, within 0.5 * 4.
-        let (r, u) = solved(0.5, Vec3::new(0.35, 0.0, -2.0));
-        assert!((r - Vec3::new(-0.2, 0.0, 4.0)).norm() < 1e-15 && u.norm() < 1e-15);
-        // u_t = 7 would need 4 N s: slides at 0.5 * 4, against the velocity.
-        let (r, u) = solved(0.5, Vec3::new(0.0, 7.0, -2.0));
-        assert!((r - Vec3::new(0.0, -2.0, 4.0)).norm() < 1e-15 && (u - Vec3::y() * 3.5).norm() < 1e-14);
-        // Frictionless keeps the tangential velocity.
-        let (r, u) = solved(0.0, Vec3::new(0.0, 7.0, -2.0));
-        assert!(r == Vec3::z() * 4.0 && (u - Vec3::y() * 7.0).norm() < 1e-15);
+    fn parting_sticking_and_frictionless() {
+        let solve = |u, friction| signorini_coulomb(Scalar, UP, u, [0.0; 3], INVERSE_W, friction);
+        assert_eq!(solve([3.0, 0.0, 1.0], 0.5), [0.0; 3]);
+        assert_eq!(solve([0.0; 3], 0.5), [0.0; 3]);
+        // 0.35 m/s is stopped by 0.2 N s, within 0.5 * 4.
+        let r = solve([0.35, 0.0, -2.0], 0.5);
+        assert!((r[0] + 0.2).abs() < 1e-15 && r[1] == 0.0 && r[2] == 4.0);
+        assert_eq!(solve([0.0, 7.0, -2.0], 0.0), [0.0, 0.0, 4.0]);
+        assert_eq!(cross_add(Scalar, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]), UP);
+        assert_eq!(cross_add(Scalar, [1.0, 2.0, 3.0], [-4.0, 5.0, 6.0], [1.0; 3]), [-2.0, -17.0, 14.0]);
     }
 
-    #[test]
-    fn is_a_fixed_point_of_itself() {
-        let (row, mut records) = row(0.3);
-        records[0].v = Vec3::new(1.0, -2.0, -0.7);
-        records[0].w = Vec3::new(0.2, 0.1, 5.0);
-        let r = signorini_coulomb(&row, &row.velocity(&records), &Vec3::zeros());
-        row.apply(&mut records, &r);
-        let again = signorini_coulomb(&row, &row.velocity(&records), &r);
-        assert!((again - r).norm() < 1e-15 * r.norm());
+    proptest! {
+        /// Brute force: no other impulse of the cone satisfies the conditions; the one found does.
+        #[test]
+        fn satisfies_signorini_and_coulomb(
+            n in prop::array::uniform3(-1.0..1.0f64),
+            u in prop::array::uniform3(-3.0..3.0f64),
+            r in prop::array::uniform3(-3.0..3.0f64),
+            friction in 0.0..1.5f64,
+        ) {
+            let size = dot(Scalar, n, n).sqrt();
+            prop_assume!(size > 0.1);
+            let n = n.map(|c| c / size);
+            let new = signorini_coulomb(Scalar, n, u, r, INVERSE_W, friction);
+            // u after the change: W (new - r) + u with W = w_n nn + w_t (1 - nn).
+            let change: [f64; 3] = std::array::from_fn(|k| new[k] - r[k]);
+            let along = dot(Scalar, n, change);
+            let after: [f64; 3] = std::array::from_fn(|k| {
+                u[k] + n[k] * along / INVERSE_W[0] + (change[k] - n[k] * along) / INVERSE_W[1]
+            });
+            let (u_n, r_n) = (dot(Scalar, n, after), dot(Scalar, n, new));
+            let u_t: [f64; 3] = std::array::from_fn(|k| after[k] - n[k] * u_n);
+            let r_t: [f64; 3] = std::array::from_fn(|k| new[k] - n[k] * r_n);
+            let norm = |a: [f64; 3]| dot(Scalar, a, a).sqrt();
+            let slack = 1e-13; // rounding of numbers up to 10
+            prop_assert!(u_n > -slack && r_n > -slack && (u_n * r_n).abs() < slack);
+            prop_assert!(norm(r_t) <= friction * r_n + slack);
+            if norm(u_t) > 1e-9 && r_n > 1e-9 {
+                prop_assert!((norm(r_t) - friction * r_n).abs() < slack);
+                prop_assert!(dot(Scalar, u_t, r_t) <= -norm(u_t) * norm(r_t) + 1e-12);
+            }
+        }
     }
 }

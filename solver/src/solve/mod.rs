@@ -1,7 +1,17 @@
 //! Room: the contact problem to impulses.
+//!
+//! | module | what it knows |
+//! |---|---|
+//! | [`local`] | one contact, exactly |
+//! | [`batches`] | bodies and contacts laid out for sweeping |
+//! | [`sweep`] | one sweep, in vectors of contacts and side by side |
+//! | `nlgs` | when to sweep, with what momentum, and when to stop |
+//! | [`residual`] | judges, never solves |
 
+pub mod batches;
 pub mod local;
 mod nlgs;
 pub mod residual;
+pub mod sweep;
 
 pub use nlgs::{Solution, nlgs};

@@ -1,0 +1,368 @@
+//! Vectors of contacts: the same arithmetic on 8, 4 or 1 contacts at a time, chosen when the program
+//! runs. Every operation is written once, in one order and with explicit fused multiply-add, so all
+//! widths give the same bits.
+
+use pulp::NullaryFnOnce;
+
+/// A row of eight numbers, one cache line: what is gathered for a contact's body.
+pub type Line = [f64; 8];
+
+/// Arithmetic on `WIDTH` contacts at once.
+pub trait Lanes: Copy + Send + Sync {
+    const WIDTH: usize;
+    type V: Copy;
+
+    /// Runs `op` compiled for this instruction set; what it calls must be inlined into it.
+    fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output;
+
+    fn splat(self, x: f64) -> Self::V;
+    /// The first `WIDTH` numbers of `x`.
+    fn load(self, x: &[f64]) -> Self::V;
+    fn store(self, x: &mut [f64], v: Self::V);
+    fn add(self, a: Self::V, b: Self::V) -> Self::V;
+    fn sub(self, a: Self::V, b: Self::V) -> Self::V;
+    fn mul(self, a: Self::V, b: Self::V) -> Self::V;
+    fn div(self, a: Self::V, b: Self::V) -> Self::V;
+    fn sqrt(self, a: Self::V) -> Self::V;
+    /// a b + c, rounded once.
+    fn mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
+    /// c - a b, rounded once.
+    fn neg_mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
+    /// `a` where x > y, else `b`.
+    fn select_greater(self, x: Self::V, y: Self::V, a: Self::V, b: Self::V) -> Self::V;
+    /// Component k of the `WIDTH` lines named by `index`, for each k.
+    fn gather(self, lines: &[Line], index: &[u32]) -> [Self::V; 8];
+    /// The reverse; two equal indices must bring equal lines.
+    fn scatter(self, lines: &mut [Line], index: &[u32], columns: [Self::V; 8]);
+}
+
+/// One contact at a time: any machine.
+#[derive(Debug, Clone, Copy)]
+pub struct Scalar;
+
+impl Lanes for Scalar {
+    const WIDTH: usize = 1;
+    type V = f64;
+
+    fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output {
+        op.call()
+    }
+
+    #[inline(always)]
+    fn splat(self, x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn load(self, x: &[f64]) -> f64 {
+        x[0]
+    }
+    #[inline(always)]
+    fn store(self, x: &mut [f64], v: f64) {
+        x[0] = v;
+    }
+    #[inline(always)]
+    fn add(self, a: f64, b: f64) -> f64 {
+        a + b
+    }
+    #[inline(always)]
+    fn sub(self, a: f64, b: f64) -> f64 {
+        a - b
+    }
+    #[inline(always)]
+    fn mul(self, a: f64, b: f64) -> f64 {
+        a * b
+    }
+    #[inline(always)]
+    fn div(self, a: f64, b: f64) -> f64 {
+        a / b
+    }
+    #[inline(always)]
+    fn sqrt(self, a: f64) -> f64 {
+        a.sqrt()
+    }
+    #[inline(always)]
+    fn mul_add(self, a: f64, b: f64, c: f64) -> f64 {
+        a.mul_add(b, c)
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: f64, b: f64, c: f64) -> f64 {
+        (-a).mul_add(b, c)
+    }
+    #[inline(always)]
+    fn select_greater(self, x: f64, y: f64, a: f64, b: f64) -> f64 {
+        if x > y { a } else { b }
+    }
+    #[inline(always)]
+    fn gather(self, lines: &[Line], index: &[u32]) -> [f64; 8] {
+        lines[index[0] as usize]
+    }
+    #[inline(always)]
+    fn scatter(self, lines: &mut [Line], index: &[u32], columns: [f64; 8]) {
+        lines[index[0] as usize] = columns;
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use std::arch::x86_64::{__m256d, __m512d};
+
+    use pulp::x86::{V3, V4};
+    use pulp::{NullaryFnOnce, cast};
+
+    use super::{Lanes, Line};
+
+    /// Predicate of a comparison: greater than, ordered, quiet.
+    const GREATER: i32 = 30;
+
+    // No closures and no iterators below: they are functions of their own, which a compiler may leave
+    // outside the instruction set that their caller is compiled for.
+
+    #[inline(always)]
+    fn eight(x: &[f64]) -> [f64; 8] {
+        [x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7]]
+    }
+
+    #[inline(always)]
+    fn four(x: &[f64]) -> [f64; 4] {
+        [x[0], x[1], x[2], x[3]]
+    }
+
+    /// Eight at a time, AVX-512.
+    impl Lanes for V4 {
+        const WIDTH: usize = 8;
+        type V = __m512d;
+
+        #[inline(always)]
+        fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output {
+            self.vectorize(op)
+        }
+
+        #[inline(always)]
+        fn splat(self, x: f64) -> __m512d {
+            self.avx512f._mm512_set1_pd(x)
+        }
+        #[inline(always)]
+        fn load(self, x: &[f64]) -> __m512d {
+            cast(eight(x))
+        }
+        #[inline(always)]
+        fn store(self, x: &mut [f64], v: __m512d) {
+            x[..8].copy_from_slice(&cast::<_, [f64; 8]>(v));
+        }
+        #[inline(always)]
+        fn add(self, a: __m512d, b: __m512d) -> __m512d {
+            self.avx512f._mm512_add_pd(a, b)
+        }
+        #[inline(always)]
+        fn sub(self, a: __m512d, b: __m512d) -> __m512d {
+            self.avx512f._mm512_sub_pd(a, b)
+        }
+        #[inline(always)]
+        fn mul(self, a: __m512d, b: __m512d) -> __m512d {
+            self.avx512f._mm512_mul_pd(a, b)
+        }
+        #[inline(always)]
+        fn div(self, a: __m512d, b: __m512d) -> __m512d {
+            self.avx512f._mm512_div_pd(a, b)
+        }
+        #[inline(always)]
+        fn sqrt(self, a: __m512d) -> __m512d {
+            self.avx512f._mm512_sqrt_pd(a)
+        }
+        #[inline(always)]
+        fn mul_add(self, a: __m512d, b: __m512d, c: __m512d) -> __m512d {
+            self.avx512f._mm512_fmadd_pd(a, b, c)
+        }
+        #[inline(always)]
+        fn neg_mul_add(self, a: __m512d, b: __m512d, c: __m512d) -> __m512d {
+            self.avx512f._mm512_fnmadd_pd(a, b, c)
+        }
+        #[inline(always)]
+        fn select_greater(self, x: __m512d, y: __m512d, a: __m512d, b: __m512d) -> __m512d {
+            let mask = self.avx512f._mm512_cmp_pd_mask::<GREATER>(x, y);
+            self.avx512f._mm512_mask_blend_pd(mask, b, a)
+        }
+        #[inline(always)]
+        fn gather(self, lines: &[Line], index: &[u32]) -> [__m512d; 8] {
+            let mut rows = [self.splat(0.0); 8];
+            for k in 0..8 {
+                rows[k] = cast(lines[index[k] as usize]);
+            }
+            transpose8(self, rows)
+        }
+        #[inline(always)]
+        fn scatter(self, lines: &mut [Line], index: &[u32], columns: [__m512d; 8]) {
+            let rows = transpose8(self, columns);
+            for k in 0..8 {
+                lines[index[k] as usize] = cast(rows[k]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn transpose8(simd: V4, r: [__m512d; 8]) -> [__m512d; 8] {
+        let avx = simd.avx512f;
+        // Pairs of rows, then of their halves, then of quarters.
+        let (e0, o0) = (avx._mm512_unpacklo_pd(r[0], r[1]), avx._mm512_unpackhi_pd(r[0], r[1]));
+        let (e1, o1) = (avx._mm512_unpacklo_pd(r[2], r[3]), avx._mm512_unpackhi_pd(r[2], r[3]));
+        let (e2, o2) = (avx._mm512_unpacklo_pd(r[4], r[5]), avx._mm512_unpackhi_pd(r[4], r[5]));
+        let (e3, o3) = (avx._mm512_unpacklo_pd(r[6], r[7]), avx._mm512_unpackhi_pd(r[6], r[7]));
+        let [c0, c2, c4, c6] = transpose_pairs(simd, e0, e1, e2, e3);
+        let [c1, c3, c5, c7] = transpose_pairs(simd, o0, o1, o2, o3);
+        [c0, c1, c2, c3, c4, c5, c6, c7]
+    }
+
+    /// The 4 x 4 transpose of pairs of numbers.
+    #[inline(always)]
+    fn transpose_pairs(simd: V4, t0: __m512d, t1: __m512d, t2: __m512d, t3: __m512d) -> [__m512d; 4] {
+        let avx = simd.avx512f;
+        let (s0, s1) = (avx._mm512_shuffle_f64x2::<0x88>(t0, t1), avx._mm512_shuffle_f64x2::<0xdd>(t0, t1));
+        let (s2, s3) = (avx._mm512_shuffle_f64x2::<0x88>(t2, t3), avx._mm512_shuffle_f64x2::<0xdd>(t2, t3));
+        [
+            avx._mm512_shuffle_f64x2::<0x88>(s0, s2),
+            avx._mm512_shuffle_f64x2::<0x88>(s1, s3),
+            avx._mm512_shuffle_f64x2::<0xdd>(s0, s2),
+            avx._mm512_shuffle_f64x2::<0xdd>(s1, s3),
+        ]
+    }
+
+    /// Four at a time, AVX2 and FMA.
+    impl Lanes for V3 {
+        const WIDTH: usize = 4;
+        type V = __m256d;
+
+        #[inline(always)]
+        fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output {
+            self.vectorize(op)
+        }
+
+        #[inline(always)]
+        fn splat(self, x: f64) -> __m256d {
+            self.avx._mm256_set1_pd(x)
+        }
+        #[inline(always)]
+        fn load(self, x: &[f64]) -> __m256d {
+            cast(four(x))
+        }
+        #[inline(always)]
+        fn store(self, x: &mut [f64], v: __m256d) {
+            x[..4].copy_from_slice(&cast::<_, [f64; 4]>(v));
+        }
+        #[inline(always)]
+        fn add(self, a: __m256d, b: __m256d) -> __m256d {
+            self.avx._mm256_add_pd(a, b)
+        }
+        #[inline(always)]
+        fn sub(self, a: __m256d, b: __m256d) -> __m256d {
+            self.avx._mm256_sub_pd(a, b)
+        }
+        #[inline(always)]
+        fn mul(self, a: __m256d, b: __m256d) -> __m256d {
+            self.avx._mm256_mul_pd(a, b)
+        }
+        #[inline(always)]
+        fn div(self, a: __m256d, b: __m256d) -> __m256d {
+            self.avx._mm256_div_pd(a, b)
+        }
+        #[inline(always)]
+        fn sqrt(self, a: __m256d) -> __m256d {
+            self.avx._mm256_sqrt_pd(a)
+        }
+        #[inline(always)]
+        fn mul_add(self, a: __m256d, b: __m256d, c: __m256d) -> __m256d {
+            self.fma._mm256_fmadd_pd(a, b, c)
+        }
+        #[inline(always)]
+        fn neg_mul_add(self, a: __m256d, b: __m256d, c: __m256d) -> __m256d {
+            self.fma._mm256_fnmadd_pd(a, b, c)
+        }
+        #[inline(always)]
+        fn select_greater(self, x: __m256d, y: __m256d, a: __m256d, b: __m256d) -> __m256d {
+            let mask = self.avx._mm256_cmp_pd::<GREATER>(x, y);
+            self.avx._mm256_blendv_pd(b, a, mask)
+        }
+        #[inline(always)]
+        fn gather(self, lines: &[Line], index: &[u32]) -> [__m256d; 8] {
+            let (mut low, mut high) = ([self.splat(0.0); 4], [self.splat(0.0); 4]);
+            for k in 0..4 {
+                let line = &lines[index[k] as usize];
+                low[k] = cast(four(&line[..4]));
+                high[k] = cast(four(&line[4..]));
+            }
+            let ([c0, c1, c2, c3], [c4, c5, c6, c7]) = (transpose4(self, low), transpose4(self, high));
+            [c0, c1, c2, c3, c4, c5, c6, c7]
+        }
+        #[inline(always)]
+        fn scatter(self, lines: &mut [Line], index: &[u32], c: [__m256d; 8]) {
+            let low = transpose4(self, [c[0], c[1], c[2], c[3]]);
+            let high = transpose4(self, [c[4], c[5], c[6], c[7]]);
+            for k in 0..4 {
+                let line = &mut lines[index[k] as usize];
+                self.store(&mut line[..4], low[k]);
+                self.store(&mut line[4..], high[k]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn transpose4(simd: V3, [r0, r1, r2, r3]: [__m256d; 4]) -> [__m256d; 4] {
+        let avx = simd.avx;
+        let (t0, t1) = (avx._mm256_unpacklo_pd(r0, r1), avx._mm256_unpackhi_pd(r0, r1));
+        let (t2, t3) = (avx._mm256_unpacklo_pd(r2, r3), avx._mm256_unpackhi_pd(r2, r3));
+        [
+            avx._mm256_permute2f128_pd::<0x20>(t0, t2),
+            avx._mm256_permute2f128_pd::<0x20>(t1, t3),
+            avx._mm256_permute2f128_pd::<0x31>(t0, t2),
+            avx._mm256_permute2f128_pd::<0x31>(t1, t3),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Transposed reading, arithmetic and writing agree with the scalar to the last bit.
+    fn agrees<L: Lanes>(lanes: L) {
+        struct Op<'a, L> {
+            lanes: L,
+            lines: &'a mut [Line],
+        }
+        impl<L: Lanes> NullaryFnOnce for Op<'_, L> {
+            type Output = ();
+            #[inline(always)]
+            fn call(self) {
+                let Op { lanes: l, lines } = self;
+                let index = [3, 0, 5, 7, 1, 8, 2, 6];
+                for from in (0..8).step_by(L::WIDTH) {
+                    let index = &index[from..from + L::WIDTH];
+                    let c = l.gather(lines, index);
+                    let q = l.div(l.mul_add(c[0], c[1], c[2]), l.sqrt(l.mul(c[3], c[3])));
+                    let q = l.sub(l.add(q, c[4]), l.neg_mul_add(c[5], c[6], c[7]));
+                    let q = l.select_greater(q, l.splat(0.3), q, l.sub(l.splat(0.0), q));
+                    let mut out = c;
+                    out[2] = q;
+                    out[7] = c[0];
+                    l.scatter(lines, index, out);
+                }
+            }
+        }
+        let sample = || -> Vec<Line> {
+            (0..9).map(|i| std::array::from_fn(|k| ((i * 8 + k) as f64 * 0.7).sin() + 0.01)).collect()
+        };
+        let (mut expected, mut got) = (sample(), sample());
+        Scalar.run(Op { lanes: Scalar, lines: &mut expected });
+        lanes.run(Op { lanes, lines: &mut got });
+        assert_eq!(got, expected);
+    }
+
+    #[test]
+    fn all_widths_give_the_same_bits() {
+        agrees(Scalar);
+        #[cfg(target_arch = "x86_64")]
+        {
+            pulp::x86::V3::try_new().into_iter().for_each(agrees);
+            pulp::x86::V4::try_new().into_iter().for_each(agrees);
+        }
+    }
+}

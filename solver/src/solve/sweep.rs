@@ -1,0 +1,226 @@
+//! One Gauss-Seidel sweep over the batches, with momentum.
+
+use pulp::NullaryFnOnce;
+
+use crate::math::lanes::{Lanes, Line, Scalar};
+use crate::solve::batches::{BATCH, Batch, Batches, Impulses, Problem, Range};
+use crate::solve::local::{Triple, cross_add, dot, signorini_coulomb, triple};
+
+/// How many contacts are worked on at once; never changes a result.
+#[derive(Debug, Clone, Copy)]
+pub enum Width {
+    One,
+    #[cfg(target_arch = "x86_64")]
+    Four(pulp::x86::V3),
+    #[cfg(target_arch = "x86_64")]
+    Eight(pulp::x86::V4),
+}
+
+impl Width {
+    /// The widest that this machine has.
+    pub fn detect() -> Self {
+        Self::all().pop().unwrap_or(Width::One)
+    }
+
+    /// Every width that this machine has, narrowest first.
+    pub fn all() -> Vec<Self> {
+        #[allow(unused_mut)]
+        let mut all = vec![Width::One];
+        #[cfg(target_arch = "x86_64")]
+        {
+            all.extend(pulp::x86::V3::try_new().map(Width::Four));
+            all.extend(pulp::x86::V4::try_new().map(Width::Eight));
+        }
+        all
+    }
+}
+
+/// Sums over the contacts of a sweep, by place in the batch so that no width changes their order.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Sums {
+    uphill: [f64; BATCH],
+    change2: [f64; BATCH],
+}
+
+impl Sums {
+    fn add(&mut self, other: &Sums) {
+        for lane in 0..BATCH {
+            self.uphill[lane] += other.uphill[lane];
+            self.change2[lane] += other.change2[lane];
+        }
+    }
+
+    /// Whether the last change points against the momentum: sum of w_n (y - r).(r - r_before) > 0.
+    pub fn uphill(&self) -> bool {
+        self.uphill.iter().sum::<f64>() > 0.0
+    }
+
+    /// Norm of all r - y, N s.
+    pub fn change(&self) -> f64 {
+        self.change2.iter().sum::<f64>().sqrt()
+    }
+}
+
+/// Sweeps all contacts once, each from y = r + beta (r - r_before).
+pub fn sweep(problem: &mut Problem, width: Width, beta: f64) -> Sums {
+    match width {
+        Width::One => sweep_with(problem, Scalar, beta),
+        #[cfg(target_arch = "x86_64")]
+        Width::Four(simd) => sweep_with(problem, simd, beta),
+        #[cfg(target_arch = "x86_64")]
+        Width::Eight(simd) => sweep_with(problem, simd, beta),
+    }
+}
+
+fn sweep_with<L: Lanes>(problem: &mut Problem, lanes: L, beta: f64) -> Sums {
+    let Problem { lines, previous, ranges, between, frictional } = problem;
+    if *frictional {
+        side_by_side::<L, true>(ranges, lines, previous, lanes, beta);
+    } else {
+        side_by_side::<L, false>(ranges, lines, previous, lanes, beta);
+    }
+    let mut sums = Sums::default();
+    ranges.iter().for_each(|range| sums.add(&range.sums));
+    let mut last = Sums::default();
+    run::<L, true>(lanes, lines, between, beta, &mut last);
+    sums.add(&last);
+    sums
+}
+
+/// Halves the ranges until one is left to each task.
+fn side_by_side<L: Lanes, const FRICTION: bool>(
+    ranges: &mut [Range],
+    lines: &mut [Line],
+    previous: &mut [Line],
+    lanes: L,
+    beta: f64,
+) {
+    if let [range] = ranges {
+        carry_on(&mut lines[..range.moving], &mut previous[..range.moving], beta);
+        range.sums = Sums::default();
+        run::<L, FRICTION>(lanes, &mut lines[..range.lines], &mut range.inside, beta, &mut range.sums);
+        return;
+    }
+    let (left, right) = ranges.split_at_mut(ranges.len() / 2);
+    let cut = left.iter().map(|range| range.lines).sum();
+    let (lines_left, lines_right) = lines.split_at_mut(cut);
+    let (previous_left, previous_right) = previous.split_at_mut(cut);
+    rayon::join(
+        || side_by_side::<L, FRICTION>(left, lines_left, previous_left, lanes, beta),
+        || side_by_side::<L, FRICTION>(right, lines_right, previous_right, lanes, beta),
+    );
+}
+
+/// Velocities are linear in the impulses, so momentum takes one pass over the bodies.
+fn carry_on(lines: &mut [Line], previous: &mut [Line], beta: f64) {
+    for (line, previous) in lines.iter_mut().zip(previous) {
+        let now = *line;
+        for k in 0..8 {
+            line[k] += beta * (now[k] - previous[k]); // masses do not change, so they stay
+        }
+        *previous = now;
+    }
+}
+
+fn run<L: Lanes, const FRICTION: bool>(l: L, lines: &mut [Line], batches: &mut Batches, beta: f64, sums: &mut Sums) {
+    struct Op<'a, L, const FRICTION: bool> {
+        lanes: L,
+        lines: &'a mut [Line],
+        batches: &'a mut Batches,
+        beta: f64,
+        sums: &'a mut Sums,
+    }
+    impl<L: Lanes, const FRICTION: bool> NullaryFnOnce for Op<'_, L, FRICTION> {
+        type Output = ();
+        #[inline(always)]
+        fn call(self) {
+            let Op { lanes, lines, batches, beta, sums } = self;
+            for (batch, impulses) in batches.batches.iter().zip(&mut batches.impulses) {
+                for from in (0..BATCH).step_by(L::WIDTH) {
+                    solve_batch::<L, FRICTION>(lanes, lines, batch, impulses, beta, sums, from);
+                }
+            }
+        }
+    }
+    l.run(Op::<L, FRICTION> { lanes: l, lines, batches, beta, sums });
+}
+
+/// Solves the `WIDTH` contacts of a batch that start at place `from`.
+#[inline(always)]
+fn solve_batch<L: Lanes, const FRICTION: bool>(
+    l: L,
+    lines: &mut [Line],
+    batch: &Batch,
+    impulses: &mut Impulses,
+    beta: f64,
+    sums: &mut Sums,
+    from: usize,
+) {
+    let places = from..from + L::WIDTH;
+    macro_rules! load {
+        ($x:expr) => {
+            l.load(&$x[places.clone()])
+        };
+    }
+    macro_rules! load3 {
+        ($x:expr) => {
+            triple!(k => load!($x[k]))
+        };
+    }
+    let index = [&batch.bodies[0][places.clone()], &batch.bodies[1][places.clone()]];
+    let mut a = l.gather(lines, index[0]);
+    let mut b = l.gather(lines, index[1]);
+    let n = load3!(batch.n);
+    let levers = [load!(batch.levers[0]), load!(batch.levers[1])];
+
+    // û = v_a - v_b + n x (l_a w_a + l_b w_b) + shift
+    let shift = load3!(batch.shift);
+    let mut u: Triple<L::V> = triple!(k => l.add(l.sub(a[k], b[k]), shift[k]));
+    if FRICTION {
+        let spin = triple!(k => l.mul_add(a[4 + k], levers[0], l.mul(b[4 + k], levers[1])));
+        u = cross_add(l, n, spin, u);
+    }
+
+    let r = load3!(impulses.r);
+    let before = load3!(impulses.previous);
+    let y = triple!(k => l.mul_add(l.splat(beta), l.sub(r[k], before[k]), r[k]));
+    let new = if FRICTION {
+        let inverse_w = [load!(batch.inverse_w[0]), load!(batch.inverse_w[1])];
+        signorini_coulomb(l, n, u, y, inverse_w, load!(batch.friction))
+    } else {
+        let zero = l.splat(0.0);
+        let stopping = l.neg_mul_add(dot(l, n, u), load!(batch.inverse_w[0]), dot(l, n, y));
+        let normal = l.select_greater(stopping, zero, stopping, zero);
+        triple!(k => l.mul(n[k], normal))
+    };
+    for k in 0..3 {
+        l.store(&mut impulses.previous[k][places.clone()], r[k]);
+        l.store(&mut impulses.r[k][places.clone()], new[k]);
+    }
+
+    // The change goes to the bodies at once.
+    let change = triple!(k => l.sub(new[k], y[k]));
+    let masses = [a[3], b[3]];
+    for k in 0..3 {
+        a[k] = l.mul_add(change[k], masses[0], a[k]);
+        b[k] = l.neg_mul_add(change[k], masses[1], b[k]);
+    }
+    if FRICTION {
+        let zero = l.splat(0.0);
+        let turn = cross_add(l, change, n, [zero; 3]);
+        let arms = [l.mul(levers[0], a[7]), l.mul(levers[1], b[7])];
+        for k in 0..3 {
+            a[4 + k] = l.mul_add(turn[k], arms[0], a[4 + k]);
+            b[4 + k] = l.mul_add(turn[k], arms[1], b[4 + k]);
+        }
+    }
+    l.scatter(lines, index[0], a);
+    l.scatter(lines, index[1], b);
+
+    let w_n = l.add(masses[0], masses[1]);
+    let moved = triple!(k => l.sub(new[k], r[k]));
+    let uphill = l.neg_mul_add(w_n, dot(l, change, moved), load!(sums.uphill));
+    let change2 = l.add(dot(l, change, change), load!(sums.change2));
+    l.store(&mut sums.uphill[places.clone()], uphill);
+    l.store(&mut sums.change2[places], change2);
+}
