@@ -24,7 +24,7 @@ demo: build ## runs examples/accretion: a thousand grains fall together; about t
 	@echo "  OUTBOX/steps.csv       cost and error of every step"
 
 test: ## all tests; CD_REQUIRE_VTK=1 makes a missing VTK an error
-	$(CARGO) test --workspace
+	$(CARGO) test --workspace --no-fail-fast
 	$(MAKE) --no-print-directory vtk
 
 vtk: ## reads the ParaView files of two small cases back with VTK
