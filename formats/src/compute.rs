@@ -13,6 +13,9 @@ use crate::error::{Fault, Faults};
 /// Newtonian constant of gravitation, m^3 kg^-1 s^-2 (CODATA 2018 and 2022).
 pub const GRAVITATIONAL_CONSTANT: f64 = 6.67430e-11;
 
+/// More threads than this are a slip: a machine would spend its time starting them.
+const MOST_THREADS: usize = 1024;
+
 /// Something that happens once, at the start of the first step whose time is not before `time`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -49,7 +52,7 @@ macro_rules! options {
         /// The same options as flags; one that is given wins over the file.
         #[derive(Debug, Clone, Default, clap::Args)]
         #[command(next_help_heading = "Options of COMPUTE.RON")]
-        pub struct Flags { $($(#[doc = $help])+ #[arg(long, $($arg)*)] pub $name: Option<$flag>,)+ }
+        pub struct Flags { $($(#[doc = $help])+ #[arg(long, allow_hyphen_values = true, $($arg)*)] pub $name: Option<$flag>,)+ }
 
         impl Compute {
             /// The options with those flags put in their place.
@@ -81,7 +84,7 @@ options! {
     /// Weight of the step's end in the theta-scheme, 0.5 to 1: 0.5 keeps the energy of smooth motion, more damps it.
     theta: f64 = 0.5, f64, [value_name = "X"];
     /// Residual |F(r)|/|F(0)| at which the contact solver stops.
-    tol: f64 = 1.0e-3, f64, [value_name = "X"];
+    tol: f64 = 1.0e-2, f64, [value_name = "X"];
     /// Gauss-Seidel sweeps after which a step is reported as not converged, and goes on.
     max_sweeps: u64 = 2000, u64, [value_name = "N"];
     /// Distance within which contacts are listed, m; without it, that of each row of TACT_BEHAV.DAT.
@@ -178,6 +181,7 @@ impl Compute {
         );
         expect((0.0..=1.0).contains(&self.quench), "quench", format!("{}", self.quench), "0 to 1");
         expect(self.output_every > 0, "output_every", format!("{}", self.output_every), "at least 1");
+        expect(self.threads <= MOST_THREADS, "threads", format!("{}", self.threads), "0 to 1024");
         for (k, event) in self.events.iter().enumerate() {
             let values = match &event.action {
                 Action::AddSpin(v) | Action::AddVelocity(v) | Action::SetGravity(v) => v.to_vec(),

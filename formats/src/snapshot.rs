@@ -51,7 +51,7 @@ pub struct Meta {
     pub step: u64,
     /// s
     pub time: f64,
-    /// Time step, s; 0 before the first step.
+    /// Length of the last step, s; before the first, that of the first.
     pub h: f64,
     pub parameters: Parameters,
     /// Names that `body_colour`, `body_material`, `contact_law` are indices of.
@@ -100,7 +100,7 @@ pub struct Ledger {
     pub energy_start: f64,
     /// Work of the contacts, J: the sum of r.(u+ + u-)/2, negative when they dissipate.
     pub contact_work: f64,
-    /// Kinetic energy put in by events, imposed forces and taken by `quench`, J.
+    /// Energy put in by events, imposed forces and walls, and taken by `quench`, J.
     pub outside_work: f64,
     /// Linear momentum of the free bodies at step 0 plus what walls, uniform gravity, forces and events gave, kg m/s.
     pub momentum_expected: [f64; 3],
@@ -203,7 +203,7 @@ arrays! {
         body_mass: f64,
         /// Principal moments of inertia, kg m^2
         body_inertia: [f64; 3],
-        /// Radius of the sphere of equal volume, m; of a plane, 0
+        /// Radius of the sphere of equal volume, m
         body_radius: f64,
         /// Half lengths of a plane along its axes, m; of a sphere, its radius three times
         body_half_lengths: [f64; 3],
