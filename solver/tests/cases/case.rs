@@ -1,0 +1,340 @@
+//! A case directory in the making, and the figures of a state.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bulk_behav::{BulkBehav, Material};
+use cd_formats::compute::{Action, Compute, Event};
+use cd_formats::dof::{BodyDof, Dof};
+use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof, Evolution, table_text};
+use cd_formats::snapshot::{self, Snapshot};
+use cd_formats::tact_behav::{Law, See, Side, TactBehav};
+use tempfile::TempDir;
+
+pub type Vec3 = nalgebra::Vector3<f64>;
+
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// Spheres and plates in a folder of their own. Angles and lengths that the files can hold exactly
+/// (eight digits) are kept exactly; positions are exact to round-off, see [`Case::add`].
+pub struct Case {
+    folder: TempDir,
+    pub bodies: Vec<Body>,
+    pub dof: Vec<BodyDof>,
+    pub driven: Vec<Driven>,
+    pub tact: TactBehav,
+    /// m/s^2
+    pub gravity: [f64; 3],
+    pub materials: Vec<Material>,
+    pub options: Compute,
+}
+
+impl Case {
+    /// An empty scene: density 1 kg/m^3, no gravity, contacts solved to nearly round-off.
+    pub fn new() -> Self {
+        let options =
+            Compute { tol: 1e-12, max_sweeps: 20_000, threads: 1, output_every: 1 << 40, ..Compute::default() };
+        Case {
+            folder: tempfile::tempdir().unwrap(),
+            bodies: Vec::new(),
+            dof: Vec::new(),
+            driven: Vec::new(),
+            tact: TactBehav::default(),
+            gravity: [0.0; 3],
+            materials: vec![Material { name: "ROCKx".into(), density: 1.0 }],
+            options,
+        }
+    }
+
+    pub fn path(&self) -> PathBuf {
+        self.folder.path().to_path_buf()
+    }
+
+    /// Adds a body at rest. DOF.INI carries the digits of its position that BODIES.DAT cannot hold.
+    fn add(&mut self, shape: Shape, colour: &str, x: [f64; 3], axes: [[f64; 3]; 3]) -> usize {
+        let written = x.map(|c| format!("{c:.7e}").parse().unwrap());
+        let rest: [f64; 3] = std::array::from_fn(|k| x[k] - written[k]);
+        let body = self.bodies.len();
+        self.bodies.push(Body {
+            line: 0,
+            material: self.materials[0].name.clone(),
+            equivalent_radius: 0.0,
+            inertia: None,
+            position: written,
+            contactors: vec![Contactor { colour: colour.into(), shape, local_frame: None }],
+        });
+        let displacement = [rest[0], rest[1], rest[2], 0.0, 0.0, 0.0];
+        self.dof.push(BodyDof { line: 0, body, displacement, velocity: [0.0; 6], axes });
+        body
+    }
+
+    pub fn sphere(&mut self, radius: f64, x: [f64; 3]) -> usize {
+        self.add(Shape::Sphere { radius }, "GRAIN", x, [X, Y, Z])
+    }
+
+    /// A sphere of its own density.
+    pub fn sphere_of(&mut self, density: f64, radius: f64, x: [f64; 3]) -> usize {
+        let name = format!("M{:04}", self.materials.len());
+        self.materials.push(Material { name: name.clone(), density });
+        let body = self.sphere(radius, x);
+        self.bodies[body].material = name;
+        body
+    }
+
+    /// Gives a sphere a velocity and an angular velocity.
+    pub fn launch(&mut self, body: usize, v: [f64; 3], w: [f64; 3]) {
+        self.dof[body].velocity = [v[0], v[1], v[2], w[0], w[1], w[2]];
+    }
+
+    /// A plate with its axes, at rest.
+    pub fn plate(&mut self, half_lengths: [f64; 3], x: [f64; 3], axes: [[f64; 3]; 3]) -> usize {
+        let plate = self.add(Shape::Plane { half_lengths }, "WALLx", x, axes);
+        self.drive(plate, [0.0; 6].map(Evolution::constant));
+        plate
+    }
+
+    /// A wide plate at rest, its upper face in z = 0.
+    pub fn floor(&mut self) -> usize {
+        self.plate([1024.0, 1024.0, 0.5], [0.0, 0.0, -0.5], [X, Y, Z])
+    }
+
+    /// Four plates and a floor around |x|, |y| < half, z > 0.
+    pub fn tub(&mut self, half: f64) {
+        self.floor();
+        for (axis, other) in [(X, Y), (Y, Z)] {
+            let third =
+                [0, 1, 2].map(|k| axis[(k + 1) % 3] * other[(k + 2) % 3] - axis[(k + 2) % 3] * other[(k + 1) % 3]);
+            for side in [-1.0, 1.0] {
+                let x = axis.map(|c| c * side * (half + 0.5));
+                self.plate([64.0, 64.0, 0.5], x, [other, third, axis]);
+            }
+        }
+    }
+
+    /// Imposes all motion of a body, which moves so from the beginning.
+    pub fn drive(&mut self, body: usize, velocity: [Evolution; 6]) {
+        self.driven.retain(|driven| driven.body != body);
+        for (component, evolution) in velocity.into_iter().enumerate() {
+            self.dof[body].velocity[component] = evolution.at(0.0);
+            self.driven.push(Driven { line: 0, body, component, kind: DrivenKind::Velocity, evolution });
+        }
+    }
+
+    /// Imposes one velocity component of a body; the others are at rest.
+    pub fn drive_along(&mut self, body: usize, component: usize, evolution: Evolution) {
+        let mut velocity = [0.0; 6].map(Evolution::constant);
+        velocity[component] = evolution;
+        self.drive(body, velocity);
+    }
+
+    /// Imposes a constant force (components 0 to 2, N) or moment (3 to 5, N m).
+    pub fn pull(&mut self, body: usize, component: usize, force: f64) {
+        let evolution = Evolution::constant(force);
+        self.driven.push(Driven { line: 0, body, component, kind: DrivenKind::Force, evolution });
+    }
+
+    /// One law for all contacts.
+    pub fn law(&mut self, kind: &str, parameters: &[f64]) {
+        self.tact = TactBehav::default();
+        self.law_with("SPHER", kind, parameters);
+        self.law_with("PLANx", kind, parameters);
+    }
+
+    /// The law of spheres with contactors of one type.
+    pub fn law_with(&mut self, antagonist: &str, kind: &str, parameters: &[f64]) {
+        let nickname = format!("law{:02}", self.tact.laws.len());
+        let side = |contactor: &str| Side {
+            body: "RBDY3".into(),
+            contactor: contactor.into(),
+            colour: if contactor == "SPHER" { "GRAIN" } else { "WALLx" }.into(),
+        };
+        let (candidate, antagonist) = (side("SPHER"), side(antagonist));
+        self.tact.visibility.push(See { line: 0, candidate, law: nickname.clone(), antagonist, alert: 1e-3 });
+        self.tact.laws.push(Law { line: 0, nickname, kind: kind.into(), parameters: parameters.into() });
+    }
+
+    pub fn event(&mut self, time: f64, action: Action) {
+        self.options.events.push(Event { time, action });
+    }
+
+    /// Writes DATBOX.
+    pub fn write(&self) {
+        let datbox = self.path().join("DATBOX");
+        std::fs::create_dir_all(&datbox).unwrap();
+        let put = |name: &str, text: String| std::fs::write(datbox.join(name), text).unwrap();
+        put("BODIES.DAT", Bodies(self.bodies.clone()).to_text());
+        put("BULK_BEHAV.DAT", BulkBehav { gravity: self.gravity, materials: self.materials.clone() }.to_text());
+        put("TACT_BEHAV.DAT", self.tact.to_text());
+        put("DRV_DOF.DAT", DrvDof(self.driven.clone()).to_text());
+        put("DOF.INI", Dof { step: 0, time: 0.0, bodies: self.dof.clone() }.to_text());
+        put("COMPUTE.RON", self.options.to_text());
+        for driven in &self.driven {
+            if let Evolution::Table { name, points } = &driven.evolution {
+                put(name, table_text(points));
+            }
+        }
+    }
+
+    /// Runs cd-solve on DATBOX as it stands; returns its exit code.
+    pub fn solve(&self, flags: &[&str]) -> i32 {
+        solve(self.path(), flags)
+    }
+
+    /// Runs so many steps from the beginning; returns the last state.
+    pub fn run(&mut self, steps: u64) -> Snapshot {
+        self.options.steps = Some(steps);
+        self.write();
+        assert_eq!(self.solve(&["--force"]), 0);
+        self.last()
+    }
+
+    /// Runs so many steps from the beginning; returns the states after every `every` steps, from step 0.
+    pub fn states(&mut self, steps: u64, every: u64) -> Vec<Snapshot> {
+        self.options.output_every = every;
+        self.run(steps);
+        self.written()
+    }
+
+    pub fn written(&self) -> Vec<Snapshot> {
+        let list = snapshot::list(&self.path().join("OUTBOX"));
+        list.iter().map(|(_, path)| Snapshot::read(path).unwrap()).collect()
+    }
+
+    pub fn last(&self) -> Snapshot {
+        let list = snapshot::list(&self.path().join("OUTBOX"));
+        Snapshot::read(&list.last().expect("a run writes its last state").1).unwrap()
+    }
+
+    /// A column of OUTBOX/steps.csv.
+    pub fn column(&self, name: &str) -> Vec<f64> {
+        let text = std::fs::read_to_string(self.path().join("OUTBOX/steps.csv")).unwrap();
+        let (header, rows) = text.split_once('\n').unwrap();
+        let k = header.split(',').position(|column| column == name).expect(name);
+        rows.lines().map(|row| row.split(',').nth(k).unwrap().parse().unwrap()).collect()
+    }
+}
+
+/// Runs cd-solve in this process; returns its exit code.
+pub fn solve(case: PathBuf, flags: &[&str]) -> i32 {
+    let words = ["cd-solve".into(), OsString::from(case)].into_iter().chain(flags.iter().map(OsString::from));
+    cd_solve::run(words)
+}
+
+/// The figures of a state that tests ask for.
+pub trait Figures {
+    fn x(&self, body: usize) -> Vec3;
+    fn v(&self, body: usize) -> Vec3;
+    /// World frame.
+    fn w(&self, body: usize) -> Vec3;
+    fn mass(&self, body: usize) -> f64;
+    /// Bodies whose motion is not imposed.
+    fn free(&self) -> Vec<usize>;
+    fn momentum(&self) -> Vec3;
+    /// About the origin.
+    fn angular_momentum(&self) -> Vec3;
+    /// Sum of m |v| of the free bodies.
+    fn momentum_scale(&self) -> f64;
+    fn kinetic(&self) -> f64;
+    /// In uniform gravity and in self-gravity.
+    fn potential(&self) -> f64;
+    /// Force on the candidate along n, t, s of the contact of two bodies; none if it is not listed.
+    fn force(&self, candidate: usize, antagonist: usize) -> Option<Vec3>;
+}
+
+impl Figures for Snapshot {
+    fn x(&self, body: usize) -> Vec3 {
+        self.bodies.body_x[body].into()
+    }
+
+    fn v(&self, body: usize) -> Vec3 {
+        self.bodies.body_v[body].into()
+    }
+
+    fn w(&self, body: usize) -> Vec3 {
+        self.bodies.body_w_world[body].into()
+    }
+
+    fn mass(&self, body: usize) -> f64 {
+        self.bodies.body_mass[body]
+    }
+
+    fn free(&self) -> Vec<usize> {
+        (0..self.bodies.body_x.len()).filter(|&i| self.bodies.body_driven[i] == 0).collect()
+    }
+
+    fn momentum(&self) -> Vec3 {
+        self.free().iter().map(|&i| self.v(i) * self.mass(i)).sum()
+    }
+
+    fn angular_momentum(&self) -> Vec3 {
+        let of = |&i: &usize| self.x(i).cross(&self.v(i)) * self.mass(i) + self.w(i) * self.bodies.body_inertia[i][0];
+        self.free().iter().map(of).sum()
+    }
+
+    fn momentum_scale(&self) -> f64 {
+        self.free().iter().map(|&i| self.v(i).norm() * self.mass(i)).sum()
+    }
+
+    fn kinetic(&self) -> f64 {
+        let of = |&i: &usize| {
+            0.5 * (self.mass(i) * self.v(i).norm_squared() + self.bodies.body_inertia[i][0] * self.w(i).norm_squared())
+        };
+        self.free().iter().map(of).sum()
+    }
+
+    fn potential(&self) -> f64 {
+        let (free, parameters) = (self.free(), &self.meta.parameters);
+        let gravity = Vec3::from(parameters.uniform_gravity);
+        let uniform: f64 = free.iter().map(|&i| -self.mass(i) * gravity.dot(&self.x(i))).sum();
+        let pair = |i: usize, j: usize| self.mass(i) * self.mass(j) / (self.x(i) - self.x(j)).norm();
+        let pairs = free.iter().enumerate().flat_map(|(k, &i)| free[..k].iter().map(move |&j| (i, j)));
+        let own: f64 = if parameters.self_gravity { pairs.map(|(i, j)| pair(i, j)).sum() } else { 0.0 };
+        uniform - parameters.gravity_constant * own
+    }
+
+    fn force(&self, candidate: usize, antagonist: usize) -> Option<Vec3> {
+        let pair = [candidate as u32, antagonist as u32];
+        let k = self.contacts.contact_body.iter().position(|bodies| *bodies == pair)?;
+        Some(self.contacts.contact_force[k].into())
+    }
+}
+
+/// |a - b| <= bound.
+#[track_caller]
+pub fn near(a: impl Into<Vec3>, b: impl Into<Vec3>, bound: f64) {
+    let (a, b) = (a.into(), b.into());
+    let away = (a - b).norm();
+    assert!(away <= bound, "{:?} is {away:.2e} away from {:?}; allowed are {bound:.1e}", a.as_slice(), b.as_slice());
+}
+
+/// |a - b| <= bound.
+#[track_caller]
+pub fn equal(a: f64, b: f64, bound: f64) {
+    assert!((a - b).abs() <= bound, "{a} is {:.2e} away from {b}; allowed are {bound:.1e}", (a - b).abs());
+}
+
+/// Spheres on a cubic lattice around the origin, shaken by a generator with a seed: radii from 0.3 to 0.5
+/// in cells of 1.1, so that none touch.
+pub fn shaken_lattice(side: i64, seed: u64) -> Vec<(f64, [f64; 3])> {
+    let mut random = uniform(seed);
+    let cells = (0..side.pow(3)).map(|k| [k % side, k / side % side, k / side / side]);
+    cells
+        .map(|cell| {
+            let radius = (0.3 + 0.2 * random()).clamp(0.3, 0.5);
+            let shake = 2.0 * (0.55 - radius);
+            (radius, cell.map(|c| 1.1 * (c as f64 - 0.5 * (side - 1) as f64) + shake * (random() - 0.5)))
+        })
+        .collect()
+}
+
+/// Numbers from 0 to 1: a linear congruential generator (Knuth's MMIX), its upper bits.
+pub fn uniform(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    }
+}

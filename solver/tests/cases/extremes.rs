@@ -1,0 +1,232 @@
+//! Input at the edge of what makes sense: every answer is finite or a refusal.
+
+use cd_formats::snapshot::Snapshot;
+
+use crate::case::{Case, Figures, Vec3, equal, near};
+
+fn finite(state: &Snapshot) -> bool {
+    let bodies = &state.bodies;
+    let vectors = [&bodies.body_x, &bodies.body_v, &bodies.body_w_world, &bodies.body_w];
+    let contacts = &state.contacts;
+    vectors.into_iter().flatten().flatten().all(|x| x.is_finite())
+        && bodies.body_q.iter().flatten().all(|x| x.is_finite())
+        && [&contacts.contact_force, &contacts.contact_impulse, &contacts.contact_velocity, &contacts.contact_point]
+            .into_iter()
+            .flatten()
+            .flatten()
+            .all(|x| x.is_finite())
+        && contacts.contact_gap.iter().all(|x| x.is_finite())
+}
+
+#[test]
+fn nothing_moves_where_nothing_pulls() {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    case.floor();
+    for k in 0..5 {
+        case.sphere(0.5, [0.9 * f64::from(k), 0.1, 0.5]); // overlapping, too
+    }
+    let states = case.states(100, 100);
+    assert_eq!(states[0].bodies, states[1].bodies);
+    assert_eq!(states[1].meta.ledger.momentum_scale, 0.0);
+}
+
+#[test]
+fn one_sphere_alone() {
+    let mut case = Case::new();
+    case.options.self_gravity = true;
+    case.sphere(0.5, [1.0, 2.0, 3.0]);
+    let states = case.states(10, 10);
+    assert_eq!(states[0].bodies, states[1].bodies);
+}
+
+#[test]
+fn coincident_spheres_part_or_stay_but_are_sound() {
+    for (law, parts) in [("IQS_CLB", false), ("GAP_SGR_CLB", true)] {
+        for gravity in [false, true] {
+            let mut case = Case::new();
+            case.law(law, &[0.5]);
+            case.options.self_gravity = gravity;
+            case.options.gravity_constant = 1.0;
+            for _ in 0..2 {
+                case.sphere(0.5, [1.0, 1.0, 1.0]);
+            }
+            let states = case.states(10, 1);
+            assert!(states.iter().all(finite));
+            let apart = (states[10].x(0) - states[10].x(1)).norm();
+            assert_eq!(apart > 0.5, parts, "{apart}");
+        }
+    }
+}
+
+#[test]
+fn overlaps_do_not_explode() {
+    // A dozen spheres in the place of one: the law keeps overlaps, and gravity pulls them no deeper.
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    case.options.self_gravity = true;
+    case.options.gravity_constant = 1.0;
+    case.options.tol = 1e-8;
+    for k in 0..12 {
+        let angle = f64::from(k);
+        case.sphere(0.5, [0.2 * angle.cos(), 0.2 * angle.sin(), 0.02 * angle]);
+    }
+    let states = case.states(200, 50);
+    // Softly bound: sqrt(G M / r) is about 3 m/s, never reached from rest in a jam.
+    assert!(states.iter().all(|state| finite(state) && state.free().iter().all(|&i| state.v(i).norm() < 1.0)));
+}
+
+#[test]
+fn far_out_only_the_digits_suffer() {
+    // 1e9 m out a position is good to 1e-7 m.
+    let mut case = Case::new();
+    case.law("RST_CLB", &[1.0, 0.0, 0.0]);
+    case.options.dt = 1.0 / 64.0;
+    let out = 1e9;
+    case.sphere(0.5, [out, 0.0, 0.0]);
+    let ball = case.sphere(0.5, [out, 2.0, 0.0]);
+    case.launch(ball, [0.0, -1.0, 0.0], [0.0; 3]);
+    case.sphere(0.5, [-out, -out, out]);
+    let end = case.run(128);
+    near(end.v(0), [0.0, -1.0, 0.0], 1e-14);
+    near(end.v(1), [0.0; 3], 1e-14);
+}
+
+#[test]
+fn sizes_may_differ_ten_thousandfold() {
+    // A pebble of 1e-4 on a ball of 1, under its attraction: it stays, carried by its weight.
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    case.options.self_gravity = true;
+    case.options.gravity_constant = 1.0;
+    case.sphere(1.0, [0.0; 3]);
+    let pebble = case.sphere(1e-4, [0.0, 1.0001, 0.0]);
+    let end = case.run(1000);
+    let weight = end.mass(0) * end.mass(pebble) / 1.0001f64.powi(2);
+    near(end.force(0, pebble).unwrap() / weight, [1.0, 0.0, 0.0], 1e-9); // masses 1e12 apart
+    near(end.x(pebble), [0.0, 1.0001, 0.0], 1e-12);
+}
+
+#[test]
+fn masses_may_differ_by_many_powers_of_ten() {
+    for power in [9, 15] {
+        let heavy = 10f64.powi(power);
+        let mut case = Case::new();
+        case.law("RST_CLB", &[0.5, 0.0, 0.3]);
+        let ram = case.sphere_of(heavy, 0.5, [0.0; 3]);
+        case.launch(ram, [1.0, 0.0, 0.0], [0.0; 3]);
+        let ball = case.sphere(0.5, [1.05, 0.0, 0.0]);
+        let end = case.run(100);
+        // As off a wall, but for the ratio of the masses.
+        near(end.v(ball), [1.5, 0.0, 0.0], 2.0 / heavy + 1e-14);
+        near(end.v(ram), [1.0, 0.0, 0.0], 2.0 / heavy + 1e-14);
+    }
+}
+
+#[test]
+fn any_theta_and_step_give_bounded_motion() {
+    for theta in [0.5, 0.7, 1.0] {
+        for h in [1e-6, 1e-3, 0.1, 10.0] {
+            let mut case = Case::new();
+            case.law("IQS_CLB", &[0.5]);
+            case.gravity = [0.0, 0.0, -1.0];
+            case.options.theta = theta;
+            case.options.dt = h;
+            case.options.tol = 1e-8;
+            case.tub(2.0);
+            for k in 0..8 {
+                let at = |bit: i32| f64::from(k >> bit & 1) - 0.5;
+                case.sphere(0.4, [at(0), at(1), at(2) + 1.5]);
+            }
+            let states = case.states(30, 30);
+            assert!(finite(&states[1]));
+            for i in states[1].free() {
+                // Falls from 2 m at most, 2 m/s, and a gap that the first step leaves closes in the next. (Of steps
+                // of 1000 s the solver's 1e-8 of h g, held for h, would be the size of the tub.)
+                assert!(states[1].x(i).norm() < 10.0, "theta {theta}, h {h}: {:?}", states[1].x(i));
+                assert!(states[1].v(i).norm() <= (30.1 * h).min(2.5), "theta {theta}, h {h}: {:?}", states[1].v(i));
+            }
+        }
+    }
+}
+
+#[test]
+fn bodies_that_leave_for_good_are_no_fault() {
+    let mut case = Case::new();
+    case.options.self_gravity = true;
+    case.law("IQS_CLB", &[0.5]);
+    case.options.dt = 1e6;
+    for k in 0..3 {
+        let body = case.sphere(0.5, [f64::from(k), 0.0, 0.0]);
+        case.launch(body, [f64::from(k) * 1e6, 1e6, 0.0], [0.0; 3]);
+    }
+    let end = case.run(100);
+    assert!(finite(&end));
+    near(end.x(2), [2.0 + 2e14, 1e14, 0.0], 1.0);
+}
+
+#[test]
+fn a_run_that_overflows_stops_and_its_snapshots_are_sound() {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    case.gravity = [0.0, 0.0, -1e30];
+    case.options.dt = 1e137; // h^2 g t^2 passes 1.8e308 after some hundred steps
+    case.options.output_every = 1;
+    let ball = case.sphere(0.5, [0.0; 3]);
+    case.launch(ball, [0.0, 0.0, -1.0], [0.0; 3]);
+    case.write();
+    assert_eq!(case.solve(&["--steps", "1000", "--output-every", "1"]), 3);
+    let states = case.written();
+    assert!(!states.is_empty() && states.iter().all(finite));
+    // And is taken up again from the last, to the same end.
+    assert_eq!(case.solve(&["--steps", "1000", "--resume"]), 3);
+}
+
+#[test]
+fn speeds_whose_squares_overflow_leave_readable_snapshots() {
+    for speed in [1e80, 1e160] {
+        let mut case = Case::new();
+        let ball = case.sphere(0.5, [0.0; 3]);
+        case.sphere(0.5, [0.0, 5.0, 0.0]);
+        case.launch(ball, [0.0, 0.0, 1e80], [0.0; 3]);
+        if speed > 1e99 {
+            // More than a file can hold: by an event.
+            case.event(0.0, cd_formats::compute::Action::AddVelocity([0.0, 0.0, speed]));
+        }
+        case.write();
+        let code = case.solve(&["--steps", "3", "--output-every", "1"]);
+        assert!(code == 0 || code == 3, "{code}");
+        assert!(case.written().iter().all(finite)); // reads each of them
+        assert_eq!(case.solve(&["--steps", "5", "--resume"]), code);
+    }
+}
+
+#[test]
+fn a_spin_beyond_a_turn_a_step_is_sound() {
+    let mut case = Case::new();
+    let top = case.sphere(0.5, [0.0; 3]);
+    case.launch(top, [0.0; 3], [1e20, -1e20, 3e19]);
+    let end = case.run(10);
+    assert!(finite(&end));
+    equal(Vec3::from_row_slice(&end.bodies.body_q[0][1..]).norm().hypot(end.bodies.body_q[0][0]), 1.0, 1e-15);
+}
+
+#[test]
+fn a_scene_without_laws_has_no_contacts() {
+    let mut case = Case::new();
+    case.gravity = [0.0, 0.0, -8.0];
+    case.options.dt = 1.0 / 128.0;
+    case.floor();
+    let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
+    let end = case.run(128);
+    near(end.x(ball), [0.0, 0.0, -3.5], 1e-14); // falls through
+    assert!(end.contacts.contact_gap.is_empty());
+}
+
+#[test]
+fn no_steps_leave_the_start() {
+    let mut case = Case::new();
+    case.sphere(0.5, [0.1, 0.2, 0.3]);
+    let end = case.run(0);
+    assert_eq!((end.meta.step, end.bodies.body_x[0]), (0, [0.1, 0.2, 0.3]));
+}

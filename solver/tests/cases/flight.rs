@@ -1,0 +1,176 @@
+//! Motion between contacts: uniform gravity and self-gravity.
+
+use std::f64::consts::PI;
+
+use cd_formats::compute::Action;
+
+use crate::case::{Case, Figures, Vec3, equal, near, uniform};
+
+#[test]
+fn a_throw_is_a_parabola() {
+    for theta in [0.5, 0.625, 1.0] {
+        let mut case = Case::new();
+        case.gravity = [0.5, 0.0, -8.0];
+        case.options.theta = theta;
+        case.options.dt = 1.0 / 64.0;
+        let stone = case.sphere(0.5, [1.0, 2.0, 3.0]);
+        case.launch(stone, [3.0, -1.0, 5.0], [0.0, 7.0, 0.0]);
+        for state in case.states(256, 64) {
+            let (t, g) = (state.meta.time, Vec3::new(0.5, 0.0, -8.0));
+            // Exact for theta = 1/2; more puts it (theta - 1/2) h g t ahead. Sums of 256 terms of some 10 m.
+            let v = Vec3::new(3.0, -1.0, 5.0);
+            let x = Vec3::new(1.0, 2.0, 3.0) + v * t + g * (0.5 * t * t + (theta - 0.5) / 64.0 * t);
+            near(state.x(stone), x, 1e-13);
+            near(state.v(stone), v + g * t, 1e-13);
+            assert_eq!(state.w(stone), Vec3::y() * 7.0);
+        }
+    }
+}
+
+#[test]
+fn a_spin_turns_the_body() {
+    let mut case = Case::new();
+    let top = case.sphere(0.5, [0.0; 3]);
+    case.launch(top, [0.0; 3], [0.0, 0.0, 2.0]);
+    let [w, x, y, z] = case.run(1000).bodies.body_q[top];
+    // After 1 s by 2 rad about the third axis.
+    near([x, y, z], [0.0, 0.0, 1f64.sin()], 1e-13);
+    equal(w, 1f64.cos(), 1e-13);
+}
+
+/// Two bodies in self-gravity with G = 1 on an orbit of eccentricity 1/2, which they start at its far end.
+fn orbit(steps_per_period: u64) -> (Case, f64) {
+    let mut case = Case::new();
+    case.options.self_gravity = true;
+    case.options.gravity_constant = 1.0;
+    // Masses 3 and 1 kg, far smaller than their distance.
+    let density = |mass: f64| mass / (4.0 / 3.0 * PI * 1e-9);
+    let heavy = case.sphere_of(density(3.0), 1e-3, [-0.375, 0.0, 0.0]);
+    let light = case.sphere_of(density(1.0), 1e-3, [1.125, 0.0, 0.0]);
+    // a = 1, far end at 1.5: v^2 = G M (2/1.5 - 1) = 4/3.
+    let v = (4.0f64 / 3.0).sqrt();
+    case.launch(heavy, [0.0, -0.25 * v, 0.0], [0.0; 3]);
+    case.launch(light, [0.0, 0.75 * v, 0.0], [0.0; 3]);
+    let period = 2.0 * PI / 2.0; // sqrt(a^3 / G M), G M = 4
+    case.options.dt = period / steps_per_period as f64;
+    (case, period)
+}
+
+#[test]
+fn an_orbit_keeps_momentum_and_its_energy_stays_near() {
+    let worst = |steps: u64| {
+        let (mut case, _) = orbit(steps);
+        let states = case.states(100 * steps, steps / 4);
+        let (first, energy) = (&states[0], states[0].kinetic() + states[0].potential());
+        let mut worst: f64 = 0.0;
+        for state in &states {
+            // Round-off of up to 40 000 steps, as a random walk: 200 x 1e-16 of m |v|; ten times that allowed.
+            near(state.momentum(), first.momentum(), 2e-13 * first.momentum_scale());
+            near(state.angular_momentum(), first.angular_momentum(), 2e-13 * first.angular_momentum().norm());
+            worst = worst.max((state.kinetic() + state.potential() - energy).abs() / energy.abs());
+        }
+        worst
+    };
+    let (coarse, fine) = (worst(100), worst(200));
+    // Second order: a quarter at half the step, within a fifth for the next order; and no drift over 100 periods.
+    assert!(coarse < 0.05, "{coarse}");
+    assert!((3.2..4.8).contains(&(coarse / fine)), "{coarse} {fine}");
+}
+
+#[test]
+fn an_orbit_closes_to_second_order() {
+    let miss = |steps: u64| {
+        let (mut case, _) = orbit(steps);
+        (case.run(steps).x(1) - Vec3::x() * 1.125).norm()
+    };
+    let misses = [500, 1000, 2000].map(miss);
+    for pair in misses.windows(2) {
+        let ratio = pair[0] / pair[1];
+        assert!((3.8..4.2).contains(&ratio), "{misses:?}"); // 4, and the next order
+    }
+    assert!(misses[2] < 1e-4, "{misses:?}");
+}
+
+#[test]
+fn a_cold_uniform_ball_falls_in_free_fall_time() {
+    // Specks on a shaken lattice in a ball of radius 1: too small to meet.
+    let mut case = Case::new();
+    case.options.self_gravity = true;
+    case.options.gravity_constant = 1.0;
+    let mut random = uniform(5);
+    let cell = (4.0 / 3.0 * PI / 300.0f64).cbrt();
+    let mut count = 0;
+    for k in 0..1000 {
+        let at = [k % 10, k / 10 % 10, k / 100].map(|c| cell * (f64::from(c) - 4.5 + 0.02 * (random() - 0.5)));
+        if Vec3::from(at).norm() < 1.0 {
+            case.sphere_of(1e9, 1e-6, at);
+            count += 1;
+        }
+    }
+    let mass = f64::from(count) * 1e9 * 4.0 / 3.0 * PI * 1e-18;
+    let density = mass / (f64::from(count) * cell.powi(3));
+    let t_ff = (3.0 * PI / (32.0 * density)).sqrt();
+    case.options.dt = t_ff / 500.0;
+    let states = case.states(350, 50);
+    let size = |k: usize| (0..count as usize).map(|i| states[k].x(i).norm_squared()).sum::<f64>().sqrt();
+    for k in 0..states.len() {
+        // R = R0 cos^2 b, b + sin(2b)/2 = (pi/2) t/t_ff, by bisection.
+        let target = 0.5 * PI * states[k].meta.time / t_ff;
+        let (mut low, mut high) = (0.0, 0.5 * PI);
+        for _ in 0..60 {
+            let b: f64 = 0.5 * (low + high);
+            if b + 0.5 * (2.0 * b).sin() < target { low = b } else { high = b }
+        }
+        // N points attract by 1.5 N^(-2/3) less than a continuum, 3 % of the fall so far, which is 0.36 R0 at last.
+        let (found, expected) = (size(k) / size(0), low.cos().powi(2));
+        equal(found, expected, 0.05 * (1.0 - expected) + 1e-12);
+        assert!(found >= expected - 1e-12, "points attract by less than a continuum");
+    }
+}
+
+#[test]
+fn events_come_at_their_time() {
+    let mut case = Case::new();
+    case.options.dt = 0.1;
+    for k in 0..3 {
+        case.sphere(0.25, [f64::from(k), 0.0, 0.0]);
+    }
+    case.event(1.0, Action::AddVelocity([0.0, 2.0, 0.0]));
+    case.event(2.0, Action::AddSpin([0.0, 0.0, 0.5]));
+    case.event(2.0, Action::AddVelocity([0.0, -2.0, 0.0]));
+    case.event(3.0, Action::SetGravity([0.0, 0.0, -1.0]));
+    case.event(4.0, Action::SetGravity([0.0; 3]));
+    case.event(4.0, Action::SetQuench(0.5));
+    case.event(4.5, Action::SetQuench(0.0));
+    let states = case.states(50, 1);
+    // The step that begins at the event's time is the first that knows of it, and it moves by half a step at once.
+    near(states[10].x(0), [0.0; 3], 0.0);
+    near(states[10].v(0), [0.0; 3], 0.0);
+    near(states[11].v(0), [0.0, 2.0, 0.0], 0.0);
+    near(states[20].x(2), [2.0, 2.0, 0.0], 1e-14);
+    // The velocities of a turn about the middle sphere.
+    near(states[21].v(0), [0.0, -0.5, 0.0], 1e-15);
+    near(states[21].v(1), [0.0; 3], 1e-15);
+    near(states[21].v(2), [0.0, 0.5, 0.0], 1e-15);
+    near(states[21].w(1), [0.0, 0.0, 0.5], 0.0);
+    near(states[30].v(1), [0.0; 3], 1e-15);
+    near(states[40].v(1), [0.0, 0.0, -1.0], 1e-14); // a second of it
+    near(states[45].v(1), [0.0, 0.0, -1.0 / 32.0], 1e-15); // five halvings
+    near(states[50].v(1), [0.0, 0.0, -1.0 / 32.0], 1e-15);
+    equal(states[50].meta.parameters.events_done as f64, 7.0, 0.0);
+}
+
+#[test]
+fn quench_takes_its_share_at_every_step() {
+    let mut case = Case::new();
+    case.options.quench = 0.25;
+    let ball = case.sphere(0.5, [0.0; 3]);
+    case.launch(ball, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+    let end = case.run(10);
+    near(end.v(ball), [0.75f64.powi(10), 0.0, 0.0], 1e-16);
+    near(end.w(ball), [0.0, 0.75f64.powi(10), 0.0], 1e-16);
+    // What it took is booked: kinetic energy is what there was and what came from outside.
+    let start = 0.5 * end.mass(0) + 0.5 * end.bodies.body_inertia[0][0];
+    equal(end.kinetic(), start + end.meta.ledger.outside_work, 1e-15);
+    near(end.momentum(), end.meta.ledger.momentum_expected, 1e-15);
+}

@@ -1,0 +1,328 @@
+//! Input that is refused: one line a fault in the form `file:line:column: object: found; expected`, exit code 2,
+//! and nothing written.
+
+use std::fs;
+use std::process::Command;
+
+use cd_formats::bodies::{Contactor, Shape};
+use cd_formats::drv_dof::{Driven, DrivenKind, Evolution};
+
+use crate::case::Case;
+
+/// A ball over a floor.
+fn sound() -> Case {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.3]);
+    case.floor();
+    case.sphere(0.5, [0.0, 0.0, 0.5]);
+    case.options.steps = Some(2);
+    case
+}
+
+/// Runs the program on DATBOX as it stands; exit code, and standard error with CASE for the case's folder.
+fn spawn(case: &Case, flags: &[&str]) -> (i32, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).args(flags).output().unwrap();
+    let text = String::from_utf8(output.stderr).unwrap().replace(case.path().to_str().unwrap(), "CASE");
+    (output.status.code().unwrap(), text)
+}
+
+/// Expects the refusal of DATBOX as it stands, with these lines.
+#[track_caller]
+fn refused(case: &Case, flags: &[&str], lines: &[&str]) {
+    let expected: String = lines.iter().map(|line| format!("cd-solve: {line}\n")).collect();
+    assert_eq!(spawn(case, flags), (2, expected));
+}
+
+/// The same, after writing DATBOX; there are no results then.
+#[track_caller]
+fn written_refused(case: &Case, flags: &[&str], lines: &[&str]) {
+    case.write();
+    refused(case, flags, lines);
+    assert!(!case.path().join("OUTBOX").exists());
+}
+
+/// Writes DATBOX with one of its files replaced, or removed.
+fn with_file(name: &str, text: Option<&str>) -> Case {
+    let case = sound();
+    case.write();
+    let path = case.path().join("DATBOX").join(name);
+    match text {
+        Some(text) => fs::write(path, text).unwrap(),
+        None => fs::remove_file(path).unwrap(),
+    }
+    case
+}
+
+#[test]
+fn what_is_sound_is_not_refused() {
+    let case = sound();
+    case.write();
+    assert_eq!(spawn(&case, &[]), (0, String::new()));
+}
+
+#[test]
+fn files_that_are_not_there() {
+    refused(&sound(), &[], &["CASE/DATBOX: folder: is not there; expected the files of cd-pre or LMGC90"]);
+    for name in ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT", "DOF.INI"] {
+        let message = format!(
+            "CASE/DATBOX/{name}: file: cannot be read: No such file or directory (os error 2); expected a file that can"
+        );
+        refused(&with_file(name, None), &[], &[&message]);
+    }
+    // A file that drives nothing, options that are all defaults, and contacts to start from may be absent.
+    let mut case = Case::new();
+    case.sphere(0.5, [0.0; 3]);
+    case.write();
+    for name in ["DRV_DOF.DAT", "COMPUTE.RON"] {
+        fs::remove_file(case.path().join("DATBOX").join(name)).unwrap();
+    }
+    assert_eq!(spawn(&case, &["--steps", "1"]), (0, String::new()));
+}
+
+#[test]
+fn all_faults_of_all_files_are_told_at_once() {
+    let case = with_file("BULK_BEHAV.DAT", Some("nothing"));
+    fs::remove_file(case.path().join("DATBOX/DOF.INI")).unwrap();
+    let lines = [
+        "CASE/DATBOX/BULK_BEHAV.DAT: file: no $gravy; expected it with grv1 grv2 grv3 on the next line",
+        "CASE/DATBOX/DOF.INI: file: cannot be read: No such file or directory (os error 2); expected a file that can",
+    ];
+    refused(&case, &[], &lines);
+}
+
+#[test]
+fn nobody_is_free() {
+    let mut case = Case::new();
+    case.floor();
+    let lines = ["DATBOX/BODIES.DAT: bodies: none is free to move; expected at least one whose motion is not imposed"];
+    written_refused(&case, &[], &lines);
+    let mut case = Case::new();
+    written_refused(&case, &[], &lines);
+    let ball = case.sphere(0.5, [0.0; 3]);
+    case.drive_along(ball, 0, Evolution::constant(1.0));
+    written_refused(&case, &[], &lines);
+}
+
+#[test]
+fn motion_imposed_in_part() {
+    let mut case = sound();
+    case.driven.truncate(4);
+    let partial = "CASE/DATBOX/DRV_DOF.DAT:6: body 1: velocity components 5, 6 are free while others are driven; \
+                   expected all six or none: bodies driven in part are not computed";
+    let free = "CASE/DATBOX/BODIES.DAT:1: body 1: a PLANx that may move freely; \
+                expected six vlocy lines in DRV_DOF.DAT: plates are walls, all their motion is imposed";
+    written_refused(&case, &[], &[partial, free]);
+    case.driven.clear();
+    written_refused(&case, &[], &[free]);
+}
+
+#[test]
+fn bodies_that_do_not_exist() {
+    let mut case = sound();
+    let evolution = Evolution::constant(1.0);
+    case.driven.push(Driven { line: 0, body: 6, component: 0, kind: DrivenKind::Force, evolution });
+    case.dof[1].body = 4;
+    let lines = [
+        "CASE/DATBOX/DRV_DOF.DAT:18: body 7: does not exist; expected 1 to 2",
+        "CASE/DATBOX/DOF.INI:20: body 5: does not exist; expected 1 to 2",
+    ];
+    written_refused(&case, &[], &lines);
+}
+
+#[test]
+fn shapes_that_are_not_computed() {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+    let mut case = sound();
+    case.bodies[1].contactors[0].shape = Shape::Polyhedron { vertices: corners.to_vec(), triangles };
+    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: contactor POLYR; computed are SPHER and PLANx";
+    written_refused(&case, &[], &[line]);
+    let sphere = Contactor { colour: "GRAIN".into(), shape: Shape::Sphere { radius: 0.5 }, local_frame: None };
+    case.bodies[1].contactors = vec![sphere.clone(), sphere];
+    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: 2 contactors; expected one: clusters are not computed";
+    written_refused(&case, &[], &[line]);
+}
+
+#[test]
+fn materials_and_masses() {
+    let mut case = sound();
+    case.bodies[1].material = "CHALK".into();
+    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: material 'CHALK' is not defined; defined are ROCKx";
+    written_refused(&case, &[], &[line]);
+    let mut case = sound();
+    let shape = Shape::Sphere { radius: 1e99 };
+    case.materials[0].density = 1e90;
+    case.bodies[1].contactors[0].shape = shape;
+    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: mass inf kg; expected mass and inertia that a number can hold";
+    written_refused(&case, &[], &[line]);
+}
+
+#[test]
+fn laws() {
+    let mut case = sound();
+    case.tact.laws[0].kind = "IQS_GLUE".into();
+    case.write();
+    let (code, text) = spawn(&case, &[]);
+    assert_eq!(code, 2);
+    let line =
+        "cd-solve: CASE/DATBOX/TACT_BEHAV.DAT:2: law 'law00': its kind 'IQS_GLUE' is not known; known are IQS_CLB, ";
+    assert!(text.starts_with(line) && text.lines().count() == 1, "{text}");
+
+    case.law("ELASTIC_REPELL_CLB", &[1e6, 0.3]);
+    let computed = "computed are IQS_CLB, IQS_DS_CLB, GAP_SGR_CLB, VEL_SGR_CLB, RST_CLB, RST_DS_CLB, IQS_WET_DS_CLB";
+    let lines = [("2", "law00"), ("5", "law01")].map(|(line, name)| {
+        format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': ELASTIC_REPELL_CLB with 2 parameters; {computed}")
+    });
+    written_refused(&case, &[], &lines.each_ref().map(String::as_str));
+
+    case.law("RST_CLB", &[1.25, 0.0, 0.3]);
+    let lines = [("2", "law00"), ("5", "law01")].map(|(line, name)| {
+        format!(
+            "CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': normal restitution 1.25; \
+             expected restitutions from 0 to 1, others >= 0"
+        )
+    });
+    written_refused(&case, &[], &lines.each_ref().map(String::as_str));
+
+    // A law that no row uses is nobody's concern.
+    let mut case = sound();
+    case.law_with("SPHER", "ELASTIC_REPELL_CLB", &[1e6, 0.3]);
+    case.tact.visibility.pop();
+    case.write();
+    assert_eq!(spawn(&case, &[]).0, 0);
+}
+
+#[test]
+fn values_of_flags() {
+    let case = sound();
+    let refusals: [(&[&str], &str); 14] = [
+        (&["--dt", "0"], "dt: 0; expected a finite time step > 0 s"),
+        (&["--dt", "-1e-3"], "dt: -0.001; expected a finite time step > 0 s"),
+        (&["--dt", "nan"], "dt: NaN; expected a finite time step > 0 s"),
+        (&["--dt", "inf"], "dt: inf; expected a finite time step > 0 s"),
+        (&["--end-time", "-2"], "end_time: Some(-2.0); expected a finite time >= 0 s"),
+        (&["--theta", "0.3"], "theta: 0.3; expected 0.5 to 1"),
+        (&["--theta", "1.01"], "theta: 1.01; expected 0.5 to 1"),
+        (&["--tol", "0"], "tol: 0; expected more than 0 and less than 1"),
+        (&["--max-sweeps", "0"], "max_sweeps: 0; expected at least 1"),
+        (&["--alert", "-1"], "alert: Some(-1.0); expected a finite distance >= 0 m"),
+        (&["--gravity-error", "0"], "gravity_error: 0; expected at least 1e-14"),
+        (&["--quench=2"], "quench: 2; expected 0 to 1"),
+        (&["--output-every", "0"], "output_every: 0; expected at least 1"),
+        (&["--threads", "1000000"], "threads: 1000000; expected 0 to 1024"),
+    ];
+    for (flags, message) in refusals {
+        written_refused(&case, flags, &[&format!("options: {message}")]);
+    }
+    // What is no number, or no flag, the reader of the command line refuses in its own words.
+    for flags in [
+        &["--dt", "x"][..],
+        &["--steps", "-1"],
+        &["--steps", "1.5"],
+        &["--bogus"],
+        &["--events", "[(time: 1)]"],
+        &["--resume", "--force"],
+    ] {
+        let (code, text) = spawn(&case, flags);
+        assert!(code == 2 && text.starts_with("error: "), "{flags:?}: {code} {text}");
+    }
+}
+
+#[test]
+fn options_in_the_file() {
+    let lines = [
+        (
+            "(\n    dt: 1e-3,\n    speed: 3.0,\n)",
+            "3:5: options: Unexpected field named `speed` in `Compute`, expected one of `dt`, `steps`, `end_time`, \
+             `theta`, `tol`, `max_sweeps`, `alert`, `self_gravity`, `gravity_constant`, `gravity_error`, `quench`, \
+             `output_every`, `threads`, `text`, or `events` instead; expected RON as described in docs/files.md",
+        ),
+        ("(\n    theta: \"a\",\n)", "2:11: options: Expected float; expected RON as described in docs/files.md"),
+        ("(dt: 1e-3 tol: 0.1)", "1:11: options: Expected comma; expected RON as described in docs/files.md"),
+    ];
+    for (text, message) in lines {
+        refused(&with_file("COMPUTE.RON", Some(text)), &[], &[&format!("CASE/DATBOX/COMPUTE.RON:{message}")]);
+    }
+    let case = with_file("COMPUTE.RON", Some("(dt: -1.0, events: [(time: 1.0, action: SetQuench(3.0))])"));
+    let lines = [
+        "CASE/DATBOX/COMPUTE.RON: dt: -1; expected a finite time step > 0 s",
+        "CASE/DATBOX/COMPUTE.RON: events, number 1: Event { time: 1.0, action: SetQuench(3.0) }; \
+         expected a finite time and finite values, quench from 0 to 1",
+    ];
+    refused(&case, &[], &lines);
+}
+
+#[test]
+fn results_that_are_there() {
+    let mut case = sound();
+    case.run(2);
+    let before = case.last();
+    let line = "CASE/OUTBOX: results: 2 snapshots are there, the last snapshot-000002.npz; \
+                expected none; --resume goes on from the last, --force starts anew";
+    refused(&case, &[], &[line]);
+    // A refused --force has removed nothing.
+    refused(&case, &["--force", "--dt", "0"], &["options: dt: 0; expected a finite time step > 0 s"]);
+    assert_eq!(case.last(), before);
+    let line = "options: steps: 1 is before step 2, from which the run goes on; expected a later step";
+    refused(&case, &["--resume", "--steps", "1"], &[line]);
+}
+
+#[test]
+fn snapshots_that_are_damaged() {
+    let mut case = sound();
+    case.run(2);
+    let path = case.path().join("OUTBOX/snapshot-000002.npz");
+    let sound = fs::read(&path).unwrap();
+    let refusal = |bytes: &[u8]| {
+        fs::write(&path, bytes).unwrap();
+        let (code, text) = spawn(&case, &["--resume", "--steps", "3"]);
+        assert!(code == 2 && text.starts_with("cd-solve: CASE/OUTBOX/snapshot-000002.npz: "), "{code} {text}");
+        text
+    };
+    for part in [0, 1, sound.len() / 2, sound.len() - 1] {
+        let text = refusal(&sound[..part]);
+        assert!(text.ends_with("; expected an .npz file of cd-solve\n"), "{text}");
+    }
+    // Any flipped bit in what is stored is found by the archive's checksums.
+    for place in (2000..sound.len() - 3000).step_by(997) {
+        let mut flipped = sound.clone();
+        flipped[place] ^= 0x10;
+        fs::write(&path, &flipped).unwrap();
+        let (code, text) = spawn(&case, &["--resume", "--steps", "3"]);
+        assert!(code == 2 || code == 0, "byte {place}: {code} {text}");
+        assert!(!text.contains("panicked"), "{text}");
+    }
+}
+
+#[test]
+fn snapshots_of_another_scene() {
+    let mut case = sound();
+    case.run(2);
+    let snapshot = "CASE/OUTBOX/snapshot-000002.npz";
+    case.sphere(0.5, [3.0, 0.0, 0.5]);
+    case.write();
+    refused(&case, &["--resume"], &[&format!("{snapshot}: snapshot: 2 bodies; expected the 3 of DATBOX")]);
+
+    let mut other = sound();
+    other.run(2);
+    other.bodies[1].contactors[0].shape = Shape::Sphere { radius: 0.25 };
+    other.write();
+    let (code, text) = spawn(&other, &["--resume"]);
+    let line = format!("cd-solve: {snapshot}: body 2: mass 0.523598");
+    assert!(code == 2 && text.starts_with(&line) && text.contains("expected as in DATBOX: 0.06544"), "{text}");
+
+    let mut other = sound();
+    other.run(2);
+    other.tact.visibility.pop();
+    other.write();
+    refused(&other, &["--resume"], &[&format!("{snapshot}: snapshot: 2 laws; expected the 1 of DATBOX")]);
+}
+
+#[test]
+fn a_folder_that_cannot_be_written() {
+    let case = sound();
+    case.write();
+    fs::write(case.path().join("OUTBOX"), "a file").unwrap();
+    let (code, text) = spawn(&case, &[]);
+    assert!(code == 2 && text.starts_with("cd-solve: CASE/OUTBOX"), "{code} {text}");
+}

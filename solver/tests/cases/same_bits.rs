@@ -1,0 +1,165 @@
+//! The same bytes again: any number of threads, and in two runs as in one.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use cd_formats::compute::Action;
+use cd_formats::drv_dof::Evolution;
+
+use crate::case::{Case, Figures, Vec3, equal, near, shaken_lattice, uniform};
+
+/// Wet spheres of their own gravity in a shaken tub, with events before and after step 30.
+fn scene(side: i64) -> Case {
+    let mut case = Case::new();
+    case.law_with("SPHER", "IQS_WET_DS_CLB", &[0.05, 0.0, 0.02, 0.3, 0.5]);
+    case.law_with("PLANx", "RST_DS_CLB", &[0.6, 0.2, 0.3, 0.4]);
+    case.gravity = [0.1, 0.0, -4.0];
+    let mut random = uniform(2);
+    let height = 0.56 * side as f64;
+    for (radius, [x, y, z]) in shaken_lattice(side, 4) {
+        let body = case.sphere(radius, [x, y, z + height]);
+        case.launch(body, [0; 3].map(|_| random() - 0.5), [0; 3].map(|_| 5.0 * random()));
+    }
+    case.pull(7, 0, 0.5);
+    case.tub(height);
+    let floor = side.pow(3) as usize;
+    let shaking =
+        Evolution::Harmonic { constant: 0.0, amplitude: 0.5, omega: 9.0, phase: 0.0, ramp_start: 0.1, ramp_rate: 2.0 };
+    case.drive_along(floor, 2, shaking);
+    let table = Evolution::Table { name: "turn.dat".into(), points: vec![[0.0, 0.0], [0.3, 0.5], [0.5, -0.5]] };
+    case.drive_along(floor + 1, 5, table);
+    case.event(0.1, Action::AddSpin([0.0, 0.1, 0.3]));
+    case.event(0.2, Action::SetGravity([0.0, 0.2, -8.0]));
+    case.event(0.25, Action::SetQuench(0.001));
+    case.event(0.4, Action::SetQuench(0.0));
+    let options = &mut case.options;
+    (options.self_gravity, options.gravity_constant) = (true, 0.01);
+    (options.dt, options.tol, options.max_sweeps) = (0.01, 1e-4, 500);
+    (options.steps, options.output_every, options.text) = (Some(60), 15, true);
+    case
+}
+
+/// Name and bytes of all files of OUTBOX.
+fn outbox(case: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = std::fs::read_dir(case.join("OUTBOX")).unwrap().map(Result::unwrap);
+    entries.map(|entry| (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap())).collect()
+}
+
+/// The files of a run after each of the `pieces`, sets of flags.
+fn files(case: &Case, pieces: &[&[&str]]) -> BTreeMap<String, Vec<u8>> {
+    case.write();
+    for flags in pieces {
+        assert_eq!(case.solve(flags), 0);
+    }
+    outbox(&case.path())
+}
+
+#[track_caller]
+fn same(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    for (name, bytes) in a {
+        assert!(bytes == &b[name], "{name} differs");
+    }
+}
+
+#[test]
+fn threads_change_nothing() {
+    let one = files(&scene(7), &[&["--threads", "1"]]);
+    let names: Vec<&str> = one.keys().map(String::as_str).collect();
+    let text = ["DOF.OUT", "Vloc_Rloc.OUT"].map(|name| (1..5).map(|k| format!("{name}.{k}")).collect::<Vec<_>>());
+    let snapshots = [0, 15, 30, 45, 60].map(|k| format!("snapshot-{k:06}.npz")).to_vec();
+    assert_eq!(names, [text[0].clone(), text[1].clone(), snapshots, vec!["steps.csv".into()]].concat());
+    for threads in ["2", "3", "5"] {
+        same(&one, &files(&scene(7), &[&["--threads", threads]]));
+    }
+}
+
+#[test]
+fn a_resumed_run_is_the_unbroken_one() {
+    let unbroken = files(&scene(4), &[&[]]);
+    // With wall motion, cohesion, slid contacts and events behind and before it.
+    let resumed = files(&scene(4), &[&["--steps", "15"], &["--resume", "--steps", "30"], &["--resume"]]);
+    same(&unbroken, &resumed);
+    // Stopped between two outputs, the end of a run is written besides.
+    let mut resumed = files(&scene(4), &[&["--steps", "37"], &["--resume"]]);
+    assert!(resumed.remove("snapshot-000037.npz").is_some());
+    same(&unbroken, &resumed);
+    // Resuming a finished run, or one that never began, is no fault.
+    same(&unbroken, &files(&scene(4), &[&["--resume"], &["--resume"]]));
+}
+
+#[test]
+fn a_killed_run_goes_on_from_its_last_snapshot() {
+    let unbroken = files(&scene(4), &[&[]]);
+    let case = scene(4);
+    files(&case, &[&["--steps", "45"]]);
+    let outbox = case.path().join("OUTBOX");
+    // As if killed after step 37: rows and texts later than the last snapshot, one torn.
+    std::fs::remove_file(outbox.join("snapshot-000045.npz")).unwrap();
+    let steps = std::fs::read_to_string(outbox.join("steps.csv")).unwrap();
+    std::fs::write(outbox.join("steps.csv"), &steps[..steps.len() * 5 / 6]).unwrap();
+    std::fs::write(outbox.join(".snapshot-000045.npz.part"), b"half").unwrap();
+    let mut resumed = files(&case, &[&["--resume"]]);
+    resumed.remove(".snapshot-000045.npz.part");
+    same(&unbroken, &resumed);
+}
+
+#[test]
+fn force_starts_anew() {
+    let unbroken = files(&scene(4), &[&[]]);
+    let case = scene(4);
+    std::fs::create_dir_all(case.path().join("OUTBOX")).unwrap();
+    std::fs::write(case.path().join("OUTBOX/notes.txt"), b"mine").unwrap();
+    let mut forced = files(&case, &[&["--steps", "100", "--dt", "0.02"], &["--force"]]);
+    assert_eq!(forced.remove("notes.txt").unwrap(), b"mine");
+    same(&unbroken, &forced);
+}
+
+#[test]
+fn a_resumed_run_may_change_its_step() {
+    let case = scene(4);
+    files(&case, &[&["--steps", "30"], &["--resume", "--dt", "0.005", "--steps", "40", "--tol", "1e-6"]]);
+    let end = case.last();
+    equal(end.meta.time, 0.3 + 0.05, 1e-14);
+    assert_eq!((end.meta.step, end.meta.h, end.meta.parameters.tol), (40, 0.005, 1e-6));
+    // What is accounted for does not depend on the step: round-off.
+    let away = end.momentum() - Vec3::from(end.meta.ledger.momentum_expected);
+    assert!(away.norm() < 1e-12 * end.meta.ledger.momentum_scale);
+}
+
+#[test]
+fn flags_win_over_the_file() {
+    let mut case = scene(4);
+    let by_flags = files(
+        &case,
+        &[&["--dt", "0.02", "--theta=0.6", "--tol", "1e-5", "--output-every", "60", "--quench=0.01", "--text=false"]],
+    );
+    let options = &mut case.options;
+    (options.dt, options.theta, options.tol, options.output_every) = (0.02, 0.6, 1e-5, 60);
+    (options.quench, options.text) = (0.01, false);
+    same(&by_flags, &files(&case, &[&["--force"]]));
+}
+
+#[test]
+fn the_texts_of_a_run_start_another() {
+    // DATBOX of the last output: LMGC90's way to go on, at 7 digits.
+    let case = scene(4);
+    files(&case, &[&["--steps", "45"]]);
+    let (datbox, outbox) = (case.path().join("DATBOX"), case.path().join("OUTBOX"));
+    let before = case.written();
+    for (from, to) in [("DOF.OUT.2", "DOF.INI"), ("Vloc_Rloc.OUT.2", "Vloc_Rloc.INI")] {
+        std::fs::copy(outbox.join(from), datbox.join(to)).unwrap();
+    }
+    assert_eq!(case.solve(&["--force", "--steps", "31"]), 0);
+    let after = case.written();
+    assert_eq!(after[0].meta.step, 30);
+    equal(after[0].meta.time, before[2].meta.time, 1e-7);
+    for i in before[2].free() {
+        // 7 digits of displacements and velocities up to 10.
+        near(after[0].x(i), before[2].x(i), 1e-5);
+        near(after[0].v(i), before[2].v(i), 1e-5);
+        near(after[0].w(i), before[2].w(i), 1e-5);
+    }
+    // The contacts' forces are there to start from.
+    assert_eq!(after[0].contacts.contact_body, before[2].contacts.contact_body);
+}

@@ -1,0 +1,131 @@
+//! Things at rest: the forces that hold them, and that they stay.
+
+use crate::case::{Case, Figures, Vec3, equal, near};
+
+/// Columns of spheres of radius 1/2 on a floor under 8 m/s^2, by density from below.
+fn column(densities: &[f64]) -> Case {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.floor();
+    for (level, density) in densities.iter().enumerate() {
+        case.sphere_of(*density, 0.5, [0.0, 0.0, 0.5 + level as f64]);
+    }
+    case
+}
+
+/// The normal forces of a column's contacts from below, over the weight above each; and the largest speed.
+fn shares(case: &mut Case, steps: u64) -> (Vec<f64>, f64) {
+    let end = case.run(steps);
+    let count = case.bodies.len();
+    let share = |level: usize| {
+        // A sphere's contact with the one above has the lower as candidate; the force on it points down.
+        let force = if level == 1 { end.force(1, 0) } else { end.force(level - 1, level) };
+        force.unwrap().x / (8.0 * (level..count).map(|i| end.mass(i)).sum::<f64>())
+    };
+    ((1..count).map(share).collect(), (1..count).map(|i| end.v(i).norm()).fold(0.0, f64::max))
+}
+
+#[test]
+fn a_sphere_on_a_floor_is_carried_by_its_weight() {
+    for theta in [0.5, 1.0] {
+        let mut case = column(&[1.0]);
+        case.options.theta = theta;
+        let (force, speed) = shares(&mut case, 10);
+        equal(force[0], 1.0, 1e-14); // one contact: exact but for rounding
+        equal(speed, 0.0, 1e-16);
+    }
+}
+
+#[test]
+fn a_column_carries_the_weight_above_at_every_level() {
+    // Sweeps stop at 1e-12 of the first error; n levels make an error of up to n^2 of that, and rounding.
+    let (force, speed) = shares(&mut column(&[1.0; 20]), 20);
+    force.iter().for_each(|f| equal(*f, 1.0, 1e-9));
+    assert!(speed < 1e-10);
+    // Light under heavy, 1 : 1000: as many times more.
+    let (force, speed) = shares(&mut column(&[1.0, 1.0, 1.0, 1000.0]), 20);
+    force.iter().for_each(|f| equal(*f, 1.0, 1e-8));
+    assert!(speed < 1e-9);
+}
+
+/// Three spheres of radius 1/2 on a floor, their centres 0.6 from the middle, and a fourth on top: the
+/// contacts lean by a 3-4-5 triangle and the three do not touch each other.
+fn pyramid(friction: f64) -> Case {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[friction]);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.floor();
+    for k in 0..3 {
+        let angle = std::f64::consts::TAU / 3.0 * f64::from(k) + 0.1;
+        case.sphere(0.5, [0.6 * angle.cos(), 0.6 * angle.sin(), 0.5]);
+    }
+    case.sphere(0.5, [0.0, 0.0, 1.3]);
+    case
+}
+
+#[test]
+fn a_pyramid_of_four_is_held_by_the_forces_of_statics() {
+    let end = pyramid(0.4).run(50);
+    let weight = 8.0 * end.mass(1);
+    for base in 1..4 {
+        // Moments about the lower sphere's centre make its two frictions equal, T; then N sin = T (1 + cos),
+        // and the top's balance N cos + T sin = W/3 gives N = W/3, T = N tan(angle/2) = W/9.
+        // The solver's 1e-12 through a dozen coupled unknowns; gaps to 1e-16 m.
+        let force = end.force(base, 4).unwrap();
+        equal(force.x / weight, 1.0 / 3.0, 1e-9);
+        equal(force.yz().norm() / weight, 1.0 / 9.0, 1e-9);
+        let force = end.force(base, 0).unwrap();
+        equal(force.x / weight, 4.0 / 3.0, 1e-9);
+        equal(force.yz().norm() / weight, 1.0 / 9.0, 1e-9);
+    }
+}
+
+#[test]
+fn a_pyramid_of_four_stands_from_mu_one_third_on() {
+    let sunk = |friction: f64| 1.3 - pyramid(friction).run(200).x(4).z;
+    equal(sunk(1.0 / 3.0 + 1e-3), 0.0, 1e-12);
+    assert!(sunk(1.0 / 3.0 - 1e-3) > 1e-6);
+    // Without friction the top starts at g / (1 + 3 (4/3)^2), for it drives the three apart at 4/3 of its speed;
+    // the share grows as it sinks.
+    let a = 8.0 / (1.0 + 16.0 / 3.0);
+    equal(pyramid(0.0).run(1).v(4).z, -a * 1e-3, 1e-9 * a);
+    let fall = 0.5 * a * 0.2f64.powi(2);
+    assert!((fall..1.5 * fall).contains(&sunk(0.0)), "{}", sunk(0.0));
+}
+
+#[test]
+fn nothing_creeps() {
+    for mut case in [pyramid(0.5), column(&[1.0, 8.0, 1.0])] {
+        let states = case.states(1000, 1000);
+        for i in states[0].free() {
+            // The solver's 1e-12 of h g h in every step.
+            near(states[1].x(i), states[0].x(i), 1e-12);
+            near(states[1].v(i), Vec3::zeros(), 1e-12);
+        }
+    }
+}
+
+#[test]
+fn at_the_usual_tolerance_a_pile_creeps_by_less_than_a_thousandth_of_its_fall() {
+    let mut case = pyramid(0.5);
+    case.options.tol = 1e-3;
+    let states = case.states(1000, 1000);
+    // A free fall of 1 s is 4 m.
+    (1..5).for_each(|i| near(states[1].x(i), states[0].x(i), 1e-3 * 4.0));
+}
+
+#[test]
+fn two_spheres_lean_on_each_other_by_their_own_gravity() {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.3]);
+    case.options.self_gravity = true;
+    case.options.gravity_constant = 1.0;
+    case.sphere_of(2.0, 0.5, [0.0; 3]);
+    case.sphere_of(5.0, 0.5, [0.6, 0.0, 0.8]);
+    let end = case.run(100);
+    // G m1 m2 / d^2 at d = 1 m; rounding of the position.
+    let force = end.mass(0) * end.mass(1);
+    near(end.force(0, 1).unwrap() / force, [1.0, 0.0, 0.0], 1e-12);
+    near(end.x(1), [0.6, 0.0, 0.8], 1e-13);
+}
