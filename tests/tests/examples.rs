@@ -1,0 +1,131 @@
+//! The examples: their scenes are accepted, and their rules make again what follows from a change and nothing else.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use cd_tests::case::Case;
+use tempfile::TempDir;
+
+fn examples() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples")
+}
+
+#[test]
+fn scenes_are_accepted_and_begin_to_run() {
+    let mut count = 0;
+    for folder in fs::read_dir(examples()).unwrap().flatten().map(|entry| entry.path()).filter(|path| path.is_dir()) {
+        let scene = fs::read_to_string(folder.join("scene.ron"))
+            .or_else(|_| fs::read_to_string(folder.join("scene.ron.in")).map(|text| text.replace("NUMBER", "250")))
+            .unwrap_or_else(|_| panic!("no scene in {}", folder.display()));
+        for name in ["Makefile", "README.md"] {
+            assert!(folder.join(name).is_file(), "no {name} in {}", folder.display());
+        }
+        Case::of(&scene).solved(&["--steps", "2"]);
+        count += 1;
+    }
+    assert!(count >= 5);
+}
+
+/// The rules of the examples around programs that only say that they ran.
+struct Rules(TempDir);
+
+impl Rules {
+    fn new() -> Rules {
+        let rules = Rules(tempfile::tempdir().unwrap());
+        rules.write("scene.ron", "");
+        rules.write("Makefile", &format!("STAGES := pre solve post\ninclude {}/example.mk\n", examples().display()));
+        for (program, file) in [("cd-pre", "DATBOX/BODIES.DAT"), ("cd-solve", "OUTBOX/snapshot-000001.npz")] {
+            rules.program(program, &format!("mkdir -p {} && touch {file}", &file[..6]));
+        }
+        rules.program("cd-post", "mkdir -p POSTPRO && touch POSTPRO/series.csv");
+        rules
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        fs::create_dir_all(self.0.path().join(name).parent().unwrap()).unwrap();
+        fs::write(self.0.path().join(name), text).unwrap();
+    }
+
+    /// A program that notes its name and flags and then does `action`.
+    fn program(&self, name: &str, action: &str) {
+        self.write(&format!("bin/{name}"), &format!("#!/bin/sh\necho {name} $* >> ran\n{action}\n"));
+        fs::set_permissions(self.0.path().join("bin").join(name), fs::Permissions::from_mode(0o755)).unwrap();
+    }
+
+    /// Whether make ended well, and the programs that ran, each with its first flag.
+    fn make(&self, arguments: &[&str]) -> (bool, String) {
+        let ran = self.0.path().join("ran");
+        let _ = fs::remove_file(&ran);
+        // File times go in ticks of some milliseconds: what is written before and after must not have the same.
+        let tick = || std::thread::sleep(std::time::Duration::from_millis(25));
+        tick();
+        let output = Command::new("make")
+            .current_dir(&self.0)
+            .args(arguments)
+            .arg("CD_BIN=bin")
+            // What a make that runs these tests hands down.
+            .env_remove("MAKEFLAGS")
+            .env_remove("MAKELEVEL")
+            .env_remove("MFLAGS")
+            .output()
+            .expect("make, which these tests need");
+        tick();
+        let ran = fs::read_to_string(ran).unwrap_or_default();
+        let short = |line: &str| {
+            line.split(' ').take(2).filter(|word| *word != "." && *word != "./scene.ron").collect::<Vec<_>>().join(" ")
+        };
+        (output.status.success(), ran.lines().map(short).collect::<Vec<_>>().join(", "))
+    }
+
+    fn runs(&self, arguments: &[&str], expected: &str) {
+        assert_eq!(self.make(arguments), (true, expected.to_string()), "make {arguments:?}");
+    }
+}
+
+#[test]
+fn a_stage_is_made_again_when_its_input_or_program_changed() {
+    let rules = Rules::new();
+    let all = "cd-pre, cd-solve --force, cd-post";
+    rules.runs(&[], all);
+    rules.runs(&[], "");
+    for (touched, follows) in [
+        ("scene.ron", all),
+        ("bin/cd-pre", all),
+        ("DATBOX/BODIES.DAT", "cd-solve --force, cd-post"),
+        ("bin/cd-solve", "cd-solve --force, cd-post"),
+        ("OUTBOX/snapshot-000001.npz", "cd-post"),
+        ("bin/cd-post", "cd-post"),
+        ("POSTPRO/series.csv", ""),
+    ] {
+        let path = rules.0.path().join(touched);
+        fs::File::options().append(true).open(&path).unwrap().set_modified(std::time::SystemTime::now()).unwrap();
+        rules.runs(&["-n"], "");
+        rules.runs(&[], follows);
+        rules.runs(&[], "");
+    }
+    rules.runs(&["clean"], "");
+    rules.runs(&["pre"], "cd-pre");
+    rules.runs(&["solve"], "cd-solve --force");
+    rules.runs(&["clean", "all"], all);
+}
+
+#[test]
+fn a_stage_that_failed_is_not_done() {
+    let rules = Rules::new();
+    rules.runs(&[], "cd-pre, cd-solve --force, cd-post");
+    // It has written something when it is killed.
+    rules.program("cd-solve", "touch OUTBOX/snapshot-000002.npz; kill -9 $$");
+    for _ in 0..2 {
+        assert_eq!(rules.make(&[]), (false, "cd-solve --force".to_string()));
+    }
+    rules.program("cd-solve", "touch OUTBOX/snapshot-000003.npz");
+    rules.runs(&["resume"], "cd-solve --resume, cd-post");
+    rules.runs(&[], "");
+
+    for (status, well) in [(1, true), (2, false), (3, false)] {
+        rules.program("cd-post", &format!("mkdir -p POSTPRO; touch POSTPRO/series.csv; exit {status}"));
+        assert_eq!(rules.make(&[]), (well, "cd-post".to_string()), "status {status}");
+    }
+}
