@@ -124,7 +124,7 @@ const SOLVE: &[Tolerance] = &[
     within("contacts_solved", ANY, ""),
     within("residual", ANY, ""), // at most tol where `converged` is 1
     within("penetration_largest", 1e-9, ONE),
-    within("penetration_mean", 1e-9, ONE),
+    within("penetration_mean", ANY, ""), // of the contacts with a gap below 0, which round-off decides for those that touch
     within("kinetic_energy", 1e-7, ""),
     within("rotational_energy", 1e-7, ""),
     within("potential_energy", 1e-9, ""),
