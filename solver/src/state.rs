@@ -53,7 +53,7 @@ pub struct State {
     pub step: u64,
     /// s
     pub time: f64,
-    /// Length of the step that led here, s; 0 at the start. The impulses of `contacts` belong to it.
+    /// Length of the step that led here, s; at the start, of the first. The impulses of `contacts` belong to it.
     pub h: f64,
     /// Positions, m.
     pub x: Vec<Vec3>,

@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 use crate::assemble::{self, Free, System, relative_velocity};
 use crate::detect;
 use crate::integrate::{self, Configuration};
+use crate::math::lanes::Width;
 use crate::math::{Vec3, to_local};
 use crate::scene::Scene;
-use crate::solve::sweep::Width;
 use crate::solve::{self, Solution};
 use crate::state::{Contact, SolvedContact, State, Status};
 

@@ -1,26 +1,27 @@
 //! The direct sum: every pair, in f64. The reference for any faster method.
 
+use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 use crate::math::Vec3;
+use crate::math::lanes::{Lanes, Width};
 
-/// Lanes of the inner loop: independent sums that a compiler turns into vector instructions,
-/// added up in a fixed order.
-const LANES: usize = 8;
+/// Independent sums, added up in a fixed order: the result is the same for any width of arithmetic.
+const SUMS: usize = 8;
 
 /// Positions and masses laid out for the inner loop, padded with masses of zero.
 struct Sources {
-    x: Vec<[f64; LANES]>,
-    y: Vec<[f64; LANES]>,
-    z: Vec<[f64; LANES]>,
-    m: Vec<[f64; LANES]>,
+    x: Vec<[f64; SUMS]>,
+    y: Vec<[f64; SUMS]>,
+    z: Vec<[f64; SUMS]>,
+    m: Vec<[f64; SUMS]>,
 }
 
 impl Sources {
     fn new(positions: &[Vec3], masses: &[f64]) -> Self {
-        let column = |value: &dyn Fn(usize) -> f64| -> Vec<[f64; LANES]> {
-            let block = |k: usize| std::array::from_fn(|lane| value(k * LANES + lane));
-            (0..positions.len().div_ceil(LANES)).map(block).collect()
+        let column = |value: &dyn Fn(usize) -> f64| -> Vec<[f64; SUMS]> {
+            let block = |k: usize| std::array::from_fn(|lane| value(k * SUMS + lane));
+            (0..positions.len().div_ceil(SUMS)).map(block).collect()
         };
         let at = |i: usize, k: usize| positions.get(i).map_or(0.0, |p| p[k]);
         Sources {
@@ -45,35 +46,67 @@ impl Sources {
 /// assert_eq!((phi[0], phi[1]), (-5.0 / 2.0, -3.0 / 2.0));
 /// ```
 pub fn accelerations(positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
+    accelerations_at_width(positions, masses, constant, Width::detect())
+}
+
+fn accelerations_at_width(positions: &[Vec3], masses: &[f64], constant: f64, width: Width) -> (Vec<Vec3>, Vec<f64>) {
     let sources = Sources::new(positions, masses);
     positions
         .par_iter()
         .with_min_len(16)
         .map(|p| {
-            let (attraction, potential) = at_point(&sources, p);
-            (attraction * constant, -potential * constant)
+            let [x, y, z, potential] = match width {
+                Width::One(lanes) => sums(lanes, &sources, p),
+                #[cfg(target_arch = "x86_64")]
+                Width::Four(lanes) => sums(lanes, &sources, p),
+                #[cfg(target_arch = "x86_64")]
+                Width::Eight(lanes) => sums(lanes, &sources, p),
+            };
+            (Vec3::new(x, y, z) * constant, -potential * constant)
         })
         .unzip()
 }
 
-fn at_point(sources: &Sources, p: &Vec3) -> (Vec3, f64) {
-    let [mut ax, mut ay, mut az, mut sum] = [[0.0; LANES]; 4];
-    for k in 0..sources.x.len() {
-        let (x, y, z, m) = (&sources.x[k], &sources.y[k], &sources.z[k], &sources.m[k]);
-        for lane in 0..LANES {
-            let (dx, dy, dz) = (x[lane] - p.x, y[lane] - p.y, z[lane] - p.z);
-            let distance2 = dx * dx + dy * dy + dz * dz;
-            let inverse = if distance2 > 0.0 { 1.0 / distance2.sqrt() } else { 0.0 };
-            let potential = m[lane] * inverse;
-            let strength = potential * (inverse * inverse);
-            ax[lane] += dx * strength;
-            ay[lane] += dy * strength;
-            az[lane] += dz * strength;
-            sum[lane] += potential;
+/// Sums of m d/|d|^3 (three components) and m/|d| over all sources.
+fn sums<L: Lanes>(lanes: L, sources: &Sources, p: &Vec3) -> [f64; 4] {
+    struct Op<'a, L> {
+        l: L,
+        sources: &'a Sources,
+        p: &'a Vec3,
+    }
+    impl<L: Lanes> NullaryFnOnce for Op<'_, L> {
+        type Output = [f64; 4];
+        #[inline(always)]
+        fn call(self) -> [f64; 4] {
+            let Op { l, sources, p } = self;
+            let mut parts = [[0.0; SUMS]; 4];
+            let (zero, one) = (l.splat(0.0), l.splat(1.0));
+            let (px, py, pz) = (l.splat(p.x), l.splat(p.y), l.splat(p.z));
+            for from in (0..SUMS).step_by(L::WIDTH) {
+                let [mut ax, mut ay, mut az, mut sum] = [zero; 4];
+                for k in 0..sources.x.len() {
+                    let dx = l.sub(l.load(&sources.x[k][from..]), px);
+                    let dy = l.sub(l.load(&sources.y[k][from..]), py);
+                    let dz = l.sub(l.load(&sources.z[k][from..]), pz);
+                    let distance2 = l.mul_add(dx, dx, l.mul_add(dy, dy, l.mul(dz, dz)));
+                    // The same place, the body itself among them, attracts nowhere.
+                    let inverse = l.select_greater(distance2, zero, l.div(one, l.sqrt(distance2)), zero);
+                    let potential = l.mul(l.load(&sources.m[k][from..]), inverse);
+                    let strength = l.mul(potential, l.mul(inverse, inverse));
+                    ax = l.mul_add(dx, strength, ax);
+                    ay = l.mul_add(dy, strength, ay);
+                    az = l.mul_add(dz, strength, az);
+                    sum = l.add(sum, potential);
+                }
+                l.store(&mut parts[0][from..], ax);
+                l.store(&mut parts[1][from..], ay);
+                l.store(&mut parts[2][from..], az);
+                l.store(&mut parts[3][from..], sum);
+            }
+            parts.map(|part| part.iter().sum())
         }
     }
-    let total = |lanes: [f64; LANES]| lanes.iter().sum::<f64>();
-    (Vec3::new(total(ax), total(ay), total(az)), total(sum))
+    lanes.run(Op { l: lanes, sources, p })
 }
 
 #[cfg(test)]
@@ -104,6 +137,15 @@ mod tests {
         let virial: f64 = x.iter().zip(a.iter().zip(&m)).map(|(x, (a, m))| x.dot(a) * m).sum();
         let energy: f64 = 0.5 * phi.iter().zip(&m).map(|(p, m)| p * m).sum::<f64>();
         assert!((virial - energy).abs() < 1e-13 * energy.abs());
+    }
+
+    #[test]
+    fn all_widths_give_the_same_bits() {
+        let (x, m) = cloud(61);
+        let expected = accelerations_at_width(&x, &m, 1.5, Width::all()[0]);
+        for width in Width::all() {
+            assert_eq!(accelerations_at_width(&x, &m, 1.5, width), expected);
+        }
     }
 
     #[test]

@@ -1,5 +1,4 @@
-//! Vectors of contacts: the same arithmetic on 8, 4 or 1 contacts at a time, chosen when the program
-//! runs. Every operation is written once, in one order and with explicit fused multiply-add, so all
+//! The same arithmetic on 8, 4 or 1 numbers at a time, chosen when the program runs. Every operation is written once, in one order and with explicit fused multiply-add, so all
 //! widths give the same bits.
 
 use pulp::NullaryFnOnce;
@@ -7,7 +6,7 @@ use pulp::NullaryFnOnce;
 /// A row of eight numbers, one cache line: what is gathered for a contact's body.
 pub type Line = [f64; 8];
 
-/// Arithmetic on `WIDTH` contacts at once.
+/// Arithmetic on `WIDTH` numbers at once.
 pub trait Lanes: Copy + Send + Sync {
     const WIDTH: usize;
     type V: Copy;
@@ -36,7 +35,39 @@ pub trait Lanes: Copy + Send + Sync {
     fn scatter(self, lines: &mut [Line], index: &[u32], columns: [Self::V; 8]);
 }
 
-/// One contact at a time: any machine.
+/// How many numbers are worked on at once; never changes a result.
+#[derive(Debug, Clone, Copy)]
+pub enum Width {
+    One(Scalar),
+    #[cfg(target_arch = "x86_64")]
+    Four(pulp::x86::V3),
+    #[cfg(target_arch = "x86_64")]
+    Eight(pulp::x86::V4),
+}
+
+impl Width {
+    /// The widest that this machine has.
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(wide) = pulp::x86::V4::try_new().map(Width::Eight).or(pulp::x86::V3::try_new().map(Width::Four)) {
+            return wide;
+        }
+        Width::One(Scalar)
+    }
+
+    /// Every width that this machine has, narrowest first.
+    pub fn all() -> Vec<Self> {
+        let mut all = vec![Width::One(Scalar)];
+        #[cfg(target_arch = "x86_64")]
+        {
+            all.extend(pulp::x86::V3::try_new().map(Width::Four));
+            all.extend(pulp::x86::V4::try_new().map(Width::Eight));
+        }
+        all
+    }
+}
+
+/// One at a time: any machine.
 #[derive(Debug, Clone, Copy)]
 pub struct Scalar;
 

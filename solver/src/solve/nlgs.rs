@@ -10,9 +10,10 @@
 
 use crate::assemble::{Record, System};
 use crate::math::Vec3;
+use crate::math::lanes::Width;
 use crate::solve::batches::Problem;
 use crate::solve::residual::{Judge, Residual, velocities};
-use crate::solve::sweep::{Width, sweep};
+use crate::solve::sweep::sweep;
 
 /// Largest share of the last change that is carried on where there is friction: uncapped momentum
 /// bounces on dense frictional packings; 0.7 to 0.85 are alike. Without friction the problem is convex

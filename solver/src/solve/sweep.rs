@@ -2,38 +2,9 @@
 
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Lanes, Line, Scalar};
+use crate::math::lanes::{Lanes, Line, Width};
 use crate::solve::batches::{BATCH, Batch, Batches, Impulses, Problem, Range};
 use crate::solve::local::{Triple, cross_add, dot, signorini_coulomb, triple};
-
-/// How many contacts are worked on at once; never changes a result.
-#[derive(Debug, Clone, Copy)]
-pub enum Width {
-    One,
-    #[cfg(target_arch = "x86_64")]
-    Four(pulp::x86::V3),
-    #[cfg(target_arch = "x86_64")]
-    Eight(pulp::x86::V4),
-}
-
-impl Width {
-    /// The widest that this machine has.
-    pub fn detect() -> Self {
-        Self::all().pop().unwrap_or(Width::One)
-    }
-
-    /// Every width that this machine has, narrowest first.
-    pub fn all() -> Vec<Self> {
-        #[allow(unused_mut)]
-        let mut all = vec![Width::One];
-        #[cfg(target_arch = "x86_64")]
-        {
-            all.extend(pulp::x86::V3::try_new().map(Width::Four));
-            all.extend(pulp::x86::V4::try_new().map(Width::Eight));
-        }
-        all
-    }
-}
 
 /// Sums over the contacts of a sweep, by place in the batch so that no width changes their order.
 #[derive(Debug, Clone, Copy, Default)]
@@ -64,7 +35,7 @@ impl Sums {
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
 pub fn sweep(problem: &mut Problem, width: Width, beta: f64) -> Sums {
     match width {
-        Width::One => sweep_with(problem, Scalar, beta),
+        Width::One(lanes) => sweep_with(problem, lanes, beta),
         #[cfg(target_arch = "x86_64")]
         Width::Four(simd) => sweep_with(problem, simd, beta),
         #[cfg(target_arch = "x86_64")]
