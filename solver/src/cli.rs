@@ -66,8 +66,11 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
     let mut resumed = false;
     if arguments.resume {
         resumed = read::resume::last(&write::outbox(case), &scene, &mut state)?.is_some();
+        if !resumed {
+            println!("{PROGRAM}: no snapshot to go on from: starting from DATBOX");
+        }
     } else if !arguments.force {
-        write::expect_none(case)?;
+        write::expect_none(case, scene.options.text)?;
     }
     check(&scene, &state)?;
     if arguments.force {

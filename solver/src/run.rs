@@ -1,7 +1,7 @@
 //! The loop over steps: when to write, when to stop, what to tell.
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use cd_formats::error::{Fault, Faults};
 
@@ -40,17 +40,17 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool) -> Resul
     let last = scene.options.last_step().unwrap_or(DEFAULT_STEPS);
     let mut results = Results::open(case, &state)?;
     let mut course = Course { threads: rayon::current_num_threads(), ..Course::default() };
+    // The time that an output takes is entered with the step after it.
+    let mut writing = Duration::ZERO;
     if !resumed {
         open_ledger(scene, &mut state);
         expect_finite(&state)?;
-        let writing = Instant::now();
-        results.state(scene, &state)?;
-        course.clock.writing += writing.elapsed();
+        writing = output(&mut results, scene, &state)?;
     }
 
     let progress = Progress::new(state.step, last.max(state.step));
     while state.step < last {
-        let mut lap = Clock::default();
+        let mut lap = Clock { writing: std::mem::take(&mut writing), ..Clock::default() };
         let report = step(scene, &mut state, &mut lap);
         expect_finite(&state).inspect_err(|_| progress.finish())?;
         course.steps += 1;
@@ -63,17 +63,23 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool) -> Resul
         }
         progress.step(&state, &report);
         results.step(scene, &state, &report, &lap)?;
+        course.clock.add(&lap);
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last {
-            let writing = Instant::now();
-            results.state(scene, &state)?;
-            course.clock.writing += writing.elapsed();
+            writing = output(&mut results, scene, &state)?;
             progress.output(&state, &report);
         }
-        course.clock.add(&lap);
     }
+    course.clock.writing += writing;
     progress.finish();
     course.wall = start.elapsed();
     Ok(text(scene, &state, &course))
+}
+
+/// Writes the state; returns the time that it took.
+fn output(results: &mut Results, scene: &Scene, state: &State) -> Result<Duration, Faults> {
+    let start = Instant::now();
+    results.state(scene, state)?;
+    Ok(start.elapsed())
 }
 
 /// Energy and momentum that the run's drift is measured against.

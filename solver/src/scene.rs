@@ -115,27 +115,22 @@ pub struct Scene {
 impl Scene {
     /// The models that this scene uses, for the summary.
     pub fn models(&self) -> Vec<String> {
-        let mut models = Vec::new();
-        if !self.spheres.is_empty() {
-            models.push(format!("{} spheres", self.spheres.len()));
-        }
-        if !self.planes.is_empty() {
-            models.push(format!("{} planes", self.planes.len()));
-        }
-        let mut driven = self.drives.len();
-        driven -= self.planes.len().min(driven);
-        if driven > 0 {
-            models.push(format!("{driven} driven spheres"));
-        }
+        let driven_spheres = self.spheres.iter().filter(|&&i| self.bodies[i as usize].driven).count();
+        let counts = [
+            (self.spheres.len() - driven_spheres, "sphere"),
+            (driven_spheres, "driven sphere"),
+            (self.planes.len(), "plane"),
+            (self.loads.len(), "imposed force"),
+        ];
+        let plural = |n: usize| if n == 1 { "" } else { "s" };
+        let present = counts.into_iter().filter(|(n, _)| *n > 0);
+        let mut models: Vec<String> = present.map(|(n, what)| format!("{n} {what}{}", plural(n))).collect();
         models.extend(self.law_names.iter().map(|law| {
             let parameters: Vec<String> = law.parameters.iter().map(|p| p.to_string()).collect();
             format!("{} {} ({})", law.nickname, law.kind, parameters.join(", "))
         }));
         if self.options.self_gravity {
             models.push("self-gravity by direct sum".into());
-        }
-        if !self.loads.is_empty() {
-            models.push(format!("{} imposed forces", self.loads.len()));
         }
         if self.options.quench > 0.0 {
             models.push(format!("quench {}", self.options.quench));

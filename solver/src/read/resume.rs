@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{self, STATUS_NO_CONTACT, STATUS_SLIDE, Snapshot};
+use cd_formats::snapshot::{self, LawName, STATUS_NO_CONTACT, STATUS_SLIDE, Snapshot};
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::math::Vec3;
@@ -44,9 +44,12 @@ fn check(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> 
             format!("expected as in DATBOX: {} kg, driven {}", body.mass, body.driven),
         );
     }
-    if snapshot.meta.laws.len() != scene.laws.len() {
-        let found = format!("{} laws", snapshot.meta.laws.len());
-        refuse("snapshot".into(), found, format!("expected the {} of DATBOX", scene.laws.len()));
+    if snapshot.meta.laws != scene.law_names {
+        let names = |laws: &[LawName]| -> Vec<String> {
+            laws.iter().map(|law| format!("{} {} {:?}", law.nickname, law.kind, law.parameters)).collect()
+        };
+        let found = format!("laws {}", names(&snapshot.meta.laws).join(", "));
+        refuse("snapshot".into(), found, format!("expected those of DATBOX: {}", names(&scene.law_names).join(", ")));
     }
     faults.into_result(())
 }
