@@ -93,6 +93,7 @@ impl State {
         finite(&self.x)
             && finite(&self.v)
             && finite(&self.w)
+            && self.q.iter().all(|q| q.coords.iter().all(|x| x.is_finite()))
             && sums.iter().chain(momenta.iter().flatten()).all(|x| x.is_finite())
     }
 }
