@@ -1,6 +1,7 @@
 //! Input at the edge of what makes sense: every answer is finite or a refusal.
 
 use cd_formats::snapshot::Snapshot;
+use proptest::prelude::*;
 
 use crate::case::{Case, Figures, Vec3, equal, near};
 
@@ -229,4 +230,50 @@ fn no_steps_leave_the_start() {
     case.sphere(0.5, [0.1, 0.2, 0.3]);
     let end = case.run(0);
     assert_eq!((end.meta.step, end.bodies.body_x[0]), (0, [0.1, 0.2, 0.3]));
+}
+
+/// Numbers of any size that the files can hold, often equal ones and zeros.
+fn number() -> impl Strategy<Value = f64> {
+    let size = prop_oneof![(-90.0..90.0f64).prop_map(|p| 10f64.powf(p)), (-2.0..2.0f64).prop_map(|p| 10f64.powf(p))];
+    (size, 0..3i32).prop_map(|(size, sign)| size * f64::from(sign - 1))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 96, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever the numbers: done, refused, or stopped before anything that is not finite is written.
+    #[test]
+    fn any_numbers_end_in_an_answer(
+        spheres in prop::collection::vec((number(), number(), prop::array::uniform3(number()), prop::array::uniform3(number())), 1..8),
+        gravity in prop::array::uniform3(number()),
+        h in number(),
+        floor: bool,
+        law in 0..5usize,
+        own: bool,
+        theta in 0.5..1.0f64,
+    ) {
+        let mut case = Case::new();
+        match law {
+            0 => case.law("IQS_CLB", &[0.5]),
+            1 => case.law("RST_CLB", &[0.5, 0.5, 0.5]),
+            2 => case.law("GAP_SGR_CLB", &[0.5]),
+            3 => case.law("IQS_WET_DS_CLB", &[1e3, 0.0, 1.0, 0.5, 0.5]),
+            _ => case.law("VEL_SGR_CLB", &[0.0]),
+        }
+        if floor {
+            case.floor();
+        }
+        for (radius, density, x, v) in spheres {
+            let body = case.sphere_of(density.abs().max(1e-9), radius.abs().max(1e-9), x);
+            case.launch(body, v, v);
+        }
+        case.gravity = gravity;
+        let options = &mut case.options;
+        (options.dt, options.theta, options.self_gravity) = (h.abs().max(1e-30), theta, own);
+        (options.tol, options.max_sweeps) = (1e-6, 50);
+        case.write();
+        let code = case.solve(&["--steps", "5", "--output-every", "1"]);
+        prop_assert!([0, 2, 3].contains(&code));
+        prop_assert!(case.written().iter().all(finite));
+    }
 }

@@ -153,7 +153,7 @@ fn an_aggregate_keeps_its_momenta_while_it_collapses() {
     case.options.self_gravity = true;
     case.options.gravity_constant = 1.0;
     case.options.dt = 0.01;
-    case.options.tol = 1e-6;
+    (case.options.tol, case.options.max_sweeps) = (1e-4, 300); // momentum does not wait for convergence
     let states = case.states(500, 500);
     assert!(case.column("contacts_active")[499] > 125.0, "it has become a heap");
     let [energy, momentum, angular] = unaccounted(&states);
@@ -177,7 +177,7 @@ proptest! {
         let mut case = Case::new();
         case.law("IQS_CLB", &[mu]);
         case.options.tol = 1e-6;
-        case.options.max_sweeps = 2000;
+        case.options.max_sweeps = 500;
         case.options.dt = 10f64.powf(h);
         case.options.self_gravity = gravity;
         case.options.gravity_constant = 1.0;
@@ -185,7 +185,7 @@ proptest! {
             let body = case.sphere(*radius, *x);
             case.launch(body, *v, [0.0; 3]);
         }
-        let states = case.states(50, 1);
+        let states = case.states(20, 1);
         let depth = |state: &Snapshot, i: usize, j: usize| {
             let radii = state.bodies.body_radius[i] + state.bodies.body_radius[j];
             (radii - (state.x(i) - state.x(j)).norm()).max(0.0)

@@ -257,7 +257,7 @@ fn results_that_are_there() {
     let mut case = sound();
     case.run(2);
     let before = case.last();
-    let line = "CASE/OUTBOX: results: 2 snapshots are there, the last snapshot-000002.npz; \
+    let line = "CASE/OUTBOX: results: there is snapshot-000002.npz; \
                 expected none; --resume goes on from the last, --force starts anew";
     refused(&case, &[], &[line]);
     // A refused --force has removed nothing.

@@ -49,7 +49,7 @@ fn launched(v: f64, w: f64) -> Vec<cd_formats::snapshot::Snapshot> {
     case.floor();
     let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
     case.launch(ball, [v, 0.0, 0.0], [0.0, w, 0.0]);
-    case.states(2000, 10)
+    case.states(2000, 40)
 }
 
 #[test]

@@ -90,7 +90,7 @@ fn a_shaken_sphere_leaves_the_plate_when_that_falls_away_faster() {
         case.launch(1, [0.0, 0.0, 1.0], [0.0; 3]); // as the plate
         case
     };
-    let riding = shaken(7.5).states(256, 1); // 7.5 m/s^2 at most
+    let riding = shaken(7.5).states(256, 8); // 7.5 m/s^2 at most
     riding.iter().for_each(|state| near(state.x(1) - state.x(0), [0.0, 0.0, 1.0], 1e-13));
     // 16 m/s^2: off at sin(omega t) = 1/2, at t = pi / 6 / 16 to a step.
     let thrown = shaken(16.0).states(64, 1);
