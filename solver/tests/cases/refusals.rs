@@ -311,11 +311,21 @@ fn snapshots_of_another_scene() {
     let line = format!("cd-solve: {snapshot}: body 2: mass 0.523598");
     assert!(code == 2 && text.starts_with(&line) && text.contains("expected as in DATBOX: 0.06544"), "{text}");
 
+    // A law more, or of another friction.
+    let laws = |names: &str, expected: &str| {
+        format!("{snapshot}: snapshot: laws {names}; expected those of DATBOX: {expected}")
+    };
+    let (one, two) = ("law00 IQS_CLB [0.3]", "law00 IQS_CLB [0.3], law01 IQS_CLB [0.3]");
     let mut other = sound();
     other.run(2);
     other.tact.visibility.pop();
     other.write();
-    refused(&other, &["--resume"], &[&format!("{snapshot}: snapshot: 2 laws; expected the 1 of DATBOX")]);
+    refused(&other, &["--resume"], &[&laws(two, one)]);
+    other = sound();
+    other.run(2);
+    other.tact.laws[1].parameters = vec![0.5];
+    other.write();
+    refused(&other, &["--resume"], &[&laws(two, "law00 IQS_CLB [0.3], law01 IQS_CLB [0.5]")]);
 }
 
 #[test]
