@@ -77,7 +77,7 @@ macro_rules! options {
 options! {
     /// Time step h, s.
     dt: f64 = 1.0e-3, f64, [value_name = "S"];
-    /// Number of steps to make, counted from time 0; wins over end_time.
+    /// Number of steps to make, counted from the state of DATBOX; wins over end_time.
     steps: Option<u64> = None, u64, [value_name = "N"];
     /// Time at which the run ends, s.
     end_time: Option<f64> = None, f64, [value_name = "S"];
@@ -198,10 +198,12 @@ impl Compute {
         faults.into_result(())
     }
 
-    /// The number of steps asked for, from `steps` or `end_time`; none when neither is given.
-    pub fn last_step(&self) -> Option<u64> {
+    /// The step to end with, from `steps` or `end_time`, for a case whose DOF.INI stands at step
+    /// `first` and `time` (s); none when neither is given.
+    pub fn last_step(&self, first: u64, time: f64) -> Option<u64> {
         // A thousandth of a step of slack: end_time / dt seldom divides exactly.
-        self.steps.or_else(|| self.end_time.map(|end| (end / self.dt - 1e-3).ceil().max(0.0) as u64))
+        let until = |end: f64| ((end - time) / self.dt - 1e-3).ceil().max(0.0) as u64;
+        self.steps.or(self.end_time.map(until)).map(|steps| first.saturating_add(steps))
     }
 }
 
@@ -252,6 +254,7 @@ mod tests {
     #[test]
     fn end_time_gives_whole_steps() {
         let compute = Compute { dt: 0.1, end_time: Some(0.3), ..Compute::default() };
-        assert_eq!(compute.last_step(), Some(3)); // 0.3 / 0.1 is 2.9999999999999996
+        assert_eq!(compute.last_step(0, 0.0), Some(3)); // 0.3 / 0.1 is 2.9999999999999996
+        assert_eq!(compute.last_step(10, 0.1), Some(12));
     }
 }

@@ -37,7 +37,7 @@ impl From<Faults> for Failure {
 /// Advances the state to the last step and writes the results; returns the summary.
 pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool) -> Result<String, Failure> {
     let start = Instant::now();
-    let last = scene.options.last_step().unwrap_or(DEFAULT_STEPS);
+    let last = last_step(scene);
     let mut results = Results::open(case, &state)?;
     let mut course = Course { threads: rayon::current_num_threads(), ..Course::default() };
     // The time that an output takes is entered with the step after it.
@@ -103,6 +103,12 @@ fn expect_finite(state: &State) -> Result<(), Failure> {
     Err(Failure::Broken(format!("step {step}, t = {time} s: {found}; snapshots written before are sound")))
 }
 
+/// The step to end with.
+fn last_step(scene: &Scene) -> u64 {
+    let (first, time) = scene.start;
+    scene.options.last_step(first, time).unwrap_or(first + DEFAULT_STEPS)
+}
+
 /// Refuses options that cannot lead to a run from this state.
 pub fn check(scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
@@ -110,7 +116,7 @@ pub fn check(scene: &Scene, state: &State) -> Result<(), Faults> {
         let expected = "expected at least one whose motion is not imposed";
         faults.push(Fault::new(Path::new("DATBOX/BODIES.DAT"), None, "bodies", "none is free to move", expected));
     }
-    let last = scene.options.last_step().unwrap_or(DEFAULT_STEPS);
+    let last = last_step(scene);
     if last < state.step {
         let found = format!("{last} is before step {}, from which the run goes on", state.step);
         faults.push(Fault::new(Path::new("options"), None, "steps", found, "expected a later step"));

@@ -92,6 +92,8 @@ pub struct Scene {
     pub laws: Vec<Law>,
     pub visibility: Visibility,
     pub options: Compute,
+    /// Step and time (s) of the state in DATBOX.
+    pub start: (u64, f64),
     /// Events of the options by time.
     pub events: Vec<Event>,
     /// Names for the files.

@@ -67,6 +67,7 @@ pub fn scene(
         visibility: Visibility::default(),
         events,
         options,
+        start: (0, 0.0),
         materials: bulk.materials.iter().map(|m| MaterialName { name: m.name.clone(), density: m.density }).collect(),
         colours,
         law_names: Vec::new(),

@@ -43,6 +43,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     };
 
     let mut scene = bodies::scene(&datbox, &bodies, &bulk, &driven, options, &mut faults);
+    scene.start = (dof.step, dof.time);
     behaviour::laws(&datbox, &tact, &mut scene, &mut faults);
     let (x, q, v, w) = bodies::motion(&datbox, &bodies, &dof, &scene, &mut faults);
     let contacts = behaviour::history(&datbox, &history, &scene, &q, &mut faults);
