@@ -14,7 +14,7 @@ help: ## this list
 build: ## cd-pre, cd-solve and cd-post, in release mode, in target/release
 	$(CARGO) build --release --bins
 
-demo: build ## runs examples/accretion: a thousand grains fall together; about two minutes
+demo: build ## runs examples/accretion: a thousand grains fall together
 	$(MAKE) --no-print-directory -C examples/accretion CD_BIN=$(BIN)
 	@echo "Where to look, in examples/accretion:"
 	@echo "  POSTPRO/series.csv     a row a snapshot; docs/observables.md names the columns"
