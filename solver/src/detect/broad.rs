@@ -2,12 +2,13 @@
 //!
 //! A sphere lives on the first level whose cells are as wide as it is; it looks for partners in the
 //! neighbouring cells of its own level and of all coarser ones. So the work is in proportion to the
-//! number of spheres and pairs, whatever the range of sizes, and spheres far away cost nothing.
+//! number of spheres and pairs, whatever the range of sizes. Cells repeat in space like the pattern
+//! of a wallpaper, so that a few far spheres cost nothing; what meets only on the pattern is told
+//! apart by its distance.
 
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
 
-use crate::math::Vec3;
+use crate::math::{Vec3, group};
 
 /// Half of a cell's neighbours: with the cell itself, every pair of neighbouring cells once.
 const FORWARD: [[i64; 3]; 13] = [
@@ -26,92 +27,91 @@ const FORWARD: [[i64; 3]; 13] = [
     [0, 0, 1],
 ];
 
+/// Spheres of like size in cells.
 struct Level {
-    /// Width of a cell: twice the greatest reach on this level, m.
-    width: f64,
-    /// Spheres by cell, and in each cell by index.
+    /// Inverse width of a cell, 1/m; the width is twice the greatest reach on this level.
+    inverse_width: f64,
+    /// Cells along each axis before the pattern repeats: 2^bits, at least 4 so that neighbours differ.
+    bits: u32,
+    /// Spheres by cell, and in each cell by index; cell c holds `order[starts[c]..starts[c + 1]]`.
     order: Vec<u32>,
-    cells: FxHashMap<[i64; 3], (u32, u32)>,
+    starts: Vec<u32>,
 }
 
 impl Level {
+    fn new(x: &[Vec3], reach: &[f64], members: &[u32]) -> Self {
+        let width = 2.0 * members.iter().map(|&i| reach[i as usize]).fold(0.0, f64::max);
+        // About eight cells a sphere: most are empty, and few hold what is far apart.
+        let bits = (members.len().ilog2() / 3 + 2).min(8);
+        let mut level = Level { inverse_width: 1.0 / width, bits, order: Vec::new(), starts: Vec::new() };
+        let cells: Vec<u32> = members.iter().map(|&i| level.slot(level.cell(&x[i as usize]))).collect();
+        (level.order, level.starts) = group(&cells, 1 << (3 * bits));
+        level.order.iter_mut().for_each(|place| *place = members[*place as usize]);
+        level
+    }
+
     fn cell(&self, x: &Vec3) -> [i64; 3] {
-        cell(x, self.width)
+        // Far out the conversion saturates, and spheres share a cell: slow, but right.
+        [x.x, x.y, x.z].map(|c| (c * self.inverse_width).floor() as i64)
     }
 
-    fn members(&self, cell: &[i64; 3]) -> &[u32] {
-        self.cells.get(cell).map_or(&[], |&(start, end)| &self.order[start as usize..end as usize])
+    fn slot(&self, cell: [i64; 3]) -> u32 {
+        let mask = (1 << self.bits) - 1;
+        cell.iter().fold(0, |slot, c| slot << self.bits | (c & mask) as u32)
+    }
+
+    fn members(&self, cell: &[i64; 3], step: &[i64; 3]) -> &[u32] {
+        let slot = self.slot(std::array::from_fn(|k| cell[k].wrapping_add(step[k]))) as usize;
+        &self.order[self.starts[slot] as usize..self.starts[slot + 1] as usize]
     }
 }
 
-fn cell(x: &Vec3, width: f64) -> [i64; 3] {
-    // Saturates far out, where all of a level's spheres then share a cell: slow, but right.
-    [x.x, x.y, x.z].map(|c| ((c / width).floor() as i64).clamp(-(1 << 60), 1 << 60))
-}
-
-/// All pairs i < j with |x_i - x_j| <= reach_i + reach_j, in no particular order that depends on threads.
+/// All pairs i < j with |x_i - x_j| <= reach_i + reach_j, in an order that does not depend on threads.
 ///
-/// Reaches are > 0, m. Some pairs may be farther apart than that.
+/// Reaches are > 0, m.
 pub fn pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
     let levels = levels(x, reach);
+    let near = |i: u32, j: u32| {
+        let (i, j) = (i as usize, j as usize);
+        let limit = reach[i] + reach[j];
+        (x[i] - x[j]).norm_squared() <= limit * limit
+    };
     let mut found = Vec::new();
     for (l, level) in levels.iter().enumerate() {
-        let near = |i: u32, j: u32| (x[i as usize] - x[j as usize]).norm() <= reach[i as usize] + reach[j as usize];
-        let per_sphere = level.order.par_iter().with_min_len(64).enumerate().flat_map_iter(|(place, &i)| {
-            let mut partners = Vec::new();
-            let mut take = |j: u32| {
-                if near(i, j) {
-                    partners.push([i.min(j), i.max(j)]);
-                }
-            };
-            let home = level.cell(&x[i as usize]);
-            let (_, end) = level.cells[&home];
-            level.order[place + 1..end as usize].iter().for_each(|&j| take(j));
-            for step in FORWARD {
-                level.members(&neighbour(&home, &step)).iter().for_each(|&j| take(j));
-            }
-            for coarser in &levels[l + 1..] {
-                let home = coarser.cell(&x[i as usize]);
-                for step in cube() {
-                    coarser.members(&neighbour(&home, &step)).iter().for_each(|&j| take(j));
+        let of_chunk = |(chunk, members): (usize, &[u32])| {
+            let mut pairs = Vec::with_capacity(8 * members.len());
+            for (k, &i) in members.iter().enumerate() {
+                let mut take = |partners: &[u32]| {
+                    pairs.extend(partners.iter().filter(|&&j| near(i, j)).map(|&j| [i.min(j), i.max(j)]));
+                };
+                let home = level.cell(&x[i as usize]);
+                let place = chunk * CHUNK + k + 1;
+                take(&level.order[place..level.starts[level.slot(home) as usize + 1] as usize]);
+                FORWARD.iter().for_each(|step| take(level.members(&home, step)));
+                for coarser in &levels[l + 1..] {
+                    let home = coarser.cell(&x[i as usize]);
+                    (0..27).for_each(|k| take(coarser.members(&home, &[k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1])));
                 }
             }
-            partners
-        });
-        found.par_extend(per_sphere);
+            pairs
+        };
+        found.extend(level.order.par_chunks(CHUNK).enumerate().map(of_chunk).collect::<Vec<_>>());
     }
-    found
+    found.concat()
 }
 
-fn neighbour(cell: &[i64; 3], step: &[i64; 3]) -> [i64; 3] {
-    std::array::from_fn(|k| cell[k] + step[k])
-}
-
-fn cube() -> impl Iterator<Item = [i64; 3]> {
-    (0..27).map(|k| [k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1])
-}
+/// Spheres that one task looks at.
+const CHUNK: usize = 512;
 
 fn levels(x: &[Vec3], reach: &[f64]) -> Vec<Level> {
     let Some(least) = reach.iter().copied().reduce(f64::min) else { return Vec::new() };
     // Cells grow by a factor of two; spheres of up to twice the least reach share the first level.
-    let rank = |r: f64| (r / least).log2().floor().max(0.0) as usize;
-    let mut by_rank: std::collections::BTreeMap<usize, Vec<u32>> = Default::default();
+    let mut by_rank: std::collections::BTreeMap<u32, Vec<u32>> = Default::default();
     for (i, &r) in reach.iter().enumerate() {
-        by_rank.entry(rank(r)).or_default().push(i as u32);
+        let rank = if r < 2.0 * least { 0 } else { (r / least).log2() as u32 };
+        by_rank.entry(rank).or_default().push(i as u32);
     }
-    by_rank
-        .into_values()
-        .map(|mut order| {
-            let width = 2.0 * order.iter().map(|&i| reach[i as usize]).fold(0.0, f64::max);
-            order.par_sort_by_cached_key(|&i| (cell(&x[i as usize], width), i));
-            let mut cells = FxHashMap::with_capacity_and_hasher(order.len(), Default::default());
-            for (place, &i) in order.iter().enumerate() {
-                let place = place as u32;
-                cells.entry(cell(&x[i as usize], width)).or_insert((place, place)).1 = place + 1;
-            }
-            Level { width, order, cells }
-        })
-        .collect()
+    by_rank.into_values().map(|members| Level::new(x, reach, &members)).collect()
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ pub mod narrow;
 
 use rayon::prelude::*;
 
-use crate::math::{Vec3, local_frame};
+use crate::math::{Vec3, group, local_frame};
 use crate::scene::{Scene, Shape};
 use crate::state::Contact;
 
@@ -21,9 +21,15 @@ use crate::integrate::Configuration;
 /// `v_free`: velocities after the step if nothing touched, m/s; `h`: s.
 pub fn contacts(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], h: f64) -> Vec<Contact> {
     let travel: Vec<f64> = v_free.iter().map(|v| h * v.norm()).collect();
-    let mut contacts = among_spheres(scene, q_c, &travel);
-    contacts.extend(with_planes(scene, q_c, &travel));
-    contacts.par_sort_unstable_by_key(Contact::key);
+    let mut found = among_spheres(scene, q_c, &travel);
+    found.extend(with_planes(scene, q_c, &travel));
+    // By candidate first, so that only the few contacts of one body remain to be sorted.
+    let candidates: Vec<u32> = found.iter().map(|contact| contact.candidate).collect();
+    let (order, starts) = group(&candidates, scene.bodies.len());
+    let mut contacts: Vec<Contact> = order.iter().map(|&k| found[k as usize]).collect();
+    for of_one in starts.windows(2) {
+        contacts[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(Contact::key);
+    }
     contacts
 }
 

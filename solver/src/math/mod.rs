@@ -42,6 +42,28 @@ pub fn rotate(q: &Quat, angle: &Vec3) -> Quat {
     Quat::new_normalize(turned.into_inner())
 }
 
+/// Places 0.. of `keys` grouped by key (each below `groups`) and in order within a group, and where
+/// each group starts, with the end of the last: a sort by counting.
+///
+/// ```
+/// # use cd_solve::math::group;
+/// assert_eq!(group(&[2, 0, 2, 1], 3), (vec![1, 3, 0, 2], vec![0, 1, 2, 4]));
+/// ```
+pub fn group(keys: &[u32], groups: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut starts = vec![0; groups + 1];
+    keys.iter().for_each(|&key| starts[key as usize + 1] += 1);
+    for g in 0..groups {
+        starts[g + 1] += starts[g];
+    }
+    let mut next = starts.clone();
+    let mut order = vec![0; keys.len()];
+    for (place, &key) in keys.iter().enumerate() {
+        order[next[key as usize] as usize] = place as u32;
+        next[key as usize] += 1;
+    }
+    (order, starts)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

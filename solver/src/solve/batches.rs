@@ -6,8 +6,8 @@
 //! result does not depend on how many threads there are.
 
 use crate::assemble::{Row, System};
-use crate::math::Vec3;
 use crate::math::lanes::Line;
+use crate::math::{Vec3, group};
 
 /// Contacts in a batch.
 pub const BATCH: usize = 8;
@@ -86,10 +86,10 @@ impl Problem {
         // Rows of each range, and at the end those between ranges, in the order of the bodies in space.
         let mut groups: Vec<Vec<u32>> = vec![Vec::new(); layout.ranges() + 1];
         let mut fixed_before = vec![0; layout.ranges()];
-        let mut ordered = active.to_vec();
-        ordered.sort_unstable_by_key(|&k| layout.place(&system.rows[k as usize]));
+        let places: Vec<u32> = active.iter().map(|&k| layout.place(&system.rows[k as usize])).collect();
+        let (order, _) = group(&places, lines.len() + 1);
         let mut fixed_line = vec![NONE; system.rows.len()];
-        for &k in &ordered {
+        for k in order.into_iter().map(|place| active[place as usize]) {
             let row = &system.rows[k as usize];
             let [a, b] = row.bodies.map(|body| layout.range_of(body));
             match (a, b) {
@@ -115,7 +115,8 @@ impl Problem {
         };
         let mut masks = vec![0u64; lines.len()];
         let mut batches = |rows: &[u32], from: usize, unused: usize| {
-            let mut batches = Batches::default();
+            let most = rows.len() / BATCH + COLOURS;
+            let mut batches = Batches { batches: Vec::with_capacity(most), impulses: Vec::with_capacity(most) };
             for chunk in colour(system, rows, &layout, &mut masks).iter().flat_map(|colour| colour.1.chunks(colour.0)) {
                 batches.push(system, chunk, impulses, |k, side| line(k, side, from), (unused - from) as u32);
             }
@@ -209,10 +210,10 @@ impl Layout {
         (line != NONE).then(|| self.starts.partition_point(|&start| start <= line as usize) - 1)
     }
 
-    /// Where in space a row stands, for sorting; rows are told apart by their second body.
-    fn place(&self, row: &Row) -> (u32, u32, u32) {
+    /// Where in space a row stands: the first line of its bodies.
+    fn place(&self, row: &Row) -> u32 {
         let [a, b] = row.bodies.map(|body| self.line_of[body as usize]);
-        (a.min(b), a.max(b), row.contact)
+        a.min(b).min(*self.starts.last().unwrap_or(&0) as u32)
     }
 }
 

@@ -15,10 +15,13 @@ use crate::solve::batches::Problem;
 use crate::solve::residual::{Judge, Residual, velocities};
 use crate::solve::sweep::sweep;
 
-/// Largest share of the last change that is carried on where there is friction: uncapped momentum
-/// bounces on dense frictional packings; 0.7 to 0.85 are alike. Without friction the problem is convex
-/// and needs no cap.
-const FRICTIONAL_CAP: f64 = 0.8;
+/// Largest share of the last change that is carried on where there is friction, by the place of the
+/// sweep in a round of [`ROUND`]. Uncapped momentum bounces on dense frictional packings, 0.7 to 0.85 are
+/// alike. A few problems run in circles with any momentum, others come down with it alone: so
+/// after a while less of it, then none, and again. Without friction the problem is convex and needs
+/// no cap.
+const FRICTIONAL_CAPS: [(u64, f64); 3] = [(600, 0.8), (800, 0.5), (ROUND, 0.0)];
+const ROUND: u64 = 1000;
 
 /// Impulses r̂ of all rows (world frame, N s), the velocities they lead to, and how good they are.
 pub struct Solution {
@@ -76,27 +79,33 @@ fn sweep_until(
     sweeps: &mut u64,
 ) -> Residual {
     let judge = Judge::new(system, active);
-    let mut residual = judge.residual(impulses);
+    let records = velocities(system, impulses);
+    let mut residual = judge.residual_at(impulses, &records);
     if residual.value <= tol || *sweeps >= max_sweeps {
         return residual;
     }
-    let mut problem = Problem::new(system, active, impulses, &velocities(system, impulses));
-    let mut momentum = Momentum::new(if problem.frictional { FRICTIONAL_CAP } else { 1.0 });
+    let mut problem = Problem::new(system, active, impulses, &records);
+    let mut best = (residual, impulses.to_vec());
+    let mut momentum = Momentum::new(problem.frictional);
     // Judging costs several sweeps. The change made by a sweep falls as the residual does: it tells
     // when judging is worth while, and `patience` bounds the wait where it misleads.
     let mut scale = None;
     let mut patience = 0;
     loop {
         let sums = sweep(&mut problem, width, momentum.beta);
-        momentum.after(sums.uphill());
+        momentum.after(sums.uphill(), *sweeps);
         *sweeps += 1;
         patience += 1;
         let due = scale.is_none_or(|scale| sums.change() <= scale * tol) || patience > 10 + *sweeps / 4;
         if due || *sweeps >= max_sweeps {
             problem.read_back(impulses);
             residual = judge.residual(impulses);
+            if residual.value < best.0.value {
+                best = (residual, impulses.to_vec());
+            }
             if residual.value <= tol || *sweeps >= max_sweeps {
-                return residual;
+                impulses.copy_from_slice(&best.1);
+                return best.0;
             }
             // Aim a little lower than the tolerance: a failed judgement costs more than a sweep.
             scale = Some(0.8 * sums.change() / residual.value);
@@ -109,22 +118,27 @@ fn sweep_until(
 struct Momentum {
     t: f64,
     beta: f64,
-    cap: f64,
+    frictional: bool,
 }
 
 impl Momentum {
-    fn new(cap: f64) -> Self {
-        Momentum { t: 1.0, beta: 0.0, cap }
+    fn new(frictional: bool) -> Self {
+        Momentum { t: 1.0, beta: 0.0, frictional }
     }
 
-    fn after(&mut self, uphill: bool) {
+    fn after(&mut self, uphill: bool, sweeps: u64) {
         if uphill {
             (self.t, self.beta) = (1.0, 0.0);
         } else {
             let t = 0.5 * (1.0 + (1.0 + 4.0 * self.t * self.t).sqrt());
-            self.beta = ((self.t - 1.0) / t).min(self.cap);
+            self.beta = ((self.t - 1.0) / t).min(self.cap(sweeps));
             self.t = t;
         }
+    }
+
+    fn cap(&self, sweeps: u64) -> f64 {
+        let cap = FRICTIONAL_CAPS.iter().find(|(until, _)| sweeps % ROUND < *until).map_or(0.0, |(_, cap)| *cap);
+        if self.frictional { cap } else { 1.0 }
     }
 }
 

@@ -7,7 +7,7 @@
 //! Source: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 13.
 
 use crate::assemble::{Record, Row, System};
-use crate::math::{Vec3, local_frame, to_local};
+use crate::math::Vec3;
 
 /// Below this share of the bodies' own velocities a residual is their rounding: steps in which
 /// nothing closes count as solved.
@@ -43,8 +43,12 @@ impl<'a> Judge<'a> {
 
     /// E of the impulses r̂ (one a row of the system, world frame, N s).
     pub fn residual(&self, impulses: &[Vec3]) -> Residual {
-        let records = velocities(self.system, impulses);
-        let (norm, worst) = self.norm(impulses, &records);
+        self.residual_at(impulses, &velocities(self.system, impulses))
+    }
+
+    /// The same, where the velocities that the impulses lead to are known.
+    pub fn residual_at(&self, impulses: &[Vec3], records: &[Record]) -> Residual {
+        let (norm, worst) = self.norm(impulses, records);
         if norm <= self.floor {
             return Residual { value: 0.0, worst: None };
         }
@@ -55,7 +59,7 @@ impl<'a> Judge<'a> {
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
         for &k in self.rows {
             let row = &self.system.rows[k as usize];
-            let size2 = natural_map(row, &impulses[k as usize], &velocity(row, records), self.rho).norm_squared();
+            let size2 = natural_map2(row, &impulses[k as usize], &velocity(row, records), self.rho);
             sum += size2;
             if size2 > largest {
                 (largest, worst) = (size2, Some(k));
@@ -87,33 +91,38 @@ fn velocity(row: &Row, records: &[Record]) -> Vec3 {
     at_point(0, 1.0) - at_point(1, -1.0) + row.shift
 }
 
-/// F of one contact along its local frame, N s.
-fn natural_map(row: &Row, r: &Vec3, u: &Vec3, rho: f64) -> Vec3 {
-    let frame = local_frame(row.normal);
-    let (r, u) = (to_local(&frame, r), to_local(&frame, u));
-    let mu = row.friction;
-    let lifted = Vec3::new(u.x + mu * u.y.hypot(u.z), u.y, u.z);
-    r - project_on_cone(&(r - lifted * rho), mu)
+/// |F|^2 of one contact, N^2 s^2. In the plane of n and the tangential part of r - rho û, where the
+/// projection lies too, no frame is needed.
+fn natural_map2(row: &Row, r: &Vec3, u: &Vec3, rho: f64) -> f64 {
+    let (n, mu) = (&row.normal, row.friction);
+    let u_n = n.dot(u);
+    let u_t = u - n * u_n;
+    let z = r - u * rho;
+    let z_n = n.dot(&z) - rho * mu * u_t.norm_squared().sqrt();
+    let z_t = z - n * n.dot(&z);
+    let size = z_t.norm_squared().sqrt();
+    let (p_n, p_t) = project_on_cone(z_n, size, mu);
+    let direction = if size > 0.0 { z_t / size } else { Vec3::zeros() };
+    (r - n * p_n - direction * p_t).norm_squared()
 }
 
-/// The nearest point of Coulomb's cone { |r_T| <= mu r_n } to `z` = (z_n, z_t, z_s).
+/// The nearest point of Coulomb's cone { |r_T| <= mu r_n } to a vector of normal part `z_n` and of
+/// tangential size `z_t` >= 0: its normal part and its tangential size.
 ///
 /// ```
-/// # use cd_solve::{math::Vec3, solve::residual::project_on_cone};
-/// assert_eq!(project_on_cone(&Vec3::new(2.0, 1.0, 0.0), 1.0), Vec3::new(2.0, 1.0, 0.0)); // inside
-/// assert_eq!(project_on_cone(&Vec3::new(-2.0, 1.0, 0.0), 1.0), Vec3::zeros()); // in the polar cone
-/// assert_eq!(project_on_cone(&Vec3::new(0.0, 2.0, 0.0), 1.0), Vec3::new(1.0, 1.0, 0.0)); // on the side
+/// # use cd_solve::solve::residual::project_on_cone;
+/// assert_eq!(project_on_cone(2.0, 1.0, 1.0), (2.0, 1.0)); // inside
+/// assert_eq!(project_on_cone(-2.0, 1.0, 1.0), (0.0, 0.0)); // in the polar cone
+/// assert_eq!(project_on_cone(0.0, 2.0, 1.0), (1.0, 1.0)); // on the side
 /// ```
-pub fn project_on_cone(z: &Vec3, mu: f64) -> Vec3 {
-    let tangential = z.y.hypot(z.z);
-    if tangential <= mu * z.x {
-        *z
-    } else if mu * tangential <= -z.x {
-        Vec3::zeros()
+pub fn project_on_cone(z_n: f64, z_t: f64, mu: f64) -> (f64, f64) {
+    if z_t <= mu * z_n {
+        (z_n, z_t)
+    } else if mu * z_t <= -z_n {
+        (0.0, 0.0)
     } else {
-        let normal = (z.x + mu * tangential) / (1.0 + mu * mu);
-        let scale = mu * normal / tangential;
-        Vec3::new(normal, z.y * scale, z.z * scale)
+        let normal = (z_n + mu * z_t) / (1.0 + mu * mu);
+        (normal, mu * normal)
     }
 }
 
@@ -125,14 +134,13 @@ mod tests {
     proptest! {
         /// The projection is in the cone and no nearby point of the cone is nearer.
         #[test]
-        fn projection_is_the_nearest_point(z in prop::array::uniform3(-5.0..5.0f64), mu in 0.0..2.0f64, tries in prop::collection::vec((0.0..6.0f64, 0.0..1.0f64, 0.0..6.3f64), 50)) {
-            let z = Vec3::from(z);
-            let p = project_on_cone(&z, mu);
+        fn projection_is_the_nearest_point(z_n in -5.0..5.0f64, z_t in 0.0..5.0f64, mu in 0.0..2.0f64, tries in prop::collection::vec((0.0..6.0f64, 0.0..1.0f64), 50)) {
+            let (p_n, p_t) = project_on_cone(z_n, z_t, mu);
             // Rounding of numbers up to 10.
-            prop_assert!(p.y.hypot(p.z) <= mu * p.x + 1e-14);
-            for (normal, share, angle) in tries {
-                let other = Vec3::new(normal, mu * normal * share * angle.cos(), mu * normal * share * angle.sin());
-                prop_assert!((z - p).norm() <= (z - other).norm() + 1e-13);
+            prop_assert!(p_t <= mu * p_n + 1e-14);
+            for (normal, share) in tries {
+                let distance = |n: f64, t: f64| (z_n - n).hypot(z_t - t);
+                prop_assert!(distance(p_n, p_t) <= distance(normal, mu * normal * share) + 1e-13);
             }
         }
     }

@@ -67,7 +67,9 @@ fn side_by_side<L: Lanes, const FRICTION: bool>(
     beta: f64,
 ) {
     if let [range] = ranges {
-        carry_on(&mut lines[..range.moving], &mut previous[..range.moving], beta);
+        let moving =
+            CarryOn { lanes, lines: &mut lines[..range.moving], previous: &mut previous[..range.moving], beta };
+        lanes.run(moving);
         range.sums = Sums::default();
         run::<L, FRICTION>(lanes, &mut lines[..range.lines], &mut range.inside, beta, &mut range.sums);
         return;
@@ -83,13 +85,27 @@ fn side_by_side<L: Lanes, const FRICTION: bool>(
 }
 
 /// Velocities are linear in the impulses, so momentum takes one pass over the bodies.
-fn carry_on(lines: &mut [Line], previous: &mut [Line], beta: f64) {
-    for (line, previous) in lines.iter_mut().zip(previous) {
-        let now = *line;
-        for k in 0..8 {
-            line[k] += beta * (now[k] - previous[k]); // masses do not change, so they stay
+struct CarryOn<'a, L> {
+    lanes: L,
+    lines: &'a mut [Line],
+    previous: &'a mut [Line],
+    beta: f64,
+}
+
+impl<L: Lanes> NullaryFnOnce for CarryOn<'_, L> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let l = self.lanes;
+        let beta = l.splat(self.beta);
+        for (line, previous) in self.lines.iter_mut().zip(self.previous) {
+            for from in (0..8).step_by(L::WIDTH) {
+                let (now, before) = (l.load(&line[from..]), l.load(&previous[from..]));
+                // Masses do not change, so they stay.
+                l.store(&mut line[from..], l.mul_add(beta, l.sub(now, before), now));
+                l.store(&mut previous[from..], now);
+            }
         }
-        *previous = now;
     }
 }
 
