@@ -99,7 +99,7 @@ const ONE: &str = "1";
 /// solver leaves, 1e-10 of the impulses, and round-off, 1e-16, grow by the collisions that follow.
 const SOLVE: &[Tolerance] = &[
     within("body_x", 1e-9, ""),
-    within("body_q", 1e-9, ONE),
+    within("body_q", 1e-8, ONE),
     within("body_v", 1e-7, ""),
     within("body_w", 1e-7, ""),
     within("body_w_world", 1e-7, ""),
@@ -117,13 +117,13 @@ const SOLVE: &[Tolerance] = &[
     within("meta.ledger.momentum_expected", 1e-7, "meta.ledger.momentum_scale"),
     within("meta.ledger.angular_momentum_expected", 1e-7, ""),
     within("meta.ledger.momentum_scale", 1e-7, ""),
-    within("meta.ledger.penetration_largest", 1e-9, ONE),
+    within("meta.ledger.penetration_largest", 1e-8, ONE),
     // How the solver gets there is its own affair.
     within("meta.ledger.sweeps", ANY, ""),
     within("sweeps", ANY, ""),
     within("contacts_solved", ANY, ""),
     within("residual", ANY, ""), // at most tol where `converged` is 1
-    within("penetration_largest", 1e-9, ONE),
+    within("penetration_largest", 1e-8, ONE),
     within("penetration_mean", ANY, ""), // of the contacts with a gap below 0, which round-off decides for those that touch
     within("kinetic_energy", 1e-7, ""),
     within("rotational_energy", 1e-7, ""),
@@ -255,7 +255,9 @@ fn first_difference(a: &[f64], b: &[f64]) -> String {
     "the ends of lines differ".into()
 }
 
-/// Makes the expected files of a scene anew; returns a table of the largest change of each column.
+/// Makes the expected files of a scene anew, stage by stage; returns a table of the largest change of each column.
+/// The files of a stage in which every change is allowed stay, so that another machine's round-off is no change
+/// (without its folder a stage is made in any case).
 pub fn rewrite(scene: &Path) -> String {
     let mut report = format!("{}\n", scene.file_name().unwrap_or_default().display());
     for stage in Stage::ALL {
@@ -264,12 +266,14 @@ pub fn rewrite(scene: &Path) -> String {
         let expected = expected(scene, stage);
         let changes = changes(stage, &expected, case.path());
         report += &table(stage, &changes);
+        if changes.iter().all(Change::is_allowed) {
+            continue;
+        }
         for folder in stage.folders() {
             let (old, new) = (expected.join(folder), case.path().join(folder));
-            files(&old)
-                .iter()
-                .filter(|name| !new.join(name).exists())
-                .for_each(|name| fs::remove_file(old.join(name)).unwrap());
+            for gone in files(&old).iter().filter(|name| !new.join(name).exists()) {
+                fs::remove_file(old.join(gone)).unwrap();
+            }
             copy(&new, &old);
         }
     }
@@ -290,7 +294,8 @@ fn table(stage: Stage, changes: &[Change]) -> String {
     if columns.is_empty() {
         return format!("  {:<6} nothing has changed\n", stage.name());
     }
-    let mut text = format!("  {:<6} largest change of each column\n", stage.name());
+    let verdict = if changes.iter().all(Change::is_allowed) { "all allowed, files kept" } else { "files made anew" };
+    let mut text = format!("  {:<6} largest change of each column; {verdict}\n", stage.name());
     for ((_, column), (change, count)) in columns {
         let Change { file, largest, scale, allowed, note, .. } = change;
         let what = match note.is_empty() {

@@ -1,5 +1,6 @@
 //! Makes the expected files of `tests/golden` anew, of all scenes or of those named, and prints the largest change of
-//! each column; `!` marks what the tests would not have allowed.
+//! each column; `!` marks what the tests would not have allowed. Files of a stage without such a change stay as they
+//! are. A stage whose input was made anew changes by that too.
 
 use cd_tests::golden::{rewrite, scenes};
 
