@@ -1,5 +1,5 @@
-//! The same arithmetic on 8, 4 or 1 numbers at a time, chosen when the program runs. Every operation is written once, in one order and with explicit fused multiply-add, so all
-//! widths give the same bits.
+//! The same arithmetic on 8, 4 or 1 numbers at a time (16, 8 or 1 of single precision), chosen when the program runs.
+//! Every operation is written once, in one order and with explicit fused multiply-add, so all widths give the same bits.
 
 use pulp::NullaryFnOnce;
 
@@ -9,7 +9,7 @@ pub type Line = [f64; 8];
 /// Arithmetic on `WIDTH` numbers at once.
 pub trait Lanes: Copy + Send + Sync {
     const WIDTH: usize;
-    type V: Copy;
+    type V: Copy + Send;
 
     /// Runs `op` compiled for this instruction set; what it calls must be inlined into it.
     fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output;
@@ -33,6 +33,28 @@ pub trait Lanes: Copy + Send + Sync {
     fn gather(self, lines: &[Line], index: &[u32]) -> [Self::V; 8];
     /// The reverse; two equal indices must bring equal lines.
     fn scatter(self, lines: &mut [Line], index: &[u32], columns: [Self::V; 8]);
+}
+
+/// The same for numbers of single precision.
+pub trait Singles: Lanes {
+    const WIDTH_F32: usize;
+    type S: Copy;
+
+    fn splat_f32(self, x: f32) -> Self::S;
+    /// The first `WIDTH_F32` numbers of `x`.
+    fn load_f32(self, x: &[f32]) -> Self::S;
+    fn store_f32(self, x: &mut [f32], v: Self::S);
+    fn sub_f32(self, a: Self::S, b: Self::S) -> Self::S;
+    fn mul_f32(self, a: Self::S, b: Self::S) -> Self::S;
+    /// a b + c, rounded once.
+    fn mul_add_f32(self, a: Self::S, b: Self::S, c: Self::S) -> Self::S;
+    /// c - a b, rounded once.
+    fn neg_mul_add_f32(self, a: Self::S, b: Self::S, c: Self::S) -> Self::S;
+    /// `a` where a < b, else `b`.
+    fn min_f32(self, a: Self::S, b: Self::S) -> Self::S;
+    /// The number whose bits are those of `magic` less half those of `a`, as whole numbers: near a^(-1/2) but for a
+    /// factor, and the same on every machine, as instructions that estimate a root are not.
+    fn magic_f32(self, magic: u32, a: Self::S) -> Self::S;
 }
 
 /// How many numbers are worked on at once; never changes a result.
@@ -133,14 +155,56 @@ impl Lanes for Scalar {
     }
 }
 
+impl Singles for Scalar {
+    const WIDTH_F32: usize = 1;
+    type S = f32;
+
+    #[inline(always)]
+    fn splat_f32(self, x: f32) -> f32 {
+        x
+    }
+    #[inline(always)]
+    fn load_f32(self, x: &[f32]) -> f32 {
+        x[0]
+    }
+    #[inline(always)]
+    fn store_f32(self, x: &mut [f32], v: f32) {
+        x[0] = v;
+    }
+    #[inline(always)]
+    fn sub_f32(self, a: f32, b: f32) -> f32 {
+        a - b
+    }
+    #[inline(always)]
+    fn mul_f32(self, a: f32, b: f32) -> f32 {
+        a * b
+    }
+    #[inline(always)]
+    fn mul_add_f32(self, a: f32, b: f32, c: f32) -> f32 {
+        a.mul_add(b, c)
+    }
+    #[inline(always)]
+    fn neg_mul_add_f32(self, a: f32, b: f32, c: f32) -> f32 {
+        (-a).mul_add(b, c)
+    }
+    #[inline(always)]
+    fn min_f32(self, a: f32, b: f32) -> f32 {
+        if a < b { a } else { b }
+    }
+    #[inline(always)]
+    fn magic_f32(self, magic: u32, a: f32) -> f32 {
+        f32::from_bits(magic.wrapping_sub(a.to_bits() >> 1))
+    }
+}
+
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use std::arch::x86_64::{__m256d, __m512d};
+    use std::arch::x86_64::{__m256, __m256d, __m256i, __m512, __m512d, __m512i};
 
     use pulp::x86::{V3, V4};
     use pulp::{NullaryFnOnce, cast};
 
-    use super::{Lanes, Line};
+    use super::{Lanes, Line, Singles};
 
     /// Predicate of a comparison: greater than, ordered, quiet.
     const GREATER: i32 = 30;
@@ -227,6 +291,50 @@ mod x86 {
             for k in 0..8 {
                 lines[index[k] as usize] = cast(rows[k]);
             }
+        }
+    }
+
+    impl Singles for V4 {
+        const WIDTH_F32: usize = 16;
+        type S = __m512;
+
+        #[inline(always)]
+        fn splat_f32(self, x: f32) -> __m512 {
+            self.avx512f._mm512_set1_ps(x)
+        }
+        #[inline(always)]
+        fn load_f32(self, x: &[f32]) -> __m512 {
+            let x: &[f32; 16] = x[..16].try_into().unwrap_or(&[f32::NAN; 16]);
+            cast(*x)
+        }
+        #[inline(always)]
+        fn store_f32(self, x: &mut [f32], v: __m512) {
+            x[..16].copy_from_slice(&cast::<_, [f32; 16]>(v));
+        }
+        #[inline(always)]
+        fn sub_f32(self, a: __m512, b: __m512) -> __m512 {
+            self.avx512f._mm512_sub_ps(a, b)
+        }
+        #[inline(always)]
+        fn mul_f32(self, a: __m512, b: __m512) -> __m512 {
+            self.avx512f._mm512_mul_ps(a, b)
+        }
+        #[inline(always)]
+        fn mul_add_f32(self, a: __m512, b: __m512, c: __m512) -> __m512 {
+            self.avx512f._mm512_fmadd_ps(a, b, c)
+        }
+        #[inline(always)]
+        fn neg_mul_add_f32(self, a: __m512, b: __m512, c: __m512) -> __m512 {
+            self.avx512f._mm512_fnmadd_ps(a, b, c)
+        }
+        #[inline(always)]
+        fn min_f32(self, a: __m512, b: __m512) -> __m512 {
+            self.avx512f._mm512_min_ps(a, b)
+        }
+        #[inline(always)]
+        fn magic_f32(self, magic: u32, a: __m512) -> __m512 {
+            let half: __m512i = self.avx512f._mm512_srli_epi32::<1>(cast(a));
+            cast(self.avx512f._mm512_sub_epi32(self.avx512f._mm512_set1_epi32(magic as i32), half))
         }
     }
 
@@ -335,6 +443,50 @@ mod x86 {
         }
     }
 
+    impl Singles for V3 {
+        const WIDTH_F32: usize = 8;
+        type S = __m256;
+
+        #[inline(always)]
+        fn splat_f32(self, x: f32) -> __m256 {
+            self.avx._mm256_set1_ps(x)
+        }
+        #[inline(always)]
+        fn load_f32(self, x: &[f32]) -> __m256 {
+            let x: &[f32; 8] = x[..8].try_into().unwrap_or(&[f32::NAN; 8]);
+            cast(*x)
+        }
+        #[inline(always)]
+        fn store_f32(self, x: &mut [f32], v: __m256) {
+            x[..8].copy_from_slice(&cast::<_, [f32; 8]>(v));
+        }
+        #[inline(always)]
+        fn sub_f32(self, a: __m256, b: __m256) -> __m256 {
+            self.avx._mm256_sub_ps(a, b)
+        }
+        #[inline(always)]
+        fn mul_f32(self, a: __m256, b: __m256) -> __m256 {
+            self.avx._mm256_mul_ps(a, b)
+        }
+        #[inline(always)]
+        fn mul_add_f32(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+            self.fma._mm256_fmadd_ps(a, b, c)
+        }
+        #[inline(always)]
+        fn neg_mul_add_f32(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+            self.fma._mm256_fnmadd_ps(a, b, c)
+        }
+        #[inline(always)]
+        fn min_f32(self, a: __m256, b: __m256) -> __m256 {
+            self.avx._mm256_min_ps(a, b)
+        }
+        #[inline(always)]
+        fn magic_f32(self, magic: u32, a: __m256) -> __m256 {
+            let half: __m256i = self.avx2._mm256_srli_epi32::<1>(cast(a));
+            cast(self.avx2._mm256_sub_epi32(self.avx._mm256_set1_epi32(magic as i32), half))
+        }
+    }
+
     #[inline(always)]
     fn transpose4(simd: V3, [r0, r1, r2, r3]: [__m256d; 4]) -> [__m256d; 4] {
         let avx = simd.avx;
@@ -387,8 +539,39 @@ mod tests {
         assert_eq!(got, expected);
     }
 
+    /// The same for single precision.
+    fn agrees_f32<L: Singles>(lanes: L) {
+        struct Op<'a, L> {
+            l: L,
+            x: &'a mut [f32; 32],
+        }
+        impl<L: Singles> NullaryFnOnce for Op<'_, L> {
+            type Output = ();
+            #[inline(always)]
+            fn call(self) {
+                let Op { l, x } = self;
+                for from in (0..16).step_by(L::WIDTH_F32) {
+                    let (a, b) = (l.load_f32(&x[from..]), l.load_f32(&x[16 + from..]));
+                    let y = l.magic_f32(0x5f1ffff9, l.mul_add_f32(a, a, l.splat_f32(0.1)));
+                    let y = l.sub_f32(l.neg_mul_add_f32(y, b, a), l.mul_f32(y, b));
+                    l.store_f32(&mut x[from..], l.min_f32(y, l.splat_f32(0.8)));
+                }
+            }
+        }
+        let sample = || std::array::from_fn(|i| (i as f32 * 0.7).sin());
+        let (mut expected, mut got) = (sample(), sample());
+        Scalar.run(Op { l: Scalar, x: &mut expected });
+        lanes.run(Op { l: lanes, x: &mut got });
+        assert_eq!(got, expected);
+    }
+
     #[test]
     fn all_widths_give_the_same_bits() {
+        #[cfg(target_arch = "x86_64")]
+        {
+            pulp::x86::V3::try_new().into_iter().for_each(agrees_f32);
+            pulp::x86::V4::try_new().into_iter().for_each(agrees_f32);
+        }
         agrees(Scalar);
         #[cfg(target_arch = "x86_64")]
         {

@@ -1,0 +1,92 @@
+//! Self-gravity of the point masses of a table: accelerations, and what they cost.
+//!
+//!     cargo run --release -p cd-solve --example gravity -- IN.csv --error 1e-3 -o OUT.csv
+//!
+//! Reads x, y, z, m from the first columns below a header line, with G = 1; writes ax, ay, az and prints
+//! `bodies seconds_per_evaluation us_per_body`, the median of the repetitions with the tree's building.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use cd_solve::gravity::{Gravity, Method};
+use cd_solve::math::Vec3;
+use clap::Parser;
+
+#[derive(Parser)]
+struct Arguments {
+    /// Table of x, y, z, m[, ...] below a header line.
+    input: PathBuf,
+    /// RMS relative error asked for.
+    #[arg(long, default_value_t = 1e-3)]
+    error: f64,
+    /// direct, fmm or auto.
+    #[arg(long, default_value = "auto")]
+    method: Method,
+    /// Order of the expansions, instead of that of the error.
+    #[arg(long)]
+    order: Option<usize>,
+    /// Opening theta, instead of that of the error.
+    #[arg(long)]
+    opening: Option<f64>,
+    /// Most bodies in a leaf.
+    #[arg(long)]
+    leaf: Option<usize>,
+    /// Threads; 0 takes all processors.
+    #[arg(long, default_value_t = 0)]
+    threads: usize,
+    /// Evaluations timed.
+    #[arg(long, default_value_t = 1)]
+    repeat: usize,
+    /// Table of ax, ay, az.
+    #[arg(short, long)]
+    output: PathBuf,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("gravity: {message}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), String> {
+    let named = |e: &dyn std::fmt::Display| format!("{}: {e}", arguments.input.display());
+    let text = std::fs::read_to_string(&arguments.input).map_err(|e| named(&e))?;
+    let (mut positions, mut masses) = (Vec::new(), Vec::new());
+    for (k, line) in text.lines().enumerate().skip(1).filter(|(_, line)| !line.trim().is_empty()) {
+        let numbers: Result<Vec<f64>, _> = line.split(',').take(4).map(|word| word.trim().parse()).collect();
+        match numbers.as_deref() {
+            Ok(&[x, y, z, m]) if [x, y, z, m].iter().all(|x| x.is_finite()) => {
+                positions.push(Vec3::new(x, y, z));
+                masses.push(m);
+            }
+            _ => return Err(format!("{}:{}: {line}; expected x,y,z,m", arguments.input.display(), k + 1)),
+        }
+    }
+    let mut gravity = Gravity::new(arguments.method, arguments.error);
+    gravity.order = arguments.order;
+    gravity.opening = arguments.opening;
+    gravity.leaf = arguments.leaf;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build().map_err(|e| e.to_string())?;
+    let mut seconds = Vec::new();
+    let mut field = Default::default();
+    for _ in 0..arguments.repeat.max(1) {
+        let start = Instant::now();
+        field = pool.install(|| gravity.field(&positions, &masses, 1.0));
+        seconds.push(start.elapsed().as_secs_f64());
+    }
+    seconds.sort_by(f64::total_cmp);
+    let median = seconds[seconds.len() / 2];
+    println!("{} {median:e} {:.4}", positions.len(), median * 1e6 / positions.len().max(1) as f64);
+
+    let mut table = String::from("ax,ay,az\n");
+    for a in &field.acceleration {
+        let _ = writeln!(table, "{:e},{:e},{:e}", a.x, a.y, a.z);
+    }
+    std::fs::write(&arguments.output, table).map_err(|e| format!("{}: {e}", arguments.output.display()))
+}
