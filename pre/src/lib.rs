@@ -9,7 +9,7 @@
 //! | [`motion`] | initial velocities |
 //! | [`walls`] | plates |
 //! | [`population`] | all bodies of a scene, and that none overlap |
-//! | [`write`] | the files of DATBOX |
+//! | [`mod@write`] | the files of DATBOX |
 //! | [`report`], [`random`] | faults with their lines; numbers from a seed |
 
 pub mod check;

@@ -1,6 +1,6 @@
 //! Faults of a scene with the line they stand on.
 //!
-//! serde keeps no positions, so [`Lines`] walks the text once more: a text that RON has accepted needs
+//! serde keeps no positions, so `Lines` walks the text once more: a text that RON has accepted needs
 //! no more than its brackets, field names, strings and comments to be found again.
 
 use std::path::Path;

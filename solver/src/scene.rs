@@ -131,6 +131,9 @@ impl Scene {
             let parameters: Vec<String> = law.parameters.iter().map(|p| p.to_string()).collect();
             format!("{} {} ({})", law.nickname, law.kind, parameters.join(", "))
         }));
+        if self.law_names.is_empty() {
+            models.push("no contacts: no row of TACT_BEHAV.DAT concerns these bodies".into());
+        }
         if self.options.self_gravity {
             models.push("self-gravity by direct sum".into());
         }

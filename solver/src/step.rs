@@ -45,7 +45,7 @@ pub struct StepReport {
     pub converged: bool,
     /// Bodies of the contact with the largest part in the residual.
     pub worst_pair: Option<(u32, u32)>,
-    /// Largest and mean penetration, m, of the contacts in the contact configuration.
+    /// Largest penetration in the contact configuration, and the sum of all over `contacts_active`, m.
     pub penetration_largest: f64,
     pub penetration_mean: f64,
     /// Translation and rotation of the free bodies at the step's end, J.
@@ -166,7 +166,7 @@ fn book(
     ledger.momentum_scale = ledger.momentum_scale.max(motion.scale);
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
     let depths = || solved.contacts.iter().map(|s| (-s.contact.gap).max(0.0));
-    let touching = depths().filter(|d| *d > 0.0).count();
+    let contacts_active = solved.contacts.iter().filter(|s| s.impulse != Vec3::zeros()).count();
     let penetration_largest = depths().fold(0.0, f64::max);
     ledger.penetration_largest = ledger.penetration_largest.max(penetration_largest / scene.mean_radius);
     ledger.sweeps += solution.sweeps;
@@ -181,13 +181,13 @@ fn book(
     StepReport {
         contacts_listed: solved.contacts.len(),
         contacts_solved: solution.active,
-        contacts_active: solved.contacts.iter().filter(|s| s.impulse != Vec3::zeros()).count(),
+        contacts_active,
         sweeps: solution.sweeps,
         residual: solution.residual,
         converged: solution.converged,
         worst_pair: solution.worst.map(pair),
         penetration_largest,
-        penetration_mean: if touching > 0 { depths().sum::<f64>() / touching as f64 } else { 0.0 },
+        penetration_mean: depths().sum::<f64>() / contacts_active.max(1) as f64,
         kinetic: motion.kinetic,
         rotational: motion.rotational,
         potential: free.potential,
