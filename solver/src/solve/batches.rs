@@ -52,6 +52,32 @@ pub struct Batches {
     pub impulses: Vec<Impulses>,
 }
 
+/// Sums over the contacts of a sweep, by place in the batch so that no width changes their order.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Sums {
+    pub uphill: [f64; BATCH],
+    pub change2: [f64; BATCH],
+}
+
+impl Sums {
+    pub fn add(&mut self, other: &Sums) {
+        for lane in 0..BATCH {
+            self.uphill[lane] += other.uphill[lane];
+            self.change2[lane] += other.change2[lane];
+        }
+    }
+
+    /// Whether the last change points against the momentum: sum of w_n (y - r).(r - r_before) > 0.
+    pub fn is_uphill(&self) -> bool {
+        self.uphill.iter().sum::<f64>() > 0.0
+    }
+
+    /// Norm of all r - y, N s.
+    pub fn change(&self) -> f64 {
+        self.change2.iter().sum::<f64>().sqrt()
+    }
+}
+
 /// A range of bodies with the contacts inside it.
 #[derive(Debug, Clone)]
 pub struct Range {
@@ -60,7 +86,7 @@ pub struct Range {
     pub moving: usize,
     pub inside: Batches,
     /// Sums of the last sweep.
-    pub sums: super::sweep::Sums,
+    pub sums: Sums,
 }
 
 /// Velocity, 1/mass, angular velocity, 1/inertia of every touched body, range by range.

@@ -93,7 +93,7 @@ fn sweep_until(
     let mut patience = 0;
     loop {
         let sums = sweep(&mut problem, width, momentum.beta);
-        momentum.after(sums.uphill(), *sweeps);
+        momentum.after(sums.is_uphill(), *sweeps);
         *sweeps += 1;
         patience += 1;
         let due = scale.is_none_or(|scale| sums.change() <= scale * tol) || patience > 10 + *sweeps / 4;

@@ -3,34 +3,8 @@
 use pulp::NullaryFnOnce;
 
 use crate::math::lanes::{Lanes, Line, Width};
-use crate::solve::batches::{BATCH, Batch, Batches, Impulses, Problem, Range};
+use crate::solve::batches::{BATCH, Batch, Batches, Impulses, Problem, Range, Sums};
 use crate::solve::local::{Triple, cross_add, dot, signorini_coulomb, triple};
-
-/// Sums over the contacts of a sweep, by place in the batch so that no width changes their order.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Sums {
-    uphill: [f64; BATCH],
-    change2: [f64; BATCH],
-}
-
-impl Sums {
-    fn add(&mut self, other: &Sums) {
-        for lane in 0..BATCH {
-            self.uphill[lane] += other.uphill[lane];
-            self.change2[lane] += other.change2[lane];
-        }
-    }
-
-    /// Whether the last change points against the momentum: sum of w_n (y - r).(r - r_before) > 0.
-    pub fn uphill(&self) -> bool {
-        self.uphill.iter().sum::<f64>() > 0.0
-    }
-
-    /// Norm of all r - y, N s.
-    pub fn change(&self) -> f64 {
-        self.change2.iter().sum::<f64>().sqrt()
-    }
-}
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
 pub fn sweep(problem: &mut Problem, width: Width, beta: f64) -> Sums {
