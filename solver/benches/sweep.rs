@@ -13,6 +13,7 @@ use divan::Bencher;
 use divan::counter::ItemsCount;
 
 const SIDES: [usize; 4] = [7, 15, 32, 70];
+const SWEEPS: usize = 20;
 
 fn main() {
     divan::main();
@@ -69,38 +70,41 @@ fn sweeps(bencher: Bencher, side: usize, friction: f64, beta: f64, width: Width,
     let mut problem = problem(side, friction);
     let contacts = 3 * side * side * (side - 1);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    bencher.counter(ItemsCount::new(contacts)).bench_local(|| pool.install(|| sweep(&mut problem, width, beta)));
+    // As in a step: entering the pool once for many sweeps.
+    bencher
+        .counter(ItemsCount::new(contacts * SWEEPS))
+        .bench_local(|| pool.install(|| (0..SWEEPS).map(|_| sweep(&mut problem, width, beta).change()).sum::<f64>()));
 }
 
-#[divan::bench(args = SIDES)]
+#[divan::bench(args = SIDES, sample_count = 20)]
 fn frictional(bencher: Bencher, side: usize) {
     sweeps(bencher, side, 0.4, 0.0, Width::detect(), 1);
 }
 
-#[divan::bench(args = SIDES)]
+#[divan::bench(args = SIDES, sample_count = 20)]
 fn frictional_momentum(bencher: Bencher, side: usize) {
     sweeps(bencher, side, 0.4, 0.8, Width::detect(), 1);
 }
 
-#[divan::bench(args = SIDES)]
+#[divan::bench(args = SIDES, sample_count = 20)]
 fn frictional_two_threads(bencher: Bencher, side: usize) {
     sweeps(bencher, side, 0.4, 0.0, Width::detect(), 2);
 }
 
-#[divan::bench(args = [7, 15, 32])]
+#[divan::bench(args = SIDES, sample_count = 20)]
 fn frictional_four_wide(bencher: Bencher, side: usize) {
     if let Some(width) = Width::all().get(1) {
         sweeps(bencher, side, 0.4, 0.0, *width, 1);
     }
 }
 
-#[divan::bench(args = SIDES)]
+#[divan::bench(args = SIDES, sample_count = 20)]
 fn frictionless(bencher: Bencher, side: usize) {
     sweeps(bencher, side, 0.0, 0.0, Width::detect(), 1);
 }
 
 /// Colouring and batching, once a step.
-#[divan::bench(args = SIDES)]
+#[divan::bench(args = SIDES, sample_count = 20)]
 fn layout(bencher: Bencher, side: usize) {
     let system = packing(side, 0.4);
     let active: Vec<u32> = (0..system.rows.len() as u32).collect();
