@@ -38,6 +38,22 @@ pub enum Action {
     SetQuench(f64),
 }
 
+/// How self-gravity is summed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum GravityMethod {
+    /// Every pair.
+    Direct,
+    /// Fast multipole method.
+    Fmm,
+    /// The faster of the two for the number of bodies and the error asked for.
+    #[default]
+    Auto,
+}
+
+/// Smallest RMS relative error that the fast multipole method can be asked for.
+pub const LEAST_FMM_ERROR: f64 = 1e-6;
+
 macro_rules! options {
     ($($(#[doc = $help:literal])+ $name:ident : $type:ty = $default:expr, $flag:ty, [$($arg:tt)*];)+) => {
         /// The options of a run; see the table in `docs/files.md`.
@@ -91,9 +107,11 @@ options! {
     alert: Option<f64> = None, f64, [value_name = "M"];
     /// Newtonian attraction between all free bodies.
     self_gravity: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
+    /// How self-gravity is summed: direct, every pair; fmm, fast multipole method; auto, the faster of the two.
+    gravity: GravityMethod = GravityMethod::Auto, GravityMethod, [value_enum, value_name = "METHOD"];
     /// Newtonian constant of gravitation, m^3 kg^-1 s^-2.
     gravity_constant: f64 = GRAVITATIONAL_CONSTANT, f64, [value_name = "X"];
-    /// RMS relative error allowed in the self-gravity; the direct sum keeps any that is at least 1e-14.
+    /// RMS relative error allowed in the self-gravity; auto sums directly below 1e-6, and the direct sum keeps any that is at least 1e-14.
     gravity_error: f64 = 1.0e-3, f64, [value_name = "X"];
     /// Share of every free body's velocity that is taken away at the start of each step, which brings an aggregate to true rest: 0 none; --quench alone asks for 0.01.
     quench: f64 = 0.0, f64, [num_args = 0..=1, require_equals = true, default_missing_value = "0.01", value_name = "X"];
@@ -178,6 +196,12 @@ impl Compute {
             "gravity_error",
             format!("{}", self.gravity_error),
             "at least 1e-14",
+        );
+        expect(
+            self.gravity != GravityMethod::Fmm || self.gravity_error >= LEAST_FMM_ERROR,
+            "gravity_error",
+            format!("{} with gravity: fmm", self.gravity_error),
+            "at least 1e-6, or gravity: direct",
         );
         expect((0.0..=1.0).contains(&self.quench), "quench", format!("{}", self.quench), "0 to 1");
         expect(self.output_every > 0, "output_every", format!("{}", self.output_every), "at least 1");

@@ -83,6 +83,8 @@ pub struct Parameters {
     pub max_sweeps: u64,
     pub alert: Option<f64>,
     pub self_gravity: bool,
+    #[serde(default)]
+    pub gravity: crate::compute::GravityMethod,
     /// m^3 kg^-1 s^-2
     pub gravity_constant: f64,
     pub gravity_error: f64,

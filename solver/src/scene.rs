@@ -1,9 +1,10 @@
 //! Shelf: what is constant during a run.
 
-use cd_formats::compute::{Compute, Event};
+use cd_formats::compute::{Compute, Event, GravityMethod};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::{LawName, MaterialName};
 
+use crate::gravity::{Gravity, Method};
 use crate::laws::Law;
 use crate::math::Vec3;
 
@@ -115,6 +116,16 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// How self-gravity is summed.
+    pub fn gravity(&self) -> Gravity {
+        let method = match self.options.gravity {
+            GravityMethod::Direct => Method::Direct,
+            GravityMethod::Fmm => Method::Fmm,
+            GravityMethod::Auto => Method::Auto,
+        };
+        Gravity::new(method, self.options.gravity_error)
+    }
+
     /// The models that this scene uses, for the summary.
     pub fn models(&self) -> Vec<String> {
         let driven_spheres = self.spheres.iter().filter(|&&i| self.bodies[i as usize].driven).count();
@@ -135,7 +146,11 @@ impl Scene {
             models.push("no contacts: no row of TACT_BEHAV.DAT concerns these bodies".into());
         }
         if self.options.self_gravity {
-            models.push("self-gravity by direct sum".into());
+            let gravity = self.gravity();
+            models.push(match gravity.method_for(self.free.len()) {
+                Method::Direct => "self-gravity by direct sum".into(),
+                _ => format!("self-gravity by fast multipoles, error {}", gravity.error),
+            });
         }
         if self.options.quench > 0.0 {
             models.push(format!("quench {}", self.options.quench));

@@ -53,6 +53,8 @@ pub struct StepReport {
     pub rotational: f64,
     /// In the contact configuration, J.
     pub potential: f64,
+    /// Part of self-gravity that was taken away for forces and torques to sum to zero; 0 for the direct sum.
+    pub gravity_error: f64,
     /// |momentum - expected| over the largest sum of m |v| so far.
     pub momentum_drift: f64,
 }
@@ -191,6 +193,7 @@ fn book(
         kinetic: motion.kinetic,
         rotational: motion.rotational,
         potential: free.potential,
+        gravity_error: free.gravity_error,
         momentum_drift: if ledger.momentum_scale > 0.0 { drift / ledger.momentum_scale } else { 0.0 },
     }
 }

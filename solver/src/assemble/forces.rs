@@ -2,7 +2,7 @@
 
 use cd_formats::compute::Action;
 
-use crate::gravity::direct;
+use crate::gravity::Field;
 use crate::integrate::Configuration;
 use crate::math::Vec3;
 use crate::scene::Scene;
@@ -16,6 +16,8 @@ pub struct Free {
     pub w: Vec<Vec3>,
     /// Potential energy in self-gravity and uniform gravity, in the contact configuration, J.
     pub potential: f64,
+    /// See `StepReport`.
+    pub gravity_error: f64,
     /// Impulse of uniform gravity and imposed forces on the free bodies, N s.
     pub impulse: Vec3,
     /// Their angular impulse about the origin, N m s.
@@ -89,11 +91,13 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
         v: state.v.clone(),
         w: state.w.clone(),
         potential: 0.0,
+        gravity_error: 0.0,
         impulse: Vec3::zeros(),
         angular_impulse: Vec3::zeros(),
         loads: loads(scene, state),
     };
-    let (acceleration, potential) = self_gravity(scene, &q_c.x);
+    let Field { acceleration, potential, removed } = self_gravity(scene, &q_c.x);
+    free.gravity_error = removed;
     for (k, &i) in scene.free.iter().enumerate() {
         let i = i as usize;
         let (mass, x) = (scene.bodies[i].mass, q_c.x[i]);
@@ -120,19 +124,20 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
     free
 }
 
-/// Acceleration and potential of self-gravity at each free body; zeros when the scene has none.
-fn self_gravity(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
+/// Self-gravity at each free body; zeros when the scene has none.
+fn self_gravity(scene: &Scene, x: &[Vec3]) -> Field {
     if !scene.options.self_gravity {
-        return (vec![Vec3::zeros(); scene.free.len()], vec![0.0; scene.free.len()]);
+        let n = scene.free.len();
+        return Field { acceleration: vec![Vec3::zeros(); n], potential: vec![0.0; n], removed: 0.0 };
     }
     let positions: Vec<Vec3> = scene.free.iter().map(|&i| x[i as usize]).collect();
     let masses: Vec<f64> = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).collect();
-    direct::accelerations(&positions, &masses, scene.options.gravity_constant)
+    scene.gravity().field(&positions, &masses, scene.options.gravity_constant)
 }
 
 /// Potential energy of the free bodies at `x` in self-gravity and uniform gravity (zero at the origin), J.
 pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
-    let (_, potential) = self_gravity(scene, x);
+    let potential = self_gravity(scene, x).potential;
     let of = |(k, &i): (usize, &u32)| {
         scene.bodies[i as usize].mass * (0.5 * potential[k] - state.gravity.dot(&x[i as usize]))
     };

@@ -8,12 +8,10 @@
 //! Sources: L. Greengard and V. Rokhlin, J. Comput. Phys. 73 (1987) 325; M.S. Warren and J.K. Salmon, Comput. Phys.
 //! Commun. 87 (1995) 266; W. Dehnen, J. Comput. Phys. 179 (2002) 27.
 
-use std::ops::Range;
-
 use pulp::NullaryFnOnce;
 
 use super::expansion::{contract, derivatives, exponential, narrow, narrow_len, wide, wide_len, widen};
-use super::pairs::{Pack, Packed, Pull, PullF32, PullF64};
+use super::pairs::{PackF32, PackF64, Packed, Pull, PullF32, PullF64, Source};
 use super::tree::{Cell, GRAIN, Tree};
 use crate::math::lanes::{Scalar, Singles};
 
@@ -25,24 +23,59 @@ pub struct Walk<'a, L> {
     pub tree: &'a Tree,
     /// theta
     pub opening: f64,
-    /// Pairs in single precision, but for targets that have a source nearer than this part of the leaf's radius.
+    /// Pairs in single precision, but for targets that have a source nearer than this part of the leaves' radii.
     pub single: Option<f64>,
+}
+
+/// A list that grows without branching on what is asked, which no processor could foresee here.
+#[derive(Default)]
+struct List {
+    items: Vec<u32>,
+    count: usize,
+}
+
+impl List {
+    fn push_if(&mut self, wanted: bool, item: u32) {
+        if self.count == self.items.len() {
+            self.items.resize(2 * self.count + 64, 0);
+        }
+        self.items[self.count] = item;
+        self.count += wanted as usize;
+    }
+
+    fn extend(&mut self, items: &[u32]) {
+        items.iter().for_each(|&item| self.push_if(true, item));
+    }
+
+    fn clear(&mut self) {
+        self.count = 0;
+    }
+}
+
+impl std::ops::Deref for List {
+    type Target = [u32];
+    fn deref(&self) -> &[u32] {
+        &self.items[..self.count]
+    }
 }
 
 /// Scratch memory of a thread's walk.
 struct Work<V> {
     /// Open sources by level, each level's behind its parent's.
-    open: Vec<u32>,
-    todo: Vec<u32>,
-    far: Vec<u32>,
-    near: Vec<u32>,
-    ranges: Vec<Range<usize>>,
+    open: List,
+    todo: List,
+    far: List,
+    near: List,
+    sources: Vec<Source>,
     moments: Vec<V>,
     field: Vec<V>,
     sums: Vec<V>,
-    packed: Packed,
-    targets: Vec<[f32; 3]>,
+    singles: Packed<f32>,
+    doubles: Packed<f64>,
+    targets: Vec<[f64; 3]>,
+    targets_f32: Vec<[f32; 3]>,
     nearest: Vec<f32>,
+    pulls: Vec<Pull>,
 }
 
 impl<L: Singles> Walk<'_, L> {
@@ -57,18 +90,23 @@ impl<L: Singles> Walk<'_, L> {
     fn work(&self, open: &[u32]) -> Work<L::V> {
         let p = self.tree.order;
         let zero = self.lanes.splat(0.0);
+        let mut list = List::default();
+        list.extend(open);
         Work {
-            open: open.to_vec(),
-            todo: Vec::new(),
-            far: Vec::new(),
-            near: Vec::new(),
-            ranges: Vec::new(),
+            open: list,
+            todo: List::default(),
+            far: List::default(),
+            near: List::default(),
+            sources: Vec::new(),
             moments: vec![zero; self.tree.lines * 8],
             field: vec![zero; wide_len(p)],
             sums: vec![zero; narrow_len(p) * BATCH / L::WIDTH],
-            packed: Packed::default(),
+            singles: Packed::default(),
+            doubles: Packed::default(),
             targets: Vec::new(),
+            targets_f32: Vec::new(),
             nearest: Vec::new(),
+            pulls: Vec::new(),
         }
     }
 
@@ -105,7 +143,7 @@ impl<L: Singles> Walk<'_, L> {
             self.visit(halves[0], &one, work, below, out_one);
             self.visit(halves[1], &two, work, below, out_two);
         }
-        work.open.truncate(below);
+        work.open.count = below;
     }
 
     /// Sorts the open sources of cell `a` into far, near, and open still, for its halves.
@@ -113,93 +151,86 @@ impl<L: Singles> Walk<'_, L> {
         let cells = &self.tree.cells;
         let cell = &cells[a];
         let theta2 = self.opening * self.opening;
-        work.far.clear();
-        work.near.clear();
-        for k in from..work.open.len() {
-            work.todo.push(work.open[k]);
-            while let Some(b) = work.todo.pop() {
-                let source = &cells[b as usize];
-                let halves = || [b + 1, b + source.second];
-                if b as usize == a {
-                    if cell.is_leaf() {
-                        work.near.push(b);
-                    } else {
-                        work.open.extend(halves());
-                    }
-                    continue;
-                }
-                let reach = cell.radius + source.radius;
-                let d = [0, 1, 2].map(|k: usize| cell.centre[k] - source.centre[k]);
-                let d2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-                let larger = (source.radius, b as usize) > (cell.radius, a);
-                if reach * reach < theta2 * d2 {
-                    work.far.push(b);
-                } else if cell.is_leaf() && source.is_leaf() {
-                    work.near.push(b);
-                } else if cell.is_leaf() || (larger && !source.is_leaf()) {
-                    work.todo.extend(halves());
-                } else {
-                    work.open.push(b);
-                }
+        let Work { open, todo, far, near, .. } = work;
+        far.clear();
+        near.clear();
+        todo.clear();
+        todo.extend(&open.items[from..open.count]);
+        let mut k = 0;
+        while k < todo.count {
+            let b = todo.items[k];
+            k += 1;
+            let source = &cells[b as usize];
+            let halves = [b + 1, b + source.second];
+            if b as usize == a {
+                near.push_if(cell.is_leaf(), b);
+                open.push_if(!cell.is_leaf(), halves[0]);
+                open.push_if(!cell.is_leaf(), halves[1]);
+                continue;
             }
+            let reach = cell.radius + source.radius;
+            let d = [0, 1, 2].map(|k: usize| cell.centre[k] - source.centre[k]);
+            let d2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+            let is_far = reach * reach < theta2 * d2;
+            let larger = (source.radius > cell.radius) | ((source.radius == cell.radius) & (b as usize > a));
+            let split = !is_far & !source.is_leaf() & (larger | cell.is_leaf());
+            far.push_if(is_far, b);
+            near.push_if(!is_far & cell.is_leaf() & source.is_leaf(), b);
+            todo.push_if(split, halves[0]);
+            todo.push_if(split, halves[1]);
+            open.push_if(!is_far & !split & !cell.is_leaf(), b);
         }
     }
 
     /// Adds the pull of the near leaves on the bodies of a leaf.
     fn near(&self, cell: &Cell, work: &mut Work<L::V>, out: &mut [Pull]) {
-        let Work { near, ranges, packed, targets, nearest, .. } = work;
-        let (l, bodies) = (self.lanes, &self.tree.bodies);
-        let at = |i: usize| [bodies[0][i], bodies[1][i], bodies[2][i]];
-        let (own, places) = (cell.bodies(), cell.bodies());
-        ranges.clear();
+        let Work { near, sources, singles, doubles, targets, targets_f32, nearest, pulls, .. } = work;
+        let (l, bodies, offsets) = (self.lanes, &self.tree.bodies, &self.tree.offsets);
+        targets.clear();
+        targets.extend(cell.bodies().map(|i| [bodies[0][i], bodies[1][i], bodies[2][i]]));
+        sources.clear();
         let Some(close) = self.single else {
-            ranges.extend(near.iter().map(|&b| self.tree.cells[b as usize].bodies()));
-            for (i, out) in places.zip(out) {
-                l.run(PullF64 { l, bodies, ranges, p: at(i), out });
-            }
+            sources.extend(near.iter().map(|&b| (self.tree.cells[b as usize].bodies(), [0.0; 3])));
+            l.run(PackF64 { to: doubles, bodies, sources });
+            l.run(PullF64 { l, packed: doubles, targets, out });
             return;
         };
         // A body's own leaf in double precision: there are its nearest neighbours, and itself.
-        for (i, out) in places.clone().zip(&mut *out) {
-            l.run(PullF64 { l, bodies, ranges: std::slice::from_ref(&own), p: at(i), out });
-        }
-        let mut length = 0.0f64;
-        for &b in near.iter() {
-            let source = &self.tree.cells[b as usize];
-            if source.first == cell.first {
-                continue;
-            }
-            let d = [0, 1, 2].map(|k: usize| cell.centre[k] - source.centre[k]);
-            length = length.max((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() + source.radius);
-            ranges.push(source.bodies());
-        }
-        if ranges.is_empty() {
+        sources.push((cell.bodies(), [0.0; 3]));
+        l.run(PackF64 { to: doubles, bodies, sources });
+        l.run(PullF64 { l, packed: doubles, targets, out });
+        sources.clear();
+        let others = || near.iter().map(|&b| &self.tree.cells[b as usize]).filter(|s| s.first != cell.first);
+        let between = |source: &Cell| [0, 1, 2].map(|k: usize| source.centre[k] - cell.centre[k]);
+        let reach = |source: &Cell| {
+            let d = between(source);
+            (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() + source.radius
+        };
+        let length = others().map(reach).fold(0.0, f64::max) + cell.radius;
+        let scale = 1.0 / length;
+        sources.extend(others().map(|source| (source.bodies(), between(source).map(|x| (x * scale) as f32))));
+        if sources.is_empty() {
             return;
         }
-        let length = length + cell.radius;
-        l.run(Pack { to: packed, bodies, ranges, centre: cell.centre, length });
-        targets.clear();
-        let packed_at = |i: usize| {
-            let x = at(i);
-            [0, 1, 2].map(|k: usize| ((x[k] - cell.centre[k]) * (1.0 / length)) as f32)
-        };
-        targets.extend(places.clone().map(packed_at));
+        let scale = scale as f32;
+        l.run(PackF32 { l, to: singles, offsets, sources, scale });
+        targets_f32.clear();
+        targets_f32.extend(cell.bodies().map(|i| [0, 1, 2].map(|k: usize| offsets[k][i] * scale)));
         nearest.resize(targets.len(), 0.0);
-        let mut pulls = [[0.0; 4]; 64];
-        let mut heap = Vec::new();
-        let pulls = match targets.len() {
-            0..=64 => &mut pulls[..targets.len()],
-            n => {
-                heap.resize(n, [0.0; 4]);
-                &mut heap[..]
-            }
-        };
-        l.run(PullF32 { l, packed, targets, out: pulls, nearest });
-        // What the rounding of positions about the centre spoils is done again.
-        let limit = (close * cell.radius / length).max(1e-6);
-        for (k, i) in places.enumerate() {
-            if (nearest[k] as f64) < limit * limit {
-                l.run(PullF64 { l, bodies, ranges, p: at(i), out: &mut out[k] });
+        pulls.clear();
+        pulls.resize(targets.len(), [0.0; 4]);
+        l.run(PullF32 { l, packed: singles, length, targets: targets_f32, out: pulls, nearest });
+        // What the rounding of positions spoils is done again.
+        let largest = others().map(|source| source.radius).fold(cell.radius, f64::max);
+        let limit = ((close * (cell.radius + largest) / length).max(1e-6) as f32).powi(2);
+        let mut packed = false;
+        for k in 0..targets.len() {
+            if nearest[k] < limit {
+                if !packed {
+                    l.run(PackF64 { to: doubles, bodies, sources });
+                    packed = true;
+                }
+                l.run(PullF64 { l, packed: doubles, targets: &targets[k..=k], out: &mut out[k..=k] });
             } else {
                 for c in 0..4 {
                     out[k][c] += pulls[k][c];

@@ -1,5 +1,7 @@
 //! Attraction of the bodies of a leaf by a packed list of near bodies, pair by pair.
 
+use std::ops::Range;
+
 use pulp::NullaryFnOnce;
 
 use crate::math::lanes::{Lanes, Singles};
@@ -21,55 +23,111 @@ const SCALE: f64 = 0.703_952_253;
 const NEWTON: f32 = (3.0 / (SCALE * SCALE)) as f32;
 const ROOT: f64 = 0.5 * SCALE * SCALE * SCALE * (1.0 + 3.2e-7);
 
+/// Bodies nearer than the root of this, in the tree's units, are in the same place and do not attract each other; the
+/// inverse cube of the distance is finite above.
+const SAME: f64 = 1e-200;
+
 /// Sums over m d/|d|^3 (three components) and m/|d|.
 pub type Pull = [f64; 4];
 
-/// Near bodies, relative to the targets' centre and over a common length, in single precision; padded far away.
+/// Columns x, y, z, m, filled up with far bodies of no mass to a multiple of the partial sums.
 #[derive(Default)]
-pub struct Packed {
-    columns: [Vec<f32>; 4],
-    length: f64,
+pub struct Packed<T> {
+    columns: [Vec<T>; 4],
+    count: usize,
 }
 
-/// Packs the ranges of `bodies` about `centre` in units of `length`.
-pub struct Pack<'a> {
-    pub to: &'a mut Packed,
-    pub bodies: &'a [Vec<f64>; 4],
-    pub ranges: &'a [std::ops::Range<usize>],
-    pub centre: [f64; 3],
-    pub length: f64,
+impl<T: Copy + Default> Packed<T> {
+    /// Makes room for `count` bodies and a vector more.
+    #[inline(always)]
+    fn resize(&mut self, count: usize, sums: usize, far: T) {
+        self.count = count.next_multiple_of(sums);
+        for (k, column) in self.columns.iter_mut().enumerate() {
+            column.resize(column.len().max(self.count + sums), T::default());
+            column[count..self.count].fill(if k < 3 { far } else { T::default() });
+        }
+    }
+
+    #[inline(always)]
+    fn columns(&self) -> [&[T]; 4] {
+        let [x, y, z, m] = &self.columns;
+        [&x[..self.count], &y[..self.count], &z[..self.count], &m[..self.count]]
+    }
 }
 
-impl NullaryFnOnce for Pack<'_> {
+/// A leaf's places, and its centre in the targets' frame, in packed units.
+pub type Source = (Range<usize>, [f32; 3]);
+
+/// Packs leaves about another's centre: centre + scale times the bodies' offsets from their own.
+pub struct PackF32<'a, L> {
+    pub l: L,
+    pub to: &'a mut Packed<f32>,
+    /// Offsets and masses by place, with a vector more than there are bodies.
+    pub offsets: &'a [Vec<f32>; 4],
+    pub sources: &'a [Source],
+    pub scale: f32,
+}
+
+impl<L: Singles> NullaryFnOnce for PackF32<'_, L> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Pack { to, bodies, ranges, centre, length } = self;
-        let count: usize = ranges.iter().map(|r| r.len()).sum();
-        let scale = 1.0 / length;
-        to.length = length;
+        let PackF32 { l, to, offsets, sources, scale } = self;
+        let mut count = 0;
+        for (range, _) in sources {
+            count += range.len();
+        }
+        to.resize(count, SUMS_F32, 4.0);
         for k in 0..4 {
-            let (column, body) = (&mut to.columns[k], &bodies[k]);
-            let (from, factor, filler) = if k < 3 { (centre[k], scale, 4.0) } else { (0.0, 1.0, 0.0) };
-            column.resize(count.next_multiple_of(SUMS_F32), 0.0);
+            let (column, from) = (&mut to.columns[k], &offsets[k]);
+            let factor = l.splat_f32(if k < 3 { scale } else { 1.0 });
             let mut at = 0;
-            for range in ranges {
-                let (source, target) = (&body[range.clone()], &mut column[at..at + range.len()]);
-                for i in 0..source.len().min(target.len()) {
-                    target[i] = ((source[i] - from) * factor) as f32;
+            for (range, centre) in sources {
+                let shift = l.splat_f32(if k < 3 { centre[k] } else { 0.0 });
+                let mut i = 0;
+                while i < range.len() {
+                    let x = l.mul_add_f32(l.load_f32(&from[range.start + i..]), factor, shift);
+                    l.store_f32(&mut column[at + i..], x);
+                    i += L::WIDTH_F32;
                 }
                 at += range.len();
             }
-            column[at..].fill(filler);
+            column[count..to.count].fill(if k < 3 { 4.0 } else { 0.0 });
         }
     }
 }
 
-/// Adds the pull of `packed` to that of `targets` (x, y, z as packed), in single precision; returns by target the least
-/// squared distance met, in packed units.
+/// Packs ranges of bodies as they are.
+pub struct PackF64<'a> {
+    pub to: &'a mut Packed<f64>,
+    pub bodies: &'a [Vec<f64>; 4],
+    pub sources: &'a [Source],
+}
+
+impl NullaryFnOnce for PackF64<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let PackF64 { to, bodies, sources } = self;
+        let count = sources.iter().map(|(range, _)| range.len()).sum();
+        to.resize(count, SUMS, 64.0);
+        for (column, from) in to.columns.iter_mut().zip(bodies) {
+            let mut at = 0;
+            for (range, _) in sources {
+                column[at..at + range.len()].copy_from_slice(&from[range.clone()]);
+                at += range.len();
+            }
+        }
+    }
+}
+
+/// Adds the pull of `packed` to that of `targets` (x, y, z as packed), in single precision; `nearest` gets the least
+/// squared distance, in packed units, that a target or one of those treated with it has met.
 pub struct PullF32<'a, L> {
     pub l: L,
-    pub packed: &'a Packed,
+    pub packed: &'a Packed<f32>,
+    /// Tree's units in a packed unit of length.
+    pub length: f64,
     pub targets: &'a [[f32; 3]],
     pub out: &'a mut [Pull],
     pub nearest: &'a mut [f32],
@@ -79,26 +137,26 @@ impl<L: Singles> NullaryFnOnce for PullF32<'_, L> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let PullF32 { l, packed, targets, out, nearest } = self;
-        let count = packed.columns[0].len();
-        let [x, y, z, m] = &packed.columns;
-        let [x, y, z, m] = [&x[..count], &y[..count], &z[..count], &m[..count]];
+        let PullF32 { l, packed, length, targets, out, nearest } = self;
+        let ([x, y, z, m], count) = (packed.columns(), packed.count);
         let (step, newton) = (l.splat_f32(STEP), l.splat_f32(NEWTON));
-        let (per_length, per_area) = (ROOT / packed.length, (ROOT / packed.length) * (ROOT / packed.length) * ROOT);
+        let (per_length, per_area) = (ROOT / length, (ROOT / length) * (ROOT / length) * ROOT);
         let mut first = 0;
         while first < targets.len() {
             let here = (targets.len() - first).min(TARGETS);
+            // A target that is missing is the last once more.
             let mut p = [[l.splat_f32(0.0); 3]; TARGETS];
-            for t in 0..here {
+            for t in 0..TARGETS {
                 for k in 0..3 {
-                    p[t][k] = l.splat_f32(targets[first + t][k]);
+                    p[t][k] = l.splat_f32(targets[first + t.min(here - 1)][k]);
                 }
             }
-            let mut parts = [[[0.0f32; SUMS_F32]; 5]; TARGETS];
+            let mut parts = [[[0.0f32; SUMS_F32]; 4]; TARGETS];
+            let mut least = [0.0f32; SUMS_F32];
             let mut from = 0;
             while from < SUMS_F32 {
                 let mut sums = [[l.splat_f32(0.0); 4]; TARGETS];
-                let mut near = [l.splat_f32(f32::MAX); TARGETS];
+                let mut near = l.splat_f32(f32::MAX);
                 let mut k = from;
                 while k < count {
                     let (sx, sy, sz) = (l.load_f32(&x[k..]), l.load_f32(&y[k..]), l.load_f32(&z[k..]));
@@ -106,7 +164,7 @@ impl<L: Singles> NullaryFnOnce for PullF32<'_, L> {
                     for t in 0..TARGETS {
                         let [dx, dy, dz] = [l.sub_f32(sx, p[t][0]), l.sub_f32(sy, p[t][1]), l.sub_f32(sz, p[t][2])];
                         let d2 = l.mul_add_f32(dx, dx, l.mul_add_f32(dy, dy, l.mul_f32(dz, dz)));
-                        near[t] = l.min_f32(d2, near[t]);
+                        near = l.min_f32(d2, near);
                         let y = l.magic_f32(MAGIC, d2);
                         let u = l.mul_f32(y, l.neg_mul_add_f32(d2, l.mul_f32(y, y), step));
                         let v = l.mul_f32(u, l.neg_mul_add_f32(d2, l.mul_f32(u, u), newton));
@@ -123,22 +181,22 @@ impl<L: Singles> NullaryFnOnce for PullF32<'_, L> {
                     for k in 0..4 {
                         l.store_f32(&mut parts[t][k][from..], sums[t][k]);
                     }
-                    l.store_f32(&mut parts[t][4][from..], near[t]);
                 }
+                l.store_f32(&mut least[from..], near);
                 from += L::WIDTH_F32;
             }
+            let mut closest = f32::MAX;
+            for d2 in &least {
+                closest = if *d2 < closest { *d2 } else { closest };
+            }
             for t in 0..here {
-                let [ax, ay, az, potential, near] = &parts[t];
+                let [ax, ay, az, potential] = &parts[t];
                 let to = &mut out[first + t];
                 to[0] += per_area * total(ax) as f64;
                 to[1] += per_area * total(ay) as f64;
                 to[2] += per_area * total(az) as f64;
                 to[3] += per_length * total(potential) as f64;
-                let mut least = f32::MAX;
-                for d2 in near {
-                    least = if *d2 < least { *d2 } else { least };
-                }
-                nearest[first + t] = least;
+                nearest[first + t] = closest;
             }
             first += TARGETS;
         }
@@ -159,60 +217,65 @@ fn total(parts: &[f32; SUMS_F32]) -> f32 {
     sums[0]
 }
 
-/// Adds the pull of ranges of `bodies` to one target at `p`, in double precision. The same place attracts nowhere.
+/// Adds the pull of `packed` to that of `targets`, in double precision.
 pub struct PullF64<'a, L> {
     pub l: L,
-    pub bodies: &'a [Vec<f64>; 4],
-    pub ranges: &'a [std::ops::Range<usize>],
-    pub p: [f64; 3],
-    pub out: &'a mut Pull,
+    pub packed: &'a Packed<f64>,
+    pub targets: &'a [[f64; 3]],
+    pub out: &'a mut [Pull],
 }
 
 impl<L: Lanes> NullaryFnOnce for PullF64<'_, L> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let PullF64 { l, bodies, ranges, p, out } = self;
-        let (zero, one) = (l.splat(0.0), l.splat(1.0));
-        let p = [l.splat(p[0]), l.splat(p[1]), l.splat(p[2])];
-        let mut parts = [[0.0; SUMS]; 4];
-        for range in ranges {
-            let mut first = range.start;
-            while first < range.end {
-                let here = (range.end - first).min(SUMS);
-                // The last block of a range is filled up with no mass.
-                let mut block = [[0.0; SUMS]; 4];
+        let PullF64 { l, packed, targets, out } = self;
+        let ([x, y, z, m], count) = (packed.columns(), packed.count);
+        let (zero, one, same) = (l.splat(0.0), l.splat(1.0), l.splat(SAME));
+        let mut first = 0;
+        while first < targets.len() {
+            let here = (targets.len() - first).min(TARGETS);
+            let mut p = [[zero; 3]; TARGETS];
+            for t in 0..here {
+                for k in 0..3 {
+                    p[t][k] = l.splat(targets[first + t][k]);
+                }
+            }
+            let mut parts = [[[0.0; SUMS]; 4]; TARGETS];
+            let mut from = 0;
+            while from < SUMS {
+                let mut sums = [[zero; 4]; TARGETS];
+                let mut k = from;
+                while k < count {
+                    let (sx, sy, sz, sm) = (l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]), l.load(&m[k..]));
+                    for t in 0..TARGETS {
+                        let [dx, dy, dz] = [l.sub(sx, p[t][0]), l.sub(sy, p[t][1]), l.sub(sz, p[t][2])];
+                        let d2 = l.mul_add(dx, dx, l.mul_add(dy, dy, l.mul(dz, dz)));
+                        let inverse = l.select_greater(d2, same, l.div(one, l.sqrt(d2)), zero);
+                        let potential = l.mul(sm, inverse);
+                        let strength = l.mul(potential, l.mul(inverse, inverse));
+                        sums[t][0] = l.mul_add(dx, strength, sums[t][0]);
+                        sums[t][1] = l.mul_add(dy, strength, sums[t][1]);
+                        sums[t][2] = l.mul_add(dz, strength, sums[t][2]);
+                        sums[t][3] = l.add(potential, sums[t][3]);
+                    }
+                    k += SUMS;
+                }
+                for t in 0..TARGETS {
+                    for k in 0..4 {
+                        l.store(&mut parts[t][k][from..], sums[t][k]);
+                    }
+                }
+                from += L::WIDTH;
+            }
+            for t in 0..here {
                 for k in 0..4 {
-                    if here == SUMS {
-                        block[k].copy_from_slice(&bodies[k][first..first + SUMS]);
-                    } else {
-                        block[k][..here].copy_from_slice(&bodies[k][first..first + here]);
+                    for part in &parts[t][k] {
+                        out[first + t][k] += part;
                     }
                 }
-                let mut from = 0;
-                while from < SUMS {
-                    let dx = l.sub(l.load(&block[0][from..]), p[0]);
-                    let dy = l.sub(l.load(&block[1][from..]), p[1]);
-                    let dz = l.sub(l.load(&block[2][from..]), p[2]);
-                    let d2 = l.mul_add(dx, dx, l.mul_add(dy, dy, l.mul(dz, dz)));
-                    let inverse = l.select_greater(d2, zero, l.div(one, l.sqrt(d2)), zero);
-                    let potential = l.mul(l.load(&block[3][from..]), inverse);
-                    let strength = l.mul(potential, l.mul(inverse, inverse));
-                    for (k, d) in [dx, dy, dz].into_iter().enumerate() {
-                        let sum = l.mul_add(d, strength, l.load(&parts[k][from..]));
-                        l.store(&mut parts[k][from..], sum);
-                    }
-                    let sum = l.add(potential, l.load(&parts[3][from..]));
-                    l.store(&mut parts[3][from..], sum);
-                    from += L::WIDTH;
-                }
-                first += SUMS;
             }
-        }
-        for k in 0..4 {
-            for part in &parts[k] {
-                out[k] += part;
-            }
+            first += TARGETS;
         }
     }
 }

@@ -52,6 +52,8 @@ pub struct Tree {
     pub index: Vec<u32>,
     /// x, y, z, m by place in the tree.
     pub bodies: [Vec<f64>; 4],
+    /// The same in single precision, from the leaf's centre, with 16 more.
+    pub offsets: [Vec<f32>; 4],
     /// m
     pub length: f64,
     /// kg
@@ -162,7 +164,8 @@ impl Tree {
             low = low.inf(x);
             high = high.sup(x);
         }
-        let origin = low + (high - low) * 0.5;
+        // Zero if that is within: then lengths are exact, and bodies that crowd about it stay apart.
+        let origin = low.sup(&Vec3::zeros().inf(&high));
         let (length, mass) = (power_of_two((high - low).max()), power_of_two(masses.iter().sum()));
         let (per_length, per_mass) = (1.0 / length, 1.0 / mass);
         let column = |f: &dyn Fn(usize) -> f64| -> Vec<f64> { keys.iter().map(|key| f(key.index as usize)).collect() };
@@ -179,7 +182,16 @@ impl Tree {
         moments[filler][1..4].fill(64.0);
         let up = Upward { lanes, p, lines, bodies: &bodies };
         up.visit(&mut cells, &mut moments[..filler]);
-        Tree { cells, moments, lines, order: p, index, bodies, length, mass }
+        let mut offsets = [0, 1, 2, 3].map(|_: usize| vec![0.0; positions.len() + 16]);
+        for cell in cells.iter().filter(|cell| cell.is_leaf()) {
+            for (k, column) in offsets.iter_mut().enumerate() {
+                let from = if k < 3 { cell.centre[k] } else { 0.0 };
+                for (to, x) in column[cell.bodies()].iter_mut().zip(&bodies[k][cell.bodies()]) {
+                    *to = (x - from) as f32;
+                }
+            }
+        }
+        Tree { cells, moments, lines, order: p, index, bodies, offsets, length, mass }
     }
 }
 

@@ -102,7 +102,7 @@ columns! {
     contact_work = state.ledger.contact_work,
     outside_work = state.ledger.outside_work,
     momentum_drift = report.momentum_drift,
-    gravity_error = 0.0, // the direct sum has none beyond round-off
+    gravity_error = report.gravity_error,
 }
 
 columns! {

@@ -28,6 +28,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
             max_sweeps: options.max_sweeps,
             alert: options.alert,
             self_gravity: options.self_gravity,
+            gravity: options.gravity,
             gravity_constant: options.gravity_constant,
             gravity_error: options.gravity_error,
             uniform_gravity: state.gravity.into(),
