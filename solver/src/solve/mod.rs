@@ -7,11 +7,13 @@
 //! | [`sweep`] | one sweep, in vectors of contacts and side by side |
 //! | `nlgs` | when to sweep, with what momentum, and when to stop |
 //! | [`residual`] | judges, never solves |
+//! | [`stored`] | the same problem given as a matrix |
 
 pub mod batches;
 pub mod local;
 mod nlgs;
 pub mod residual;
+pub mod stored;
 pub mod sweep;
 
 pub use nlgs::{Solution, nlgs};

@@ -1,0 +1,72 @@
+//! Solves a stored contact problem:
+//! `cargo run --release -p cd-solve --example fc3d -- FILE.fc3d [--tol 1e-8] [--solver NAME] [--max-time S] -o SOLUTION.txt`
+//!
+//! Prints one line `contacts sweeps seconds residual`; the seconds are those of solving. Exit codes as of
+//! cd-solve: 0 solved, 1 the tolerance was not reached, 2 input refused.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use cd_formats::error::{Fault, Faults};
+use cd_formats::{atomic, fc3d::Fc3d};
+use cd_solve::solve::stored::{Limits, Problem, Solver, solve};
+use clap::Parser;
+
+#[derive(Parser)]
+struct Arguments {
+    /// Problem, see cd-formats, module fc3d
+    file: PathBuf,
+    /// Residual to reach, |F| / (rho |q|)
+    #[arg(long, default_value_t = 1e-8)]
+    tol: f64,
+    #[arg(long, default_value = "nlgs-anderson", value_parser = by_name)]
+    solver: Solver,
+    /// Seconds after which the best so far is written
+    #[arg(long, default_value_t = 60.0)]
+    max_time: f64,
+    /// Passes over the contacts after which the best so far is written
+    #[arg(long, default_value_t = 10_000_000)]
+    max_sweeps: u64,
+    /// Impulses to write: 3N numbers, contact by contact, along n, t1, t2
+    #[arg(short)]
+    output: PathBuf,
+}
+
+fn by_name(name: &str) -> Result<Solver, String> {
+    let names = || Solver::ALL.map(|(name, _)| name).join(", ");
+    Solver::ALL.iter().find(|s| s.0 == name).map(|s| s.1).ok_or_else(|| format!("expected one of {}", names()))
+}
+
+fn run(arguments: &Arguments) -> Result<bool, Faults> {
+    let path = &arguments.file;
+    let Fc3d { mu, q, blocks, .. } = Fc3d::read(path)?;
+    let problem = Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w)))
+        .map_err(|found| Fault::new(path, None, "problem", found, "expected finite numbers"))?;
+    let limits = Limits {
+        tol: arguments.tol,
+        max_sweeps: arguments.max_sweeps,
+        max_time: Duration::try_from_secs_f64(arguments.max_time).ok(),
+    };
+    let start = Instant::now();
+    let solution = solve(&problem, arguments.solver, limits);
+    let seconds = start.elapsed().as_secs_f64();
+    let mut text = String::new();
+    for [n, t1, t2] in &solution.r {
+        let _ = writeln!(text, "{n:?} {t1:?} {t2:?}");
+    }
+    atomic::write(&arguments.output, text.as_bytes())?;
+    println!("{} {} {seconds:.6} {:.3e}", problem.len(), solution.sweeps, solution.residual);
+    Ok(solution.converged)
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(converged) => ExitCode::from(u8::from(!converged)),
+        Err(faults) => {
+            eprint!("{}", faults.report("fc3d"));
+            ExitCode::from(2)
+        }
+    }
+}

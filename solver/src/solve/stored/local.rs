@@ -1,0 +1,254 @@
+//! One contact of a full 3x3 block, exactly, with every other impulse frozen.
+
+use super::{Block, Triple};
+
+/// A contact's own block prepared for solving: the normal unknown eliminated, the tangents turned to
+/// the axes of what is left.
+///
+/// With c = W_nT/W_nn and d = W_Tn/W_nn the conditions u_n = 0 and u_T = -s r_T read
+///
+/// ```text
+/// (S + s 1) r_T = -p,   S = W_TT - d W_nT,   p = q_T - d q_n,   r_n = -q_n/W_nn - c . r_T.
+/// ```
+///
+/// s = 0 sticks; a sliding contact has the s > 0 where |r_T| = mu r_n. On the axes of its symmetric
+/// part, S = [[a, k], [-k, b]] with a >= b: nothing cancels when b is 0.
+#[derive(Debug, Clone, Copy)]
+pub struct Local {
+    inverse_nn: f64,
+    c: [f64; 2],
+    d: [f64; 2],
+    /// The first axis.
+    axis: [f64; 2],
+    a: f64,
+    b: f64,
+    k: f64,
+    /// Where the search for s begins: 0, or just above where S + s 1 is singular.
+    low: f64,
+    /// The s of sticking.
+    stick: f64,
+    mu: f64,
+}
+
+/// An eigenvalue of S below this share of the trace of W_TT is rounding.
+const SINGULAR: f64 = 1e-14;
+
+impl Local {
+    /// * `w`: the diagonal block in the order n, t1, t2, 1/kg; symmetric positive semi-definite, or nearly.
+    /// * `mu`: friction, 0 or more.
+    pub fn new(w: &Block, mu: f64) -> Self {
+        let inverse_nn = if w[0][0] > 0.0 { 1.0 / w[0][0] } else { 0.0 };
+        let d = [w[1][0] * inverse_nn, w[2][0] * inverse_nn];
+        let s = [0, 1].map(|i| [0, 1].map(|j| w[i + 1][j + 1] - d[i] * w[0][j + 1]));
+        let (mean, half) = (0.5 * (s[0][0] + s[1][1]), 0.5 * (s[0][0] - s[1][1]));
+        let (even, k) = (0.5 * (s[0][1] + s[1][0]), 0.5 * (s[0][1] - s[1][0]));
+        let a = mean + half.hypot(even);
+        let b = if a > 0.0 { (s[0][0] * s[1][1] - even * even) / a } else { 0.0 };
+        let (sin, cos) = (0.5 * even.atan2(half)).sin_cos();
+        let axis = [cos, sin];
+        let rounding = SINGULAR * (w[1][1] + w[2][2]);
+        let low = if b > rounding { 0.0 } else { rounding - b.min(0.0) };
+        // Where an eigenvalue is rounding, sticking is to rounding, too.
+        let stick = if b.abs() > rounding { 0.0 } else { low };
+        let c = turn(axis, [w[0][1] * inverse_nn, w[0][2] * inverse_nn]);
+        Local { inverse_nn, c, d: turn(axis, d), axis, a, b, k, low, stick, mu }
+    }
+
+    /// Impulse r in N s for the velocity `q` in m/s that the contact has without it: u = W r + q with
+    /// 0 <= u_n, r_n, u_n r_n = 0, |r_T| <= mu r_n, and r_T = -mu r_n u_T/|u_T| where u_T is not 0.
+    ///
+    /// Parting (q_n >= 0) needs no impulse; a contact that can stick does; otherwise psi(s) = mu r_n/|r_T| - 1,
+    /// nearly linear, goes from below 0 to infinity over s, and Newton's method in a bracket finds its root.
+    /// With strong coupling of n and T there may be more solutions than the one returned. Never
+    /// returns a number that is not finite.
+    ///
+    /// Source for the form in s: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991) 353-375;
+    /// psi as in J. Moré, D. Sorensen, SIAM J. Sci. Stat. Comput. 4 (1983) 553-572.
+    ///
+    /// ```
+    /// # use cd_solve::solve::stored::Local;
+    /// let block = Local::new(&[[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]], 0.5);
+    /// assert_eq!(block.solve([1.0, 3.0, 0.0]), [0.0, 0.0, 0.0]); // parts
+    /// assert_eq!(block.solve([-4.0, 2.0, 0.0]), [4.0, -1.0, 0.0]); // sticks
+    /// assert_eq!(block.solve([-4.0, 9.0, 0.0]), [4.0, -2.0, 0.0]); // slides
+    /// ```
+    #[inline(always)]
+    pub fn solve(&self, q: Triple) -> Triple {
+        let free = -q[0] * self.inverse_nn;
+        if !(free > 0.0 && free < f64::INFINITY) {
+            return [0.0; 3];
+        }
+        if self.mu == 0.0 {
+            return [free, 0.0, 0.0];
+        }
+        let q_t = turn(self.axis, [q[1], q[2]]);
+        let p = [q_t[0] - self.d[0] * q[0], q_t[1] - self.d[1] * q[0]];
+        let [n, t1, t2] = self.stick(free, p).unwrap_or_else(|| self.slide(free, p));
+        let [t1, t2] = turn([self.axis[0], -self.axis[1]], [t1, t2]);
+        if [n, t1, t2].iter().all(|x| x.is_finite()) { [n, t1, t2] } else { [free, 0.0, 0.0] }
+    }
+
+    /// The impulse of u = 0 if the cone holds it.
+    #[inline(always)]
+    fn stick(&self, free: f64, p: [f64; 2]) -> Option<Triple> {
+        let t = self.tangential(p, self.stick);
+        let n = self.normal(free, t);
+        (n > 0.0 && t[0] * t[0] + t[1] * t[1] <= (self.mu * n) * (self.mu * n)).then_some([n, t[0], t[1]])
+    }
+
+    /// r_T = -(S + s 1)^-1 p
+    #[inline(always)]
+    fn tangential(&self, p: [f64; 2], s: f64) -> [f64; 2] {
+        let (a, b, k) = (self.a + s, self.b + s, self.k);
+        let scale = -1.0 / (a * b + k * k);
+        [(b * p[0] - k * p[1]) * scale, (a * p[1] + k * p[0]) * scale]
+    }
+
+    #[inline(always)]
+    fn normal(&self, free: f64, t: [f64; 2]) -> f64 {
+        free - self.c[0] * t[0] - self.c[1] * t[1]
+    }
+
+    /// The impulse on the edge of the cone.
+    fn slide(&self, free: f64, p: [f64; 2]) -> Triple {
+        let size = p[0].hypot(p[1]);
+        if size == 0.0 {
+            return [free, 0.0, 0.0];
+        }
+        let mut low = self.low;
+        // |r_T| <= |p|/s where S is positive semi-definite; where it is not quite, further out.
+        let mut high = size * (1.0 / self.mu + self.c[0].hypot(self.c[1])) / free;
+        let mut s = low;
+        let mut t = self.tangential(p, s);
+        let mut n = self.normal(free, t);
+        for _ in 0..100 {
+            let length = t[0].hypot(t[1]);
+            let psi = self.mu * n / length - 1.0;
+            if psi.abs() <= 4.0 * f64::EPSILON {
+                break;
+            }
+            if psi < 0.0 {
+                low = s;
+                if s >= high {
+                    high = 2.0 * s; // not an upper bound after all
+                }
+            } else {
+                high = s;
+            }
+            let dt = self.tangential(t, s); // d r_T/ds = -(S + s 1)^-1 r_T
+            let dn = -self.c[0] * dt[0] - self.c[1] * dt[1];
+            let slope = self.mu * (dn - n * (t[0] * dt[0] + t[1] * dt[1]) / (length * length)) / length;
+            let newton = s - psi / slope;
+            s = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            if !(s > low && s < high) {
+                break; // no number is left between
+            }
+            t = self.tangential(p, s);
+            n = self.normal(free, t);
+        }
+        // On the edge of the cone, whatever is left of psi.
+        let n = n.max(0.0);
+        let edge = self.mu * n / t[0].hypot(t[1]);
+        [n, t[0] * edge, t[1] * edge]
+    }
+}
+
+/// The components of `v` along `axis` and across it.
+#[inline(always)]
+fn turn(axis: [f64; 2], v: [f64; 2]) -> [f64; 2] {
+    [axis[0] * v[0] + axis[1] * v[1], axis[0] * v[1] - axis[1] * v[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// W = L L' of numbers of one size, rank 3 or less.
+    fn block(l: [f64; 6]) -> Block {
+        let l = [[l[0], 0.0, 0.0], [l[1], l[2], 0.0], [l[3], l[4], l[5]]];
+        std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| l[i][k] * l[j][k]).sum()))
+    }
+
+    fn velocity(w: &Block, r: Triple, q: Triple) -> Triple {
+        std::array::from_fn(|i| q[i] + (0..3).map(|j| w[i][j] * r[j]).sum::<f64>())
+    }
+
+    /// How far r is from each condition, in velocities and impulses of size 1.
+    fn violation(w: &Block, q: Triple, mu: f64, r: Triple) -> f64 {
+        let u = velocity(w, r, q);
+        let (slip, force) = (u[1].hypot(u[2]), r[1].hypot(r[2]));
+        let maximal_dissipation = u[1] * r[1] + u[2] * r[2] + mu * r[0] * slip;
+        [-u[0], -r[0], (u[0] * r[0]).abs(), force - mu * r[0], maximal_dissipation.abs() / mu.max(1.0)]
+            .into_iter()
+            .fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn what_has_no_answer_gives_a_finite_one() {
+        let one = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let zero = [[0.0; 3]; 3];
+        let values = [0.0, -0.0, 1.0, -1.0, 1e-310, -1e-310, 1e200, -1e200, f64::NAN, f64::INFINITY, -f64::INFINITY];
+        for w in [one, zero, [[1.0; 3]; 3], [[1.0, 9.0, 9.0], [9.0, 1.0, 9.0], [9.0, 9.0, 1.0]], [[1e-300; 3]; 3]] {
+            for mu in [0.0, 1e-12, 0.5, 1e12, 1e300] {
+                let local = Local::new(&w, mu);
+                for n in values {
+                    for t in values {
+                        let r = local.solve([n, t, 0.3]);
+                        assert!(r.iter().all(|x| x.is_finite()), "{w:?} {mu} {n} {t}: {r:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        #[test]
+        fn satisfies_every_condition(
+            l in prop::array::uniform6(-1.0..1.0f64),
+            rank in 1..4usize,
+            q in prop::array::uniform3(-1.0..1.0f64),
+            mu in prop_oneof![Just(0.0), 0.0..2.0f64, Just(1e3)],
+        ) {
+            let mut l = l;
+            l[0] += 0.2f64.copysign(l[0]);
+            if rank < 3 { l[5] = 0.0; }
+            if rank < 2 { l[2] = 0.0; l[4] = 0.0; }
+            let w = block(l);
+            let q = if rank == 3 {
+                prop_assume!(l[2].abs() > 0.05 && l[5].abs() > 0.05);
+                q
+            } else {
+                // A velocity that impulses can answer: W times something.
+                velocity(&w, q.map(|x| -x), [0.0; 3])
+            };
+            let r = Local::new(&w, mu).solve(q);
+            let size = 1.0 + r.iter().fold(0.0f64, |a, x| a.max(x.abs()));
+            prop_assert!(violation(&w, q, mu, r) <= 1e-11 * size * size, "{r:?}");
+        }
+
+        /// Brute force: over a fine grid of the cone nothing does better.
+        #[test]
+        fn nothing_nearby_is_better(
+            l in prop::array::uniform6(0.3..1.0f64),
+            q in prop::array::uniform3(-1.0..1.0f64),
+            mu in 0.05..1.0f64,
+        ) {
+            let w = block(l);
+            let r = Local::new(&w, mu).solve(q);
+            let here = violation(&w, q, mu, r);
+            for n in 0..=20 {
+                for ring in 0..=4 {
+                    for angle in 0..24 {
+                        let n = f64::from(n) / 20.0 * (2.0 * r[0] + 1.0);
+                        let (sin, cos) = (f64::from(angle) * std::f64::consts::TAU / 24.0).sin_cos();
+                        let t = mu * n * f64::from(ring) / 4.0;
+                        prop_assert!(here <= violation(&w, q, mu, [n, t * cos, t * sin]) + 1e-10);
+                    }
+                }
+            }
+        }
+    }
+}

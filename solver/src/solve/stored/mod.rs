@@ -1,0 +1,175 @@
+//! The contact problem of one step in stored form: u = W r + q with W in 3x3 blocks.
+//!
+//! For problems that come as a matrix: small hyperstatic ones where sweeps crawl, and those of other
+//! programs. Local order: normal, two tangents.
+//!
+//! | module | what it knows |
+//! |---|---|
+//! | `local` | one contact with a full block, exactly |
+//! | `sweep` | nonlinear Gauss-Seidel, plain and with Anderson's acceleration |
+//! | `residual` | judges, never solves |
+
+mod local;
+mod residual;
+mod sweep;
+
+use std::time::{Duration, Instant};
+
+pub use local::Local;
+pub use residual::residual;
+
+/// Components along n, t1, t2.
+pub type Triple = [f64; 3];
+/// A 3x3 block, row by row.
+pub type Block = [Triple; 3];
+
+/// u = W r + q with Signorini's condition and Coulomb's law at each contact.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// Friction of each contact.
+    pub mu: Vec<f64>,
+    /// Relative velocity of each contact without impulses, m/s.
+    pub q: Vec<Triple>,
+    /// Where the blocks of each row start, and the end of the last.
+    starts: Vec<usize>,
+    columns: Vec<u32>,
+    /// 1/kg
+    blocks: Vec<Block>,
+}
+
+impl Problem {
+    /// From the blocks (row, column, block) of W in any order; blocks of one place are added up. A number
+    /// that is not finite, a negative friction or a contact out of range is refused.
+    pub fn new(
+        mu: Vec<f64>,
+        q: Vec<Triple>,
+        blocks: impl IntoIterator<Item = (usize, usize, Block)>,
+    ) -> Result<Self, String> {
+        let n = q.len();
+        if mu.len() != n {
+            return Err(format!("{} frictions for {n} contacts", mu.len()));
+        }
+        let mut blocks: Vec<_> = blocks.into_iter().collect();
+        // One block on every diagonal, which solvers rely on.
+        blocks.extend((0..n).map(|k| (k, k, [[0.0; 3]; 3])));
+        blocks.sort_by_key(|&(i, j, _)| (i, j));
+        let mut problem = Problem { mu, q, starts: vec![0; n + 1], columns: Vec::new(), blocks: Vec::new() };
+        let mut last = None;
+        for (i, j, w) in blocks {
+            if i >= n || j >= n || !w.as_flattened().iter().all(|x| x.is_finite()) {
+                return Err(format!("block ({i}, {j}) of {n} contacts is {w:?}"));
+            }
+            if last == Some((i, j)) {
+                let sum = problem.blocks.last_mut().into_iter().flat_map(|sum| sum.as_flattened_mut());
+                sum.zip(w.as_flattened()).for_each(|(sum, x)| *sum += x);
+            } else {
+                problem.columns.push(j as u32);
+                problem.blocks.push(w);
+                problem.starts[i + 1] = problem.blocks.len();
+                last = Some((i, j));
+            }
+        }
+        for (k, (mu, q)) in problem.mu.iter().zip(&problem.q).enumerate() {
+            if !(mu.is_finite() && *mu >= 0.0 && q.iter().all(|x| x.is_finite())) {
+                return Err(format!("contact {k} has friction {mu:?} and q = {q:?}"));
+            }
+        }
+        Ok(problem)
+    }
+
+    /// Number of contacts.
+    pub fn len(&self) -> usize {
+        self.q.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.q.is_empty()
+    }
+
+    /// Columns and blocks of row `i`.
+    pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, &Block)> {
+        let place = self.starts[i]..self.starts[i + 1];
+        self.columns[place.clone()].iter().map(|&j| j as usize).zip(&self.blocks[place])
+    }
+
+    /// The blocks W_ii.
+    pub fn diagonal(&self) -> impl Iterator<Item = &Block> {
+        (0..self.len()).filter_map(|i| self.row(i).find(|(j, _)| *j == i).map(|(_, w)| w))
+    }
+}
+
+/// Ways to solve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Solver {
+    Nlgs,
+    NlgsAnderson,
+}
+
+impl Solver {
+    pub const ALL: [(&'static str, Solver); 2] = [("nlgs", Solver::Nlgs), ("nlgs-anderson", Solver::NlgsAnderson)];
+}
+
+/// When to stop.
+#[derive(Debug, Clone, Copy)]
+pub struct Limits {
+    /// Residual to reach.
+    pub tol: f64,
+    pub max_sweeps: u64,
+    pub max_time: Option<Duration>,
+}
+
+/// What a solver has reached: the best iterate it met.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// Impulses, N s.
+    pub r: Vec<Triple>,
+    /// Passes over the contacts.
+    pub sweeps: u64,
+    /// See [`residual`].
+    pub residual: f64,
+    pub converged: bool,
+}
+
+/// Solves to a residual of at most `limits.tol`, or returns the best that was met.
+pub fn solve(problem: &Problem, solver: Solver, limits: Limits) -> Solution {
+    let mut run = Run::new(problem, limits);
+    match solver {
+        Solver::Nlgs => sweep::nlgs(&mut run, 0),
+        Solver::NlgsAnderson => sweep::nlgs(&mut run, sweep::DEPTH),
+    }
+    let converged = run.best.1 <= limits.tol;
+    Solution { r: run.best.0, sweeps: run.sweeps, residual: run.best.1, converged }
+}
+
+/// A run of one or more solvers: what it has used and the best it has met.
+struct Run<'a> {
+    problem: &'a Problem,
+    limits: Limits,
+    start: Instant,
+    sweeps: u64,
+    best: (Vec<Triple>, f64),
+}
+
+impl<'a> Run<'a> {
+    fn new(problem: &'a Problem, limits: Limits) -> Self {
+        let r = vec![[0.0; 3]; problem.len()];
+        let residual = residual(problem, &r);
+        Run { problem, limits, start: Instant::now(), sweeps: 0, best: (r, residual) }
+    }
+
+    /// Residual of `r`, kept if it is the best.
+    fn judge(&mut self, r: &[Triple]) -> f64 {
+        let value = residual(self.problem, r);
+        if value < self.best.1 {
+            self.best.0.copy_from_slice(r);
+            self.best.1 = value;
+        }
+        value
+    }
+
+    fn is_over(&self) -> bool {
+        self.best.1 <= self.limits.tol
+            || self.sweeps >= self.limits.max_sweeps
+            || self.limits.max_time.is_some_and(|time| self.start.elapsed() >= time)
+    }
+}

@@ -1,0 +1,47 @@
+//! Judges a solution of a stored problem; shares no arithmetic with what solves.
+
+use super::{Problem, Triple};
+
+/// |F| / (rho |q|) of the impulses `r`, with rho = 3N / trace W, the natural map
+///
+/// ```text
+/// F = r - P_K( r - rho (u + mu |u_T| n) ),   u = W r + q,
+/// ```
+///
+/// and P_K the projection on the product of Coulomb's cones: a velocity relative to |q| that is 0
+/// exactly at a solution and the same in any units. Where q is 0, relative to 1 m/s.
+///
+/// Source: V. Acary, M. Bremond, O. Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018).
+pub fn residual(problem: &Problem, r: &[Triple]) -> f64 {
+    let trace: f64 = problem.diagonal().map(|w| w[0][0] + w[1][1] + w[2][2]).sum();
+    let rho = if trace > 0.0 { 3.0 * problem.len() as f64 / trace } else { 1.0 };
+    let mut sum = 0.0;
+    for (i, r_i) in r.iter().enumerate() {
+        let mut u = problem.q[i];
+        for (j, w) in problem.row(i) {
+            for (u_k, w_k) in u.iter_mut().zip(w) {
+                *u_k += w_k[0] * r[j][0] + w_k[1] * r[j][1] + w_k[2] * r[j][2];
+            }
+        }
+        let mu = problem.mu[i];
+        let z = [r_i[0] - rho * (u[0] + mu * u[1].hypot(u[2])), r_i[1] - rho * u[1], r_i[2] - rho * u[2]];
+        let p = project(z, mu);
+        sum += (0..3).map(|k| (r_i[k] - p[k]) * (r_i[k] - p[k])).sum::<f64>();
+    }
+    let q = problem.q.as_flattened().iter().map(|x| x * x).sum::<f64>().sqrt();
+    sum.sqrt() / (rho * if q > 0.0 { q } else { 1.0 })
+}
+
+/// The nearest point of the cone { |t| <= mu n }.
+fn project([n, t1, t2]: Triple, mu: f64) -> Triple {
+    let t = t1.hypot(t2);
+    if t <= mu * n {
+        return [n, t1, t2];
+    }
+    if mu * t <= -n {
+        return [0.0; 3];
+    }
+    let normal = (n + mu * t) / (1.0 + mu * mu);
+    let scale = mu * normal / t;
+    [normal, scale * t1, scale * t2]
+}
