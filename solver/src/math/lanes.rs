@@ -33,6 +33,9 @@ pub trait Lanes: Copy + Send + Sync {
     fn gather(self, lines: &[Line], index: &[u32]) -> [Self::V; 8];
     /// The reverse; two equal indices must bring equal lines.
     fn scatter(self, lines: &mut [Line], index: &[u32], columns: [Self::V; 8]);
+    /// The first four components alone.
+    fn gather_half(self, lines: &[Line], index: &[u32]) -> [Self::V; 4];
+    fn scatter_half(self, lines: &mut [Line], index: &[u32], columns: [Self::V; 4]);
 }
 
 /// The same for numbers of single precision.
@@ -152,6 +155,15 @@ impl Lanes for Scalar {
     #[inline(always)]
     fn scatter(self, lines: &mut [Line], index: &[u32], columns: [f64; 8]) {
         lines[index[0] as usize] = columns;
+    }
+    #[inline(always)]
+    fn gather_half(self, lines: &[Line], index: &[u32]) -> [f64; 4] {
+        let line = &lines[index[0] as usize];
+        [line[0], line[1], line[2], line[3]]
+    }
+    #[inline(always)]
+    fn scatter_half(self, lines: &mut [Line], index: &[u32], columns: [f64; 4]) {
+        lines[index[0] as usize][..4].copy_from_slice(&columns);
     }
 }
 
@@ -290,6 +302,41 @@ mod x86 {
             let rows = transpose8(self, columns);
             for k in 0..8 {
                 lines[index[k] as usize] = cast(rows[k]);
+            }
+        }
+        #[inline(always)]
+        fn gather_half(self, lines: &[Line], index: &[u32]) -> [__m512d; 4] {
+            let avx = self.avx512f;
+            // Rows 0 and 2, 1 and 3 ... so that the unpacked pairs come out in order.
+            let mut pairs = [self.splat(0.0); 4];
+            for k in 0..4 {
+                let first = k % 2 + 4 * (k / 2);
+                let (a, b) = (&lines[index[first] as usize], &lines[index[first + 2] as usize]);
+                pairs[k] = cast([a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
+            }
+            let (e0, o0) = (avx._mm512_unpacklo_pd(pairs[0], pairs[1]), avx._mm512_unpackhi_pd(pairs[0], pairs[1]));
+            let (e1, o1) = (avx._mm512_unpacklo_pd(pairs[2], pairs[3]), avx._mm512_unpackhi_pd(pairs[2], pairs[3]));
+            [
+                avx._mm512_shuffle_f64x2::<0x88>(e0, e1),
+                avx._mm512_shuffle_f64x2::<0x88>(o0, o1),
+                avx._mm512_shuffle_f64x2::<0xdd>(e0, e1),
+                avx._mm512_shuffle_f64x2::<0xdd>(o0, o1),
+            ]
+        }
+        #[inline(always)]
+        fn scatter_half(self, lines: &mut [Line], index: &[u32], c: [__m512d; 4]) {
+            let avx = self.avx512f;
+            // Halves of the even rows and of the odd ones; two rows side by side; rows.
+            let (e, o) = (avx._mm512_unpacklo_pd(c[0], c[1]), avx._mm512_unpackhi_pd(c[0], c[1]));
+            let (f, p) = (avx._mm512_unpacklo_pd(c[2], c[3]), avx._mm512_unpackhi_pd(c[2], c[3]));
+            let (e02, e46) = (avx._mm512_shuffle_f64x2::<0x44>(e, f), avx._mm512_shuffle_f64x2::<0xee>(e, f));
+            let (o13, o57) = (avx._mm512_shuffle_f64x2::<0x44>(o, p), avx._mm512_shuffle_f64x2::<0xee>(o, p));
+            let pairs = [e02, o13, e46, o57];
+            for k in 0..4 {
+                let rows: [f64; 8] = cast(avx._mm512_shuffle_f64x2::<0xd8>(pairs[k], pairs[k]));
+                let first = k % 2 + 4 * (k / 2);
+                lines[index[first] as usize][..4].copy_from_slice(&rows[..4]);
+                lines[index[first + 2] as usize][..4].copy_from_slice(&rows[4..]);
             }
         }
     }
@@ -441,6 +488,21 @@ mod x86 {
                 self.store(&mut line[4..], high[k]);
             }
         }
+        #[inline(always)]
+        fn gather_half(self, lines: &[Line], index: &[u32]) -> [__m256d; 4] {
+            let mut rows = [self.splat(0.0); 4];
+            for k in 0..4 {
+                rows[k] = cast(four(&lines[index[k] as usize][..4]));
+            }
+            transpose4(self, rows)
+        }
+        #[inline(always)]
+        fn scatter_half(self, lines: &mut [Line], index: &[u32], columns: [__m256d; 4]) {
+            let rows = transpose4(self, columns);
+            for k in 0..4 {
+                self.store(&mut lines[index[k] as usize][..4], rows[k]);
+            }
+        }
     }
 
     impl Singles for V3 {
@@ -527,6 +589,9 @@ mod tests {
                     out[2] = q;
                     out[7] = c[0];
                     l.scatter(lines, index, out);
+                    let mut half = l.gather_half(lines, index);
+                    half[1] = l.add(half[1], half[3]);
+                    l.scatter_half(lines, index, half);
                 }
             }
         }

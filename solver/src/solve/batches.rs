@@ -37,7 +37,8 @@ pub struct Batch {
 
 pub const NONE: u32 = u32::MAX;
 
-/// r̂ of eight contacts, and of the sweep before, N s.
+/// r̂ of eight contacts, and of the sweep before, N s. World vectors; where nothing has friction the
+/// first component is r̂_n and the others are not used.
 #[derive(Debug, Clone, Default)]
 #[repr(align(64))]
 pub struct Impulses {
@@ -102,6 +103,7 @@ impl Problem {
     /// The problem of the rows `active`, starting from `impulses` (one a row of the system) and from
     /// the velocities that they lead to.
     pub fn new(system: &System, active: &[u32], impulses: &[Vec3], records: &[crate::assemble::Record]) -> Self {
+        let frictional = active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
         let layout = Layout::new(system, active);
         let mut lines = vec![[0.0; 8]; layout.starts[layout.starts.len() - 1]];
         for (body, line) in layout.line_of.iter().enumerate() {
@@ -144,7 +146,14 @@ impl Problem {
             let most = rows.len() / BATCH + COLOURS;
             let mut batches = Batches { batches: Vec::with_capacity(most), impulses: Vec::with_capacity(most) };
             for chunk in colour(system, rows, &layout, &mut masks).iter().flat_map(|colour| colour.1.chunks(colour.0)) {
-                batches.push(system, chunk, impulses, |k, side| line(k, side, from), (unused - from) as u32);
+                batches.push(
+                    system,
+                    chunk,
+                    impulses,
+                    |k, side| line(k, side, from),
+                    (unused - from) as u32,
+                    frictional,
+                );
             }
             batches
         };
@@ -157,7 +166,6 @@ impl Problem {
             })
             .collect();
         let between = batches(&groups[layout.ranges()], 0, lines.len() - 1);
-        let frictional = active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
         Problem { previous: lines.clone(), lines, ranges, between, frictional }
     }
 
@@ -166,7 +174,11 @@ impl Problem {
         for batches in self.ranges.iter().map(|range| &range.inside).chain([&self.between]) {
             for (batch, values) in batches.batches.iter().zip(&batches.impulses) {
                 for (lane, &row) in batch.rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
-                    impulses[row as usize] = Vec3::from_fn(|k, _| values.r[k][lane]);
+                    impulses[row as usize] = if self.frictional {
+                        Vec3::from_fn(|k, _| values.r[k][lane])
+                    } else {
+                        Vec3::from_fn(|k, _| batch.n[k][lane]) * values.r[0][lane]
+                    };
                 }
             }
         }
@@ -277,6 +289,7 @@ impl Batches {
         impulses: &[Vec3],
         line: impl Fn(u32, usize) -> u32,
         unused: u32,
+        frictional: bool,
     ) {
         let mut batch = Batch {
             n: [[0.0; BATCH]; 3],
@@ -293,7 +306,11 @@ impl Batches {
             let put = |columns: &mut [[f64; BATCH]; 3], v: &Vec3| (0..3).for_each(|i| columns[i][lane] = v[i]);
             put(&mut batch.n, &row.normal);
             put(&mut batch.shift, &row.shift);
-            put(&mut start.r, &impulses[k as usize]);
+            if frictional {
+                put(&mut start.r, &impulses[k as usize]);
+            } else {
+                start.r[0][lane] = row.normal.dot(&impulses[k as usize]);
+            }
             batch.inverse_w[0][lane] = 1.0 / row.w_n;
             batch.inverse_w[1][lane] = 1.0 / row.w_t;
             batch.friction[lane] = row.friction;

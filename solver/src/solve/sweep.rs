@@ -4,7 +4,7 @@ use pulp::NullaryFnOnce;
 
 use crate::math::lanes::{Lanes, Line, Width};
 use crate::solve::batches::{BATCH, Batch, Batches, Impulses, Problem, Range, Sums};
-use crate::solve::local::{Triple, cross_add, dot, signorini_coulomb, triple};
+use crate::solve::local::{cross_add, dot, signorini_coulomb, triple};
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
 pub fn sweep(problem: &mut Problem, width: Width, beta: f64) -> Sums {
@@ -27,7 +27,11 @@ fn sweep_with<L: Lanes>(problem: &mut Problem, lanes: L, beta: f64) -> Sums {
     let mut sums = Sums::default();
     ranges.iter().for_each(|range| sums.add(&range.sums));
     let mut last = Sums::default();
-    run::<L, true>(lanes, lines, between, beta, &mut last);
+    if *frictional {
+        run::<L, true>(lanes, lines, between, beta, &mut last);
+    } else {
+        run::<L, false>(lanes, lines, between, beta, &mut last);
+    }
     sums.add(&last);
     sums
 }
@@ -128,60 +132,68 @@ fn solve_batch<L: Lanes, const FRICTION: bool>(
             triple!(k => load!($x[k]))
         };
     }
+    let zero = l.splat(0.0);
     let index = [&batch.bodies[0][places.clone()], &batch.bodies[1][places.clone()]];
-    let mut a = l.gather(lines, index[0]);
-    let mut b = l.gather(lines, index[1]);
     let n = load3!(batch.n);
-    let levers = [load!(batch.levers[0]), load!(batch.levers[1])];
-
-    // û = v_a - v_b + n x (l_a w_a + l_b w_b) + shift
     let shift = load3!(batch.shift);
-    let mut u: Triple<L::V> = triple!(k => l.add(l.sub(a[k], b[k]), shift[k]));
+
     if FRICTION {
+        let mut a = l.gather(lines, index[0]);
+        let mut b = l.gather(lines, index[1]);
+        let levers = [load!(batch.levers[0]), load!(batch.levers[1])];
+        // û = v_a - v_b + n x (l_a w_a + l_b w_b) + shift
         let spin = triple!(k => l.mul_add(a[4 + k], levers[0], l.mul(b[4 + k], levers[1])));
-        u = cross_add(l, n, spin, u);
-    }
-
-    let r = load3!(impulses.r);
-    let before = load3!(impulses.previous);
-    let y = triple!(k => l.mul_add(l.splat(beta), l.sub(r[k], before[k]), r[k]));
-    let new = if FRICTION {
+        let u = cross_add(l, n, spin, triple!(k => l.add(l.sub(a[k], b[k]), shift[k])));
+        let r = load3!(impulses.r);
+        let before = load3!(impulses.previous);
+        let y = triple!(k => l.mul_add(l.splat(beta), l.sub(r[k], before[k]), r[k]));
         let inverse_w = [load!(batch.inverse_w[0]), load!(batch.inverse_w[1])];
-        signorini_coulomb(l, n, u, y, inverse_w, load!(batch.friction))
-    } else {
-        let zero = l.splat(0.0);
-        let stopping = l.neg_mul_add(dot(l, n, u), load!(batch.inverse_w[0]), dot(l, n, y));
-        let normal = l.select_greater(stopping, zero, stopping, zero);
-        triple!(k => l.mul(n[k], normal))
-    };
-    for k in 0..3 {
-        l.store(&mut impulses.previous[k][places.clone()], r[k]);
-        l.store(&mut impulses.r[k][places.clone()], new[k]);
-    }
-
-    // The change goes to the bodies at once.
-    let change = triple!(k => l.sub(new[k], y[k]));
-    let masses = [a[3], b[3]];
-    for k in 0..3 {
-        a[k] = l.mul_add(change[k], masses[0], a[k]);
-        b[k] = l.neg_mul_add(change[k], masses[1], b[k]);
-    }
-    if FRICTION {
-        let zero = l.splat(0.0);
+        let new = signorini_coulomb(l, n, u, y, inverse_w, load!(batch.friction));
+        for k in 0..3 {
+            l.store(&mut impulses.previous[k][places.clone()], r[k]);
+            l.store(&mut impulses.r[k][places.clone()], new[k]);
+        }
+        // The change goes to the bodies at once.
+        let change = triple!(k => l.sub(new[k], y[k]));
         let turn = cross_add(l, change, n, [zero; 3]);
         let arms = [l.mul(levers[0], a[7]), l.mul(levers[1], b[7])];
+        let w_n = l.add(a[3], b[3]);
         for k in 0..3 {
+            a[k] = l.mul_add(change[k], a[3], a[k]);
+            b[k] = l.neg_mul_add(change[k], b[3], b[k]);
             a[4 + k] = l.mul_add(turn[k], arms[0], a[4 + k]);
             b[4 + k] = l.mul_add(turn[k], arms[1], b[4 + k]);
         }
+        l.scatter(lines, index[0], a);
+        l.scatter(lines, index[1], b);
+        let moved = triple!(k => l.sub(new[k], r[k]));
+        let uphill = l.neg_mul_add(w_n, dot(l, change, moved), load!(sums.uphill));
+        let change2 = l.add(dot(l, change, change), load!(sums.change2));
+        l.store(&mut sums.uphill[places.clone()], uphill);
+        l.store(&mut sums.change2[places], change2);
+    } else {
+        // One unknown a contact, r̂_n, kept as the first component; spheres do not turn.
+        let mut a = l.gather_half(lines, index[0]);
+        let mut b = l.gather_half(lines, index[1]);
+        let u_n = dot(l, n, triple!(k => l.add(l.sub(a[k], b[k]), shift[k])));
+        let r = load!(impulses.r[0]);
+        let y = l.mul_add(l.splat(beta), l.sub(r, load!(impulses.previous[0])), r);
+        let stopping = l.neg_mul_add(u_n, load!(batch.inverse_w[0]), y);
+        let new = l.select_greater(stopping, zero, stopping, zero);
+        l.store(&mut impulses.previous[0][places.clone()], r);
+        l.store(&mut impulses.r[0][places.clone()], new);
+        let change = l.sub(new, y);
+        let w_n = l.add(a[3], b[3]);
+        let (to_a, to_b) = (l.mul(change, a[3]), l.mul(change, b[3]));
+        for k in 0..3 {
+            a[k] = l.mul_add(n[k], to_a, a[k]);
+            b[k] = l.neg_mul_add(n[k], to_b, b[k]);
+        }
+        l.scatter_half(lines, index[0], a);
+        l.scatter_half(lines, index[1], b);
+        let uphill = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), load!(sums.uphill));
+        let change2 = l.mul_add(change, change, load!(sums.change2));
+        l.store(&mut sums.uphill[places.clone()], uphill);
+        l.store(&mut sums.change2[places], change2);
     }
-    l.scatter(lines, index[0], a);
-    l.scatter(lines, index[1], b);
-
-    let w_n = l.add(masses[0], masses[1]);
-    let moved = triple!(k => l.sub(new[k], r[k]));
-    let uphill = l.neg_mul_add(w_n, dot(l, change, moved), load!(sums.uphill));
-    let change2 = l.add(dot(l, change, change), load!(sums.change2));
-    l.store(&mut sums.uphill[places.clone()], uphill);
-    l.store(&mut sums.change2[places], change2);
 }
