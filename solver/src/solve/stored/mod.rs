@@ -7,10 +7,14 @@
 //! |---|---|
 //! | `local` | one contact with a full block, exactly |
 //! | `sweep` | nonlinear Gauss-Seidel, plain and with Anderson's acceleration |
+//! | `newton` | proximal point with a semismooth Newton method inside |
+//! | `scaled` | the problem in units that suit it |
 //! | `residual` | judges, never solves |
 
 mod local;
+mod newton;
 mod residual;
+mod scaled;
 mod sweep;
 
 use std::time::{Duration, Instant};
@@ -92,6 +96,17 @@ impl Problem {
         self.columns[place.clone()].iter().map(|&j| j as usize).zip(&self.blocks[place])
     }
 
+    /// u = W r + q
+    pub fn velocity(&self, r: &[Triple]) -> Vec<Triple> {
+        let add = |mut u: Triple, (j, w): (usize, &Block)| {
+            for k in 0..3 {
+                u[k] += w[k][0] * r[j][0] + w[k][1] * r[j][1] + w[k][2] * r[j][2];
+            }
+            u
+        };
+        (0..self.len()).map(|i| self.row(i).fold(self.q[i], add)).collect()
+    }
+
     /// The blocks W_ii.
     pub fn diagonal(&self) -> impl Iterator<Item = &Block> {
         (0..self.len()).filter_map(|i| self.row(i).find(|(j, _)| *j == i).map(|(_, w)| w))
@@ -103,10 +118,12 @@ impl Problem {
 pub enum Solver {
     Nlgs,
     NlgsAnderson,
+    ProxNewton,
 }
 
 impl Solver {
-    pub const ALL: [(&'static str, Solver); 2] = [("nlgs", Solver::Nlgs), ("nlgs-anderson", Solver::NlgsAnderson)];
+    pub const ALL: [(&'static str, Solver); 3] =
+        [("nlgs", Solver::Nlgs), ("nlgs-anderson", Solver::NlgsAnderson), ("prox-newton", Solver::ProxNewton)];
 }
 
 /// When to stop.
@@ -136,6 +153,7 @@ pub fn solve(problem: &Problem, solver: Solver, limits: Limits) -> Solution {
     match solver {
         Solver::Nlgs => sweep::nlgs(&mut run, 0),
         Solver::NlgsAnderson => sweep::nlgs(&mut run, sweep::DEPTH),
+        Solver::ProxNewton => newton::prox_newton(&mut run, u64::MAX),
     }
     let converged = run.best.1 <= limits.tol;
     Solution { r: run.best.0, sweeps: run.sweeps, residual: run.best.1, converged }

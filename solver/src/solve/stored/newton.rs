@@ -1,0 +1,168 @@
+//! Proximal point with a semismooth Newton method inside.
+//!
+//! The outer loop solves, from r_k, the problem of u = W r + q + a (r - r_k): regular even where W is not, and
+//! with the same solutions at rest. Newton's method solves it as Phi(r) = 0,
+//!
+//! ```text
+//! tau = r - u,   Phi_n = r_n - max(0, tau_n),   Phi_T = r_T - P(tau_T; mu max(0, tau_n)),
+//! ```
+//!
+//! P the projection on the disc of that radius, all in units in which the diagonal blocks have trace 3. Easy
+//! problems make a smaller, hard ones larger.
+//!
+//! Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991) 353-375 (Phi); V. Acary, M.
+//! Bremond, O. Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018) (proximal loop).
+
+use faer::Mat;
+use faer::linalg::solvers::Solve;
+
+use super::scaled::Scaled;
+use super::{Run, Triple};
+
+/// The proximal parameter a: where it starts, its limits, and its change after success and failure.
+const START: f64 = 1e-4;
+const RANGE: (f64, f64) = (1e-9, 1e2);
+const EASE: f64 = 0.1;
+const TIGHTEN: f64 = 30.0;
+/// Newton steps for one proximal problem.
+const INNER: usize = 20;
+
+/// Goes on from the best iterate of the run until the run or the budget of `steps` Newton steps is over.
+pub fn prox_newton(run: &mut Run, mut steps: u64) {
+    let scaled = Scaled::new(run.problem);
+    let mut r = scaled.impulses_in(&run.best.0);
+    let mut a = START;
+    while !run.is_over() && steps > 0 && a <= RANGE.1 {
+        let target = 0.1 * norm(&Contacts::new(&scaled, &r, &r, 0.0).phi);
+        let center = r.clone();
+        let mut solved = false;
+        let mut state = Contacts::new(&scaled, &r, &center, a);
+        for _ in 0..INNER {
+            if norm(&state.phi) <= target {
+                solved = true;
+                break;
+            }
+            run.sweeps += 1;
+            steps = steps.saturating_sub(1);
+            let Some(next) = state.newton_step().and_then(|step| line_search(&state, &step)) else { break };
+            state = next;
+            run.judge(&scaled.impulses_out(&state.r));
+            if run.is_over() || steps == 0 {
+                return;
+            }
+        }
+        if solved {
+            r = state.r;
+            a = (a * EASE).max(RANGE.0);
+        } else {
+            a *= TIGHTEN;
+        }
+    }
+}
+
+/// The iterate with what Newton's method needs of it.
+struct Contacts<'a> {
+    scaled: &'a Scaled,
+    center: &'a [Triple],
+    a: f64,
+    r: Vec<Triple>,
+    tau: Vec<Triple>,
+    phi: Vec<Triple>,
+}
+
+impl<'a> Contacts<'a> {
+    fn new(scaled: &'a Scaled, r: &[Triple], center: &'a [Triple], a: f64) -> Self {
+        let u = scaled.velocity(r);
+        let tau: Vec<Triple> =
+            (0..r.len()).map(|i| std::array::from_fn(|k| r[i][k] - u[i][k] - a * (r[i][k] - center[i][k]))).collect();
+        let phi = (0..r.len())
+            .map(|i| {
+                let (r, [n, t1, t2]) = (r[i], tau[i]);
+                let n = n.max(0.0);
+                let (size, bound) = ((t1 * t1 + t2 * t2).sqrt(), scaled.mu[i] * n);
+                let share = if size > bound { bound / size } else { 1.0 };
+                [r[0] - n, r[1] - share * t1, r[2] - share * t2]
+            })
+            .collect();
+        Contacts { scaled, center, a, r: r.to_vec(), tau, phi }
+    }
+
+    /// -J^-1 Phi, J an element of Phi's generalised Jacobian; none where that is singular.
+    fn newton_step(&self) -> Option<Vec<Triple>> {
+        // Contacts that part have r = 0 after the step: they leave the system.
+        let closed: Vec<usize> = (0..self.r.len()).filter(|&i| self.tau[i][0] > 0.0).collect();
+        let mut place = vec![usize::MAX; self.r.len()];
+        closed.iter().enumerate().for_each(|(k, &i)| place[i] = k);
+        let size = 3 * closed.len();
+        let mut j = Mat::<f64>::zeros(size, size);
+        let mut right = Mat::<f64>::zeros(size, 1);
+        for (row, &i) in closed.iter().enumerate() {
+            let [n, t1, t2] = self.tau[i];
+            let mu = self.scaled.mu[i];
+            let size = t1.hypot(t2);
+            // Phi' = A u' + B r'
+            let (mut to_u, mut to_r) = ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [[0.0; 3]; 3]);
+            if size > mu * n {
+                let (d, share) = ([t1 / size, t2 / size], mu * n / size);
+                for k in 0..2 {
+                    to_u[k + 1][0] = mu * d[k];
+                    to_r[k + 1][0] = -mu * d[k];
+                    for l in 0..2 {
+                        let one = f64::from(u8::from(k == l));
+                        to_u[k + 1][l + 1] = share * (one - d[k] * d[l]);
+                        to_r[k + 1][l + 1] = one - to_u[k + 1][l + 1];
+                    }
+                }
+            }
+            for k in 0..3 {
+                right[(3 * row + k, 0)] = -self.phi[i][k];
+            }
+            for (column, w) in self.scaled.row(i) {
+                let mut w = *w;
+                if column == i {
+                    (0..3).for_each(|k| w[k][k] += self.a);
+                }
+                for k in 0..3 {
+                    for l in 0..3 {
+                        let mut value: f64 = (0..3).map(|m| to_u[k][m] * w[m][l]).sum();
+                        if place[column] == usize::MAX {
+                            right[(3 * row + k, 0)] += value * self.r[column][l];
+                        } else {
+                            if column == i {
+                                value += to_r[k][l];
+                            }
+                            j[(3 * row + k, 3 * place[column] + l)] = value;
+                        }
+                    }
+                }
+            }
+        }
+        let solution = j.partial_piv_lu().solve(&right);
+        let step: Vec<Triple> = (0..self.r.len())
+            .map(|i| match place[i] {
+                usize::MAX => self.r[i].map(|x| -x),
+                k => std::array::from_fn(|l| solution[(3 * k + l, 0)]),
+            })
+            .collect();
+        step.as_flattened().iter().all(|x| x.is_finite()).then_some(step)
+    }
+
+    fn moved(&self, step: &[Triple], share: f64) -> Self {
+        let r: Vec<Triple> =
+            self.r.iter().zip(step).map(|(r, d)| std::array::from_fn(|k| r[k] + share * d[k])).collect();
+        Contacts::new(self.scaled, &r, self.center, self.a)
+    }
+}
+
+/// The first of the shares 1, 1/2, 1/4 ... of the step that lowers |Phi|.
+fn line_search<'a>(state: &Contacts<'a>, step: &[Triple]) -> Option<Contacts<'a>> {
+    let here = norm(&state.phi);
+    (0..10).map(|k| 0.5f64.powi(k)).find_map(|share| {
+        let next = state.moved(step, share);
+        (norm(&next.phi) <= (1.0 - 1e-4 * share) * here).then_some(next)
+    })
+}
+
+fn norm(a: &[Triple]) -> f64 {
+    a.as_flattened().iter().map(|x| x * x).sum::<f64>().sqrt()
+}
