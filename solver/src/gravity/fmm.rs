@@ -11,7 +11,7 @@
 use pulp::NullaryFnOnce;
 
 use super::expansion::{contract, derivatives, exponential, narrow, narrow_len, wide, wide_len, widen};
-use super::pairs::{PackF32, PackF64, Packed, Pull, PullF32, PullF64, Source};
+use super::pairs::{PackF32, PackF64, Packed, Pull, PullF32, PullF64, Source, TARGETS};
 use super::tree::{Cell, GRAIN, Tree};
 use crate::math::lanes::{Scalar, Singles};
 
@@ -224,17 +224,16 @@ impl<L: Singles> Walk<'_, L> {
         let largest = others().map(|source| source.radius).fold(cell.radius, f64::max);
         let limit = ((close * (cell.radius + largest) / length).max(1e-6) as f32).powi(2);
         let mut packed = false;
-        for k in 0..targets.len() {
-            if nearest[k] < limit {
+        let groups = targets.chunks(TARGETS).zip(nearest.chunks(TARGETS));
+        for ((targets, nearest), (out, pulls)) in groups.zip(out.chunks_mut(TARGETS).zip(pulls.chunks(TARGETS))) {
+            if nearest[0] < limit {
                 if !packed {
                     l.run(PackF64 { to: doubles, bodies, sources });
                     packed = true;
                 }
-                l.run(PullF64 { l, packed: doubles, targets: &targets[k..=k], out: &mut out[k..=k] });
+                l.run(PullF64 { l, packed: doubles, targets, out });
             } else {
-                for c in 0..4 {
-                    out[k][c] += pulls[k][c];
-                }
+                out.as_flattened_mut().iter_mut().zip(pulls.as_flattened()).for_each(|(out, pull)| *out += pull);
             }
         }
     }
@@ -275,8 +274,8 @@ impl<L: Singles> NullaryFnOnce for Far<'_, L> {
                 for line in 0..tree.lines {
                     let columns = l.gather(&tree.moments, &index);
                     moments[line * 8..][..8].copy_from_slice(&columns);
-                    for k in 0..L::WIDTH {
-                        index[k] += 1;
+                    for place in &mut index {
+                        *place += 1;
                     }
                 }
                 let d = [l.sub(x, moments[1]), l.sub(y, moments[2]), l.sub(z, moments[3])];

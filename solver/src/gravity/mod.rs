@@ -56,19 +56,35 @@ struct Expansion {
     single: Option<f64>,
 }
 
+/// What an error asked for takes: error, order, opening for many bodies, share of opening more for a thousand bodies,
+/// and the number of bodies from which the fast method is faster than the direct sum.
+///
+/// Found on uniform balls, jittered lattices and pairs of these of 1000 to 100 000 bodies: the RMS relative error is a
+/// tenth to the whole of what was asked for. Of the orders that reach it the fastest was taken. A thousand bodies have
+/// few cells far enough away to err.
+const SETTINGS: [(f64, usize, f64, f64, usize); 5] = [
+    (1e-2, 4, 0.78, 0.02, 700),
+    (1e-3, 6, 0.66, 0.05, 1200),
+    (1e-4, 8, 0.61, 0.06, 2000),
+    (1e-5, 9, 0.51, 0.10, 3000),
+    (1e-6, 10, 0.46, 0.16, 8000),
+];
+
+/// The row of the largest error that is not above the one asked for.
+fn setting(error: f64) -> (f64, usize, f64, f64, usize) {
+    *SETTINGS.iter().find(|row| row.0 <= error).unwrap_or(&SETTINGS[SETTINGS.len() - 1])
+}
+
 impl Expansion {
     /// Settings that bring the RMS relative error asked for.
-    fn for_error(error: f64) -> Self {
-        let (order, opening) = match error {
-            e if e >= 1e-2 => (3, 0.7),
-            e if e >= 1e-3 => (5, 0.57),
-            e if e >= 1e-4 => (6, 0.5),
-            e if e >= 1e-5 => (8, 0.5),
-            _ => (10, 0.46),
-        };
-        // The rounding of a single-precision position over the distance, a fifth of the error asked for at most.
-        let single = (error > 2e-6).then_some(3e-7 / error);
-        Expansion { order, opening, leaf: 48, single }
+    fn for_error(error: f64, bodies: usize) -> Self {
+        let (row_error, order, opening, more, _) = setting(error);
+        // An error of the expansions goes as theta^(p+2); between rows the opening follows.
+        let between = (error / row_error).clamp(1.0, 10.0).powf(1.0 / (order as f64 + 2.0));
+        let few = more * (1000.0 / bodies.max(1000) as f64).powi(2);
+        // Above this part of the radii, rounded positions spoil no pair by more than the error asked for.
+        let single = (error > 2e-6).then_some(1e-7 / error);
+        Expansion { order, opening: (opening * (1.0 + few) * between).min(0.9), leaf: 48, single }
     }
 }
 
@@ -103,8 +119,8 @@ impl Gravity {
         Gravity { method, error, order: None, opening: None, leaf: None }
     }
 
-    fn expansion(&self) -> Expansion {
-        let Expansion { order, opening, leaf, single } = Expansion::for_error(self.error);
+    fn expansion(&self, bodies: usize) -> Expansion {
+        let Expansion { order, opening, leaf, single } = Expansion::for_error(self.error, bodies);
         Expansion {
             order: self.order.unwrap_or(order).clamp(1, HIGHEST_ORDER),
             opening: self.opening.unwrap_or(opening).clamp(0.0, 0.99),
@@ -116,7 +132,7 @@ impl Gravity {
     /// The method taken for this many bodies: never `Auto`.
     pub fn method_for(&self, bodies: usize) -> Method {
         match self.method {
-            Method::Auto if bodies < 1000 || self.error < LEAST_ERROR => Method::Direct,
+            Method::Auto if bodies < setting(self.error).4 || self.error < LEAST_ERROR => Method::Direct,
             Method::Auto => Method::Fmm,
             method => method,
         }
@@ -144,7 +160,7 @@ impl Gravity {
     }
 
     fn expand<L: Singles>(&self, lanes: L, positions: &[Vec3], masses: &[f64], constant: f64) -> Field {
-        let Expansion { order, opening, leaf, single } = self.expansion();
+        let Expansion { order, opening, leaf, single } = self.expansion(positions.len());
         let tree = Tree::new(lanes, positions, masses, order, leaf);
         let pulls = Walk { lanes, tree: &tree, opening, single }.pulls();
         let potential_unit = constant * tree.mass / tree.length;
@@ -346,9 +362,12 @@ mod tests {
             let field = fmm(error).field(x, m, 1.0);
             assert!(field.acceleration.iter().all(|a| a.iter().all(|a| a.is_finite())), "{name}");
             assert!(field.potential.iter().all(|p| p.is_finite()), "{name}");
-            let scale = exact.iter().map(|a| a.norm()).fold(0.0, f64::max);
-            for (a, b) in field.acceleration.iter().zip(&exact) {
-                assert!((a - b).norm() <= 10.0 * error * scale, "{name}: {a} {b}");
+            if exact.iter().any(|a| *a != Vec3::zeros()) {
+                // Hardly anything averages out where one body rules.
+                let got = difference(&field.acceleration, &exact);
+                assert!(got < 5.0 * error, "{name}: {got:e} for {error:e}");
+            } else {
+                assert_eq!(field.acceleration, exact, "{name}");
             }
         }
     }

@@ -7,7 +7,7 @@ use pulp::NullaryFnOnce;
 use crate::math::lanes::{Lanes, Singles};
 
 /// Targets side by side, so that a source is loaded once for all of them.
-const TARGETS: usize = 4;
+pub const TARGETS: usize = 4;
 /// Partial sums in single precision, added up in a fixed order.
 const SUMS_F32: usize = 16;
 /// The same in double precision.
