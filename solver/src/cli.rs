@@ -26,6 +26,9 @@ struct Arguments {
     /// Remove the results of an earlier run first.
     #[arg(long)]
     force: bool,
+    /// Write the contact problem that leads to this step to DIR/problem-STEP.fc3d.
+    #[arg(long, value_name = "STEP")]
+    dump_problem: Option<u64>,
     #[command(flatten)]
     flags: Flags,
 }
@@ -87,5 +90,5 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
             "expected a number of threads that the machine can start",
         )))
     })?;
-    pool.install(|| run_case(case, &scene, state, resumed))
+    pool.install(|| run_case(case, &scene, state, resumed, arguments.dump_problem))
 }

@@ -10,7 +10,7 @@ use crate::math::Vec3;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::state::State;
-use crate::step::{Clock, Motion, step};
+use crate::step::{Clock, Motion, next_problem, step};
 use crate::write::Results;
 use crate::write::summary::{Course, text};
 
@@ -35,7 +35,9 @@ impl From<Faults> for Failure {
 }
 
 /// Advances the state to the last step and writes the results; returns the summary.
-pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool) -> Result<String, Failure> {
+///
+/// `dump`: the step whose contact problem is written out, too.
+pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Option<u64>) -> Result<String, Failure> {
     let start = Instant::now();
     let last = last_step(scene);
     let mut results = Results::open(case, &state)?;
@@ -50,6 +52,10 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool) -> Resul
 
     let progress = Progress::new(state.step, last.max(state.step));
     while state.step < last {
+        if dump == Some(state.step + 1) {
+            let path = crate::write::problem(case, state.step + 1, next_problem(scene, &state))?;
+            println!("contact problem of step {} in {}", state.step + 1, path.display());
+        }
         let mut lap = Clock { writing: std::mem::take(&mut writing), ..Clock::default() };
         let report = step(scene, &mut state, &mut lap);
         expect_finite(&state).inspect_err(|_| progress.finish())?;

@@ -81,6 +81,17 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     report
 }
 
+/// The contact problem that the next step would solve, written out.
+pub fn next_problem(scene: &Scene, state: &State) -> assemble::StoredProblem {
+    let mut state = state.clone();
+    assemble::interventions(scene, &mut state);
+    let q_c = integrate::predict(scene, &state);
+    let free = assemble::free_velocity(scene, &state, &q_c);
+    let contacts = detect::contacts(scene, &q_c, &free.v, scene.options.dt);
+    let system = assemble::contact_problem(scene, &state, &q_c, &contacts, &free.v, &free.w);
+    assemble::stored_problem(&system, &contacts)
+}
+
 /// Velocities and contacts at the step's end.
 struct Solved {
     v: Vec<Vec3>,

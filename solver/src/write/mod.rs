@@ -1,6 +1,7 @@
 //! Room: state and reports to the files of OUTBOX.
 
 mod log;
+mod problem;
 mod snapshot;
 pub mod summary;
 mod text;
@@ -15,6 +16,7 @@ use crate::state::State;
 use crate::step::{Clock, StepReport};
 
 use log::Table;
+pub use problem::write as problem;
 
 /// The results of a case: snapshots and `steps.csv` in OUTBOX, `TIMER.csv` beside it. Durations
 /// stand apart, so that equal runs have equal bytes in OUTBOX.

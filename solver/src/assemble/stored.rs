@@ -1,0 +1,126 @@
+//! The contact problem of one step written out with its Delassus matrix, to be looked at or solved elsewhere.
+
+use crate::assemble::{Row, System};
+use crate::math::{Vec3, to_local};
+use crate::state::Contact;
+
+/// û = W r̂ + q with Signorini and Coulomb on (û, r̂), components along n, t, s of each contact.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct StoredProblem {
+    pub mu: Vec<f64>,
+    /// û if every r̂ were 0, m/s.
+    pub q: Vec<[f64; 3]>,
+    /// Blocks (i, j, w): û of contact i answered to unit impulses at contact j, 1/kg; those not listed are 0.
+    pub blocks: Vec<(usize, usize, [[f64; 3]; 3])>,
+}
+
+/// The problem of the rows that can close, in the order of the contacts.
+pub fn stored_problem(system: &System, contacts: &[Contact]) -> StoredProblem {
+    let rows: Vec<&Row> = system.rows.iter().filter(|row| row.can_close).collect();
+    let mut on_body = vec![Vec::new(); system.records.len()];
+    for (i, row) in rows.iter().enumerate() {
+        row.bodies.iter().for_each(|&body| on_body[body as usize].push(i));
+    }
+    let mut problem = StoredProblem::default();
+    for (i, row) in rows.iter().enumerate() {
+        let frame = &contacts[row.contact as usize].frame;
+        problem.mu.push(row.friction);
+        problem.q.push(to_local(frame, &row.velocity(&system.records)).into());
+        let mut neighbours: Vec<usize> = row.bodies.iter().flat_map(|&body| &on_body[body as usize]).copied().collect();
+        neighbours.sort_unstable();
+        neighbours.dedup();
+        for j in neighbours {
+            let other = &contacts[rows[j].contact as usize].frame;
+            // Column k: what a unit impulse along axis k of contact j does at contact i.
+            let columns = [0, 1, 2].map(|k| to_local(frame, &answer(system, row, rows[j], &other[k])));
+            if columns.iter().any(|column| column.norm_squared() > 0.0) {
+                problem.blocks.push((i, j, [0, 1, 2].map(|a| [0, 1, 2].map(|k| columns[k][a]))));
+            }
+        }
+    }
+    problem
+}
+
+/// Change of velocity at contact `here` by the impulse `r` at contact `there`, world frame, m/s.
+fn answer(system: &System, here: &Row, there: &Row, r: &Vec3) -> Vec3 {
+    let sides = [(0, 1.0), (1, -1.0)];
+    let arm = |row: &Row, (side, sign): (usize, f64)| row.normal * (-sign * row.levers[side]);
+    let mut change = Vec3::zeros();
+    for at in sides {
+        for by in sides.into_iter().filter(|by| there.bodies[by.0] == here.bodies[at.0]) {
+            let record = &system.records[here.bodies[at.0] as usize];
+            let impulse = r * by.1;
+            let spin = arm(there, by).cross(&impulse) * record.inverse_inertia;
+            change += (impulse * record.inverse_mass + spin.cross(&arm(here, at))) * at.1;
+        }
+    }
+    change
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::assemble::Record;
+    use crate::math::local_frame;
+
+    /// W r + q is what the bodies' velocities say, for a chain of three spheres on the ground.
+    #[test]
+    fn matrix_and_bodies_agree() {
+        let record = |k: f64, fixed: f64| Record {
+            v: Vec3::new(k.sin(), k.cos(), 0.3 * k),
+            inverse_mass: fixed / (1.0 + k),
+            w: Vec3::new(0.1, k, -0.2),
+            inverse_inertia: fixed * 2.5 / (1.0 + k),
+        };
+        let records = vec![record(0.0, 1.0), record(1.0, 1.0), record(2.0, 1.0), record(3.0, 0.0)];
+        let normals = [Vec3::new(1.0, 0.2, 0.0), Vec3::new(0.3, 1.0, 0.1), Vec3::z(), Vec3::new(0.1, -0.5, 1.0)];
+        let pairs = [[0, 1], [1, 2], [0, 3], [2, 3]];
+        let frames = normals.map(|n| local_frame(n.normalize()));
+        let contact = |k: usize| Contact {
+            candidate: pairs[k][0],
+            antagonist: pairs[k][1],
+            features: (0, 0),
+            point: Vec3::zeros(),
+            frame: frames[k],
+            gap: 0.0,
+            law: 0,
+        };
+        let row = |k: usize| Row {
+            bodies: pairs[k],
+            normal: frames[k][0],
+            levers: [1.0, 0.7],
+            shift: Vec3::new(0.01, 0.02, k as f64),
+            w_n: 1.0,
+            w_t: 1.0,
+            friction: 0.1 * k as f64,
+            impulse_shift: 0.0,
+            contact: k as u32,
+            can_close: true,
+            start: Vec3::zeros(),
+            u_before: Vec3::zeros(),
+        };
+        let contacts: Vec<Contact> = (0..4).map(contact).collect();
+        let system = System { rows: (0..4).map(row).collect(), records, order: vec![0, 1, 2, 3] };
+        let problem = stored_problem(&system, &contacts);
+
+        let local = |k: usize| Vec3::new(1.0 + k as f64, -0.5, 0.3 * k as f64);
+        let mut moved = system.records.clone();
+        for (k, row) in system.rows.iter().enumerate() {
+            row.apply(&mut moved, &crate::math::to_world(&frames[k], &local(k)));
+        }
+        for (i, row) in system.rows.iter().enumerate() {
+            let mut u = Vec3::from(problem.q[i]);
+            for (_, j, w) in problem.blocks.iter().filter(|(row, _, _)| *row == i) {
+                u += Vec3::from_fn(|a, _| Vec3::from(w[a]).dot(&local(*j)));
+            }
+            let expected = to_local(&frames[i], &row.velocity(&moved));
+            assert!((u - expected).norm() < 1e-14, "contact {i}: {u} {expected}"); // a few roundings of numbers up to 10
+        }
+        assert_eq!(problem.mu, [0.0, 0.1, 0.2, 0.30000000000000004]);
+        // Symmetric: w_ij = w_ji^T.
+        for (i, j, w) in &problem.blocks {
+            let (_, _, other) = problem.blocks.iter().find(|(a, b, _)| (a, b) == (j, i)).unwrap();
+            assert!((0..3).all(|a| (0..3).all(|b| (w[a][b] - other[b][a]).abs() < 1e-15)));
+        }
+    }
+}
