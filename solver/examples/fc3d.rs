@@ -21,7 +21,7 @@ struct Arguments {
     /// Residual to reach, |F| / (rho |q|)
     #[arg(long, default_value_t = 1e-8)]
     tol: f64,
-    #[arg(long, default_value = "nlgs-anderson", value_parser = by_name)]
+    #[arg(long, default_value = "auto", value_parser = by_name)]
     solver: Solver,
     /// Seconds after which the best so far is written
     #[arg(long, default_value_t = 60.0)]

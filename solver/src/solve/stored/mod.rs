@@ -5,12 +5,16 @@
 //!
 //! | module | what it knows |
 //! |---|---|
+//! | `admm` | alternating directions of multipliers |
+//! | `anderson` | acceleration of a fixed point iteration |
 //! | `local` | one contact with a full block, exactly |
 //! | `sweep` | nonlinear Gauss-Seidel, plain and with Anderson's acceleration |
 //! | `newton` | proximal point with a semismooth Newton method inside |
 //! | `scaled` | the problem in units that suit it |
 //! | `residual` | judges, never solves |
 
+mod admm;
+mod anderson;
 mod local;
 mod newton;
 mod residual;
@@ -116,14 +120,27 @@ impl Problem {
 /// Ways to solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Solver {
+    /// The ladder: each of the others in turn, as long as it pays.
+    Auto,
+    /// Nonlinear Gauss-Seidel.
     Nlgs,
+    /// The same with Anderson's acceleration.
     NlgsAnderson,
+    /// Proximal point with Newton's method inside.
     ProxNewton,
+    /// Alternating directions of multipliers.
+    Admm,
 }
 
 impl Solver {
-    pub const ALL: [(&'static str, Solver); 3] =
-        [("nlgs", Solver::Nlgs), ("nlgs-anderson", Solver::NlgsAnderson), ("prox-newton", Solver::ProxNewton)];
+    /// All by name.
+    pub const ALL: [(&'static str, Solver); 5] = [
+        ("auto", Solver::Auto),
+        ("nlgs", Solver::Nlgs),
+        ("nlgs-anderson", Solver::NlgsAnderson),
+        ("prox-newton", Solver::ProxNewton),
+        ("admm", Solver::Admm),
+    ];
 }
 
 /// When to stop.
@@ -151,12 +168,30 @@ pub struct Solution {
 pub fn solve(problem: &Problem, solver: Solver, limits: Limits) -> Solution {
     let mut run = Run::new(problem, limits);
     match solver {
-        Solver::Nlgs => sweep::nlgs(&mut run, 0),
-        Solver::NlgsAnderson => sweep::nlgs(&mut run, sweep::DEPTH),
+        Solver::Auto => ladder(&mut run),
+        Solver::Nlgs => sweep::nlgs(&mut run, 0, u64::MAX),
+        Solver::NlgsAnderson => sweep::nlgs(&mut run, sweep::DEPTH, u64::MAX),
         Solver::ProxNewton => newton::prox_newton(&mut run, u64::MAX),
+        Solver::Admm => admm::admm(&mut run, u64::MAX),
     }
     let converged = run.best.1 <= limits.tol;
     Solution { r: run.best.0, sweeps: run.sweeps, residual: run.best.1, converged }
+}
+
+/// Sweeps first, as many as cost what a number of Newton steps do; then Newton steps, then ADMM, each from the best
+/// iterate so far; then again with twice the budget, as long as a round halves the residual or rounds are few.
+fn ladder(run: &mut Run) {
+    let problem = run.problem;
+    // Operations, each in the measure in which it keeps the processor busy; see docs/performance.md.
+    let sweep = 10.0 * problem.blocks.len() as f64 + 100.0 * problem.len() as f64;
+    let newton = 1e5 + 0.05 * (3.0 * problem.len() as f64).powi(3);
+    let mut steps = 20;
+    while !run.is_over() {
+        sweep::nlgs(run, sweep::DEPTH, ((steps as f64 * newton / sweep) as u64).max(200));
+        newton::prox_newton(run, 2 * steps);
+        admm::admm(run, 5 * steps);
+        steps *= 2;
+    }
 }
 
 /// A run of one or more solvers: what it has used and the best it has met.

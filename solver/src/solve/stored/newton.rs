@@ -16,46 +16,53 @@
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 
+use super::anderson::Anderson;
 use super::scaled::Scaled;
+use super::sweep::DEPTH;
 use super::{Run, Triple};
 
 /// The proximal parameter a: where it starts, its limits, and its change after success and failure.
-const START: f64 = 1e-4;
+const START: f64 = 1e-3;
 const RANGE: (f64, f64) = (1e-9, 1e2);
-const EASE: f64 = 0.1;
-const TIGHTEN: f64 = 30.0;
 /// Newton steps for one proximal problem.
 const INNER: usize = 20;
 
 /// Goes on from the best iterate of the run until the run or the budget of `steps` Newton steps is over.
-pub fn prox_newton(run: &mut Run, mut steps: u64) {
+pub fn prox_newton(run: &mut Run, steps: u64) {
     let scaled = Scaled::new(run.problem);
-    let mut r = scaled.impulses_in(&run.best.0);
+    let mut x = scaled.impulses_in(&run.best.0);
+    let mut anderson = Anderson::new(DEPTH, 3 * x.len());
     let mut a = START;
-    while !run.is_over() && steps > 0 && a <= RANGE.1 {
-        let target = 0.1 * norm(&Contacts::new(&scaled, &r, &r, 0.0).phi);
-        let center = r.clone();
-        let mut solved = false;
-        let mut state = Contacts::new(&scaled, &r, &center, a);
-        for _ in 0..INNER {
-            if norm(&state.phi) <= target {
-                solved = true;
-                break;
-            }
+    let mut wins = 0;
+    let end = run.sweeps.saturating_add(steps);
+    while !run.is_over() && run.sweeps < end && a <= RANGE.1 {
+        let before = run.sweeps;
+        let target = 0.01 * norm(&Contacts::new(&scaled, &x, &x, 0.0).phi);
+        let mut state = Contacts::new(&scaled, &x, &x, a);
+        let mut solved = norm(&state.phi) <= target;
+        while !solved && run.sweeps - before < INNER as u64 {
             run.sweeps += 1;
-            steps = steps.saturating_sub(1);
             let Some(next) = state.newton_step().and_then(|step| line_search(&state, &step)) else { break };
             state = next;
+            solved = norm(&state.phi) <= target;
             run.judge(&scaled.impulses_out(&state.r));
-            if run.is_over() || steps == 0 {
+            if run.is_over() {
                 return;
             }
         }
+        let g = std::mem::take(&mut state.r);
         if solved {
-            r = state.r;
-            a = (a * EASE).max(RANGE.0);
+            anderson.next(&mut x, &g);
+            wins += 1;
+            if run.sweeps - before <= 3 && wins >= 4 {
+                a = (a * 0.2).max(RANGE.0);
+                wins = 0;
+                anderson.restart();
+            }
         } else {
-            a *= TIGHTEN;
+            a *= 10.0;
+            wins = 0;
+            anderson.restart();
         }
     }
 }

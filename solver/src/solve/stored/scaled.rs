@@ -43,6 +43,10 @@ impl Scaled {
         self.problem.velocity(r)
     }
 
+    pub fn q(&self, i: usize) -> Triple {
+        self.problem.q[i]
+    }
+
     pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, &Block)> {
         self.problem.row(i)
     }

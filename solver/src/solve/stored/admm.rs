@@ -1,0 +1,95 @@
+//! Alternating directions of multipliers.
+//!
+//! In units in which the diagonal blocks have trace 3, with v the only state and c = [`PENALTY`]:
+//!
+//! ```text
+//! z = P_K(v),   y = v - z,   (W + c) r = c (z - y) - q - mu c |y_T| n,   v <- r + y
+//! ```
+//!
+//! At rest r = z solves the problem and u + mu |u_T| n = -c y. One factorisation serves all iterations, which are
+//! accelerated by Anderson's method.
+//!
+//! Sources: S. Boyd et al., Found. Trends Mach. Learn. 3 (2011) 1-122; for contact problems V. Acary, M. Bremond, O.
+//! Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018).
+
+use faer::Mat;
+use faer::linalg::solvers::Solve;
+
+use super::anderson::Anderson;
+use super::scaled::Scaled;
+use super::sweep::DEPTH;
+use super::{Run, Triple};
+
+/// The penalty c, relative to the mean diagonal.
+const PENALTY: f64 = 0.1;
+
+/// Goes on from the best iterate of the run until the run or the budget of `steps` is over.
+pub fn admm(run: &mut Run, steps: u64) {
+    let scaled = Scaled::new(run.problem);
+    let n = run.problem.len();
+    if run.is_over() {
+        return;
+    }
+    let mut matrix = Mat::<f64>::zeros(3 * n, 3 * n);
+    for i in 0..n {
+        for (j, w) in scaled.row(i) {
+            for k in 0..3 {
+                for l in 0..3 {
+                    matrix[(3 * i + k, 3 * j + l)] = w[k][l];
+                }
+                if i == j {
+                    matrix[(3 * i + k, 3 * i + k)] += PENALTY;
+                }
+            }
+        }
+    }
+    // Not Cholesky's: W may be slightly unsymmetric or indefinite.
+    let factors = matrix.partial_piv_lu();
+    let z = scaled.impulses_in(&run.best.0);
+    let u = scaled.velocity(&z);
+    let mut v: Vec<Triple> = (0..n)
+        .map(|i| {
+            let slip = scaled.mu[i] * u[i][1].hypot(u[i][2]);
+            std::array::from_fn(|k| z[i][k] - (u[i][k] + if k == 0 { slip } else { 0.0 }) / PENALTY)
+        })
+        .collect();
+    let mut anderson = Anderson::new(DEPTH, 3 * n);
+    let mut right = Mat::<f64>::zeros(3 * n, 1);
+    let end = run.sweeps.saturating_add(steps);
+    while !run.is_over() && run.sweeps < end {
+        run.sweeps += 1;
+        let z: Vec<Triple> = v.iter().zip(&scaled.mu).map(|(v, mu)| project(*v, *mu)).collect();
+        run.judge(&scaled.impulses_out(&z));
+        for i in 0..n {
+            let y: Triple = std::array::from_fn(|k| v[i][k] - z[i][k]);
+            let slip = scaled.mu[i] * y[1].hypot(y[2]);
+            for k in 0..3 {
+                let bent = if k == 0 { slip } else { 0.0 };
+                right[(3 * i + k, 0)] = PENALTY * (z[i][k] - y[k] - bent) - scaled.q(i)[k];
+            }
+        }
+        let r = factors.solve(&right);
+        let next: Vec<Triple> =
+            (0..n).map(|i| std::array::from_fn(|k| r[(3 * i + k, 0)] + v[i][k] - z[i][k])).collect();
+        if !next.as_flattened().iter().all(|x| x.is_finite()) {
+            return;
+        }
+        anderson.next(&mut v, &next);
+    }
+}
+
+/// The nearest point of Coulomb's cone.
+fn project(v: Triple, mu: f64) -> Triple {
+    let slope = (1.0 + mu * mu).sqrt();
+    let (cos, sin) = (1.0 / slope, mu / slope);
+    let t = v[1].hypot(v[2]);
+    // Along the side of the cone in the plane of v and n.
+    let along = v[0] * cos + t * sin;
+    if t * cos <= v[0] * sin {
+        v
+    } else if along <= 0.0 {
+        [0.0; 3]
+    } else {
+        [along * cos, along * sin * v[1] / t, along * sin * v[2] / t]
+    }
+}
