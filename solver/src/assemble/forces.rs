@@ -2,7 +2,7 @@
 
 use cd_formats::compute::Action;
 
-use crate::gravity::Field;
+use crate::gravity::{Field, Gravity, Method};
 use crate::integrate::Configuration;
 use crate::math::Vec3;
 use crate::scene::Scene;
@@ -96,7 +96,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
         angular_impulse: Vec3::zeros(),
         loads: loads(scene, state),
     };
-    let Field { acceleration, potential, removed } = self_gravity(scene, &q_c.x);
+    let Field { acceleration, potential, removed } = self_gravity(scene, scene.gravity(), &q_c.x);
     free.gravity_error = removed;
     for (k, &i) in scene.free.iter().enumerate() {
         let i = i as usize;
@@ -124,20 +124,26 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
     free
 }
 
+/// Up to this many bodies the energies that a run's drift is taken from are summed directly: twice a
+/// run, within a second or two.
+const DIRECT_ENERGY: usize = 50_000;
+
 /// Self-gravity at each free body; zeros when the scene has none.
-fn self_gravity(scene: &Scene, x: &[Vec3]) -> Field {
+fn self_gravity(scene: &Scene, gravity: Gravity, x: &[Vec3]) -> Field {
     if !scene.options.self_gravity {
         let n = scene.free.len();
         return Field { acceleration: vec![Vec3::zeros(); n], potential: vec![0.0; n], removed: 0.0 };
     }
     let positions: Vec<Vec3> = scene.free.iter().map(|&i| x[i as usize]).collect();
     let masses: Vec<f64> = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).collect();
-    scene.gravity().field(&positions, &masses, scene.options.gravity_constant)
+    gravity.field(&positions, &masses, scene.options.gravity_constant)
 }
 
 /// Potential energy of the free bodies at `x` in self-gravity and uniform gravity (zero at the origin), J.
 pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
-    let potential = self_gravity(scene, x).potential;
+    let direct = Gravity::new(Method::Direct, scene.options.gravity_error);
+    let gravity = if scene.free.len() <= DIRECT_ENERGY { direct } else { scene.gravity() };
+    let potential = self_gravity(scene, gravity, x).potential;
     let of = |(k, &i): (usize, &u32)| {
         scene.bodies[i as usize].mass * (0.5 * potential[k] - state.gravity.dot(&x[i as usize]))
     };
