@@ -63,8 +63,8 @@ impl Fc3d {
         let problem = words.problem();
         match problem {
             Ok(problem) => words.faults.into_result(problem),
-            Err(fault) => {
-                words.faults.push(fault);
+            Err(last) => {
+                words.faults.0.extend(last.0);
                 Err(words.faults)
             }
         }
@@ -117,7 +117,7 @@ impl<'a> Words<'a> {
         Words { path, words, comments, next: 0, faults: Faults::default() }
     }
 
-    fn problem(&mut self) -> Result<Fc3d, Fault> {
+    fn problem(&mut self) -> Result<Fc3d, Faults> {
         for word in ["fc3d", "1", "name"] {
             self.keyword(word)?;
         }
@@ -156,7 +156,7 @@ impl<'a> Words<'a> {
         }
         self.keyword("end")?;
         if let Some(&(line, word)) = self.words.get(self.next) {
-            return Err(Fault::new(self.path, Some(line), "end", quoted(word), "expected nothing more"));
+            return Err(Fault::new(self.path, Some(line), "end", quoted(word), "expected nothing more").into());
         }
         let mut diagonal = vec![false; contacts];
         blocks.iter().filter(|block| block.row == block.column).for_each(|block| diagonal[block.row] = true);
@@ -166,39 +166,41 @@ impl<'a> Words<'a> {
         Ok(Fc3d { comments: std::mem::take(&mut self.comments), name, mu, q, blocks })
     }
 
-    fn word(&mut self, object: &str, expected: &str) -> Result<&'a str, Fault> {
+    fn word(&mut self, object: &str, expected: &str) -> Result<&'a str, Faults> {
         let Some(&(_, word)) = self.words.get(self.next) else {
             let line = self.words.last().map(|(line, _)| *line);
-            return Err(Fault::new(self.path, line, object, "the file ends", format!("expected {expected}")));
+            return Err(Fault::new(self.path, line, object, "the file ends", format!("expected {expected}")).into());
         };
         self.next += 1;
         Ok(word)
     }
 
-    fn keyword(&mut self, keyword: &str) -> Result<(), Fault> {
+    fn keyword(&mut self, keyword: &str) -> Result<(), Faults> {
         match self.word(keyword, keyword)? {
             word if word == keyword => Ok(()),
-            word => Err(self.fault_here(keyword, quoted(word), &format!("expected {keyword}"))),
+            word => Err(self.fault_here(keyword, quoted(word), &format!("expected {keyword}")).into()),
         }
     }
 
-    fn parsed<T: FromStr>(&mut self, object: &str, expected: &str) -> Result<T, Fault> {
+    fn parsed<T: FromStr>(&mut self, object: &str, expected: &str) -> Result<T, Faults> {
         let word = self.word(object, expected)?;
-        word.parse().map_err(|_| self.fault_here(object, quoted(word), &format!("expected {expected}")))
+        word.parse().map_err(|_| self.fault_here(object, quoted(word), &format!("expected {expected}")).into())
     }
 
-    fn count(&mut self, object: &str) -> Result<usize, Fault> {
+    fn count(&mut self, object: &str) -> Result<usize, Faults> {
         self.parsed(object, "a count")
     }
 
-    fn index(&mut self, object: &str, below: usize) -> Result<usize, Fault> {
+    fn index(&mut self, object: &str, below: usize) -> Result<usize, Faults> {
         match self.parsed(object, "the number of a contact")? {
             index if index < below => Ok(index),
-            index => Err(self.fault_here(object, format!("contact {index}"), &format!("expected less than {below}"))),
+            index => {
+                Err(self.fault_here(object, format!("contact {index}"), &format!("expected less than {below}")).into())
+            }
         }
     }
 
-    fn real(&mut self, object: &str) -> Result<f64, Fault> {
+    fn real(&mut self, object: &str) -> Result<f64, Faults> {
         let value: f64 = self.parsed(object, "a number")?;
         if !value.is_finite() {
             self.fault(object, format!("{value:?}"), "expected a finite number");
@@ -206,7 +208,7 @@ impl<'a> Words<'a> {
         Ok(value)
     }
 
-    fn reals(&mut self, object: &str) -> Result<[f64; 3], Fault> {
+    fn reals(&mut self, object: &str) -> Result<[f64; 3], Faults> {
         Ok([self.real(object)?, self.real(object)?, self.real(object)?])
     }
 
