@@ -309,10 +309,10 @@ mod x86 {
             let avx = self.avx512f;
             // Rows 0 and 2, 1 and 3 ... so that the unpacked pairs come out in order.
             let mut pairs = [self.splat(0.0); 4];
-            for k in 0..4 {
+            for (k, pair) in pairs.iter_mut().enumerate() {
                 let first = k % 2 + 4 * (k / 2);
                 let (a, b) = (&lines[index[first] as usize], &lines[index[first + 2] as usize]);
-                pairs[k] = cast([a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
+                *pair = cast([a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
             }
             let (e0, o0) = (avx._mm512_unpacklo_pd(pairs[0], pairs[1]), avx._mm512_unpackhi_pd(pairs[0], pairs[1]));
             let (e1, o1) = (avx._mm512_unpacklo_pd(pairs[2], pairs[3]), avx._mm512_unpackhi_pd(pairs[2], pairs[3]));
@@ -332,8 +332,8 @@ mod x86 {
             let (e02, e46) = (avx._mm512_shuffle_f64x2::<0x44>(e, f), avx._mm512_shuffle_f64x2::<0xee>(e, f));
             let (o13, o57) = (avx._mm512_shuffle_f64x2::<0x44>(o, p), avx._mm512_shuffle_f64x2::<0xee>(o, p));
             let pairs = [e02, o13, e46, o57];
-            for k in 0..4 {
-                let rows: [f64; 8] = cast(avx._mm512_shuffle_f64x2::<0xd8>(pairs[k], pairs[k]));
+            for (k, pair) in pairs.into_iter().enumerate() {
+                let rows: [f64; 8] = cast(avx._mm512_shuffle_f64x2::<0xd8>(pair, pair));
                 let first = k % 2 + 4 * (k / 2);
                 lines[index[first] as usize][..4].copy_from_slice(&rows[..4]);
                 lines[index[first + 2] as usize][..4].copy_from_slice(&rows[4..]);
