@@ -42,10 +42,9 @@ impl Local {
         let s = [0, 1].map(|i| [0, 1].map(|j| w[i + 1][j + 1] - d[i] * w[0][j + 1]));
         let (mean, half) = (0.5 * (s[0][0] + s[1][1]), 0.5 * (s[0][0] - s[1][1]));
         let (even, k) = (0.5 * (s[0][1] + s[1][0]), 0.5 * (s[0][1] - s[1][0]));
-        let a = mean + half.hypot(even);
-        let b = if a > 0.0 { (s[0][0] * s[1][1] - even * even) / a } else { 0.0 };
-        let (sin, cos) = (0.5 * even.atan2(half)).sin_cos();
-        let axis = [cos, sin];
+        let radius = half.hypot(even);
+        let (a, b) = (mean + radius, mean - radius);
+        let axis = first_axis(half, even);
         let rounding = SINGULAR * (w[1][1] + w[2][2]);
         let low = if b > rounding { 0.0 } else { rounding - b.min(0.0) };
         // Where an eigenvalue is rounding, sticking is to rounding, too.
@@ -116,8 +115,8 @@ impl Local {
             return [free, 0.0, 0.0];
         }
         let mut low = self.low;
-        // |r_T| <= |p|/s where S is positive semi-definite; where it is not quite, further out.
-        let mut high = size * (1.0 / self.mu + self.c[0].hypot(self.c[1])) / free;
+        // |r_T| <= |p|/(s + b) and r_n >= free - |c| |r_T|; twice that, for what rounding adds.
+        let mut high = 2.0 * size * (1.0 / self.mu + self.c[0].hypot(self.c[1])) / free + low;
         let mut s = low;
         let mut t = self.tangential(p, s);
         let mut n = self.normal(free, t);
@@ -129,9 +128,6 @@ impl Local {
             }
             if psi < 0.0 {
                 low = s;
-                if s >= high {
-                    high = 2.0 * s; // not an upper bound after all
-                }
             } else {
                 high = s;
             }
@@ -151,6 +147,17 @@ impl Local {
         let edge = self.mu * n / t[0].hypot(t[1]);
         [n, t[0] * edge, t[1] * edge]
     }
+}
+
+/// Cosine and sine of half the angle of (x, y), or of 0.
+fn first_axis(x: f64, y: f64) -> [f64; 2] {
+    let size = x.hypot(y);
+    if size == 0.0 {
+        return [1.0, 0.0];
+    }
+    let larger = (0.5 * (1.0 + x.abs() / size)).sqrt();
+    let smaller = 0.5 * y / (size * larger);
+    if x >= 0.0 { [larger, smaller] } else { [smaller.abs(), larger.copysign(y)] }
 }
 
 /// The components of `v` along `axis` and across it.

@@ -171,26 +171,30 @@ pub fn solve(problem: &Problem, solver: Solver, limits: Limits) -> Solution {
         Solver::Auto => ladder(&mut run),
         Solver::Nlgs => sweep::nlgs(&mut run, 0, u64::MAX),
         Solver::NlgsAnderson => sweep::nlgs(&mut run, sweep::DEPTH, u64::MAX),
-        Solver::ProxNewton => newton::prox_newton(&mut run, u64::MAX),
+        Solver::ProxNewton => newton::prox_newton(&mut run, &vec![[0.0; 3]; problem.len()], u64::MAX),
         Solver::Admm => admm::admm(&mut run, u64::MAX),
     }
     let converged = run.best.1 <= limits.tol;
-    Solution { r: run.best.0, sweeps: run.sweeps, residual: run.best.1, converged }
+    Solution { residual: residual(problem, &run.best.0), r: run.best.0, sweeps: run.sweeps, converged }
 }
 
-/// Sweeps first, as many as cost what a number of Newton steps do; then Newton steps, then ADMM, each from the best
-/// iterate so far; then again with twice the budget, as long as a round halves the residual or rounds are few.
+/// Accelerated sweeps first, as many as cost what 20 Newton steps do; where they stall ADMM and Newton from the best so
+/// far, then Newton from 0, which at times finds the way that the others have missed; then all again with four
+/// times the budget.
 fn ladder(run: &mut Run) {
     let problem = run.problem;
-    // Operations, each in the measure in which it keeps the processor busy; see docs/performance.md.
-    let sweep = 10.0 * problem.blocks.len() as f64 + 100.0 * problem.len() as f64;
-    let newton = 1e5 + 0.05 * (3.0 * problem.len() as f64).powi(3);
-    let mut steps = 20;
-    while !run.is_over() {
+    // Seconds of a sweep and of a Newton step on one core, roughly, in units of 1e-9 s.
+    let sweep = 5.0 * problem.blocks.len() as f64 + 50.0 * problem.len() as f64;
+    let newton = 5e4 + 0.025 * (3.0 * problem.len() as f64).powi(3);
+    for steps in (0..).map(|round| 20u64.saturating_mul(4u64.saturating_pow(round))) {
         sweep::nlgs(run, sweep::DEPTH, ((steps as f64 * newton / sweep) as u64).max(200));
-        newton::prox_newton(run, 2 * steps);
-        admm::admm(run, 5 * steps);
-        steps *= 2;
+        admm::admm(run, steps.saturating_mul(5));
+        let best = run.best.0.clone();
+        newton::prox_newton(run, &best, steps.saturating_mul(5));
+        newton::prox_newton(run, &vec![[0.0; 3]; problem.len()], steps.saturating_mul(20));
+        if run.is_over() {
+            return;
+        }
     }
 }
 
@@ -210,9 +214,9 @@ impl<'a> Run<'a> {
         Run { problem, limits, start: Instant::now(), sweeps: 0, best: (r, residual) }
     }
 
-    /// Residual of `r`, kept if it is the best.
+    /// Residual of `r`, or what rounding hides of it; kept if it is the best.
     fn judge(&mut self, r: &[Triple]) -> f64 {
-        let value = residual(self.problem, r);
+        let value = residual(self.problem, r).max(residual::rounding(self.problem, r));
         if value < self.best.1 {
             self.best.0.copy_from_slice(r);
             self.best.1 = value;

@@ -27,10 +27,10 @@ const RANGE: (f64, f64) = (1e-9, 1e2);
 /// Newton steps for one proximal problem.
 const INNER: usize = 20;
 
-/// Goes on from the best iterate of the run until the run or the budget of `steps` Newton steps is over.
-pub fn prox_newton(run: &mut Run, steps: u64) {
+/// Goes on from `start` until the run or the budget of `steps` Newton steps is over.
+pub fn prox_newton(run: &mut Run, start: &[Triple], steps: u64) {
     let scaled = Scaled::new(run.problem);
-    let mut x = scaled.impulses_in(&run.best.0);
+    let mut x = scaled.impulses_in(start);
     let mut anderson = Anderson::new(DEPTH, 3 * x.len());
     let mut a = START;
     let mut wins = 0;
@@ -49,6 +49,10 @@ pub fn prox_newton(run: &mut Run, steps: u64) {
             if run.is_over() {
                 return;
             }
+        }
+        if run.sweeps == before {
+            run.judge(&scaled.impulses_out(&x));
+            return; // Phi is 0: nothing is left to do in these units
         }
         let g = std::mem::take(&mut state.r);
         if solved {

@@ -13,8 +13,7 @@ use super::{Problem, Triple};
 ///
 /// Source: V. Acary, M. Bremond, O. Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018).
 pub fn residual(problem: &Problem, r: &[Triple]) -> f64 {
-    let trace: f64 = problem.diagonal().map(|w| w[0][0] + w[1][1] + w[2][2]).sum();
-    let rho = if trace > 0.0 { 3.0 * problem.len() as f64 / trace } else { 1.0 };
+    let (rho, scale) = scales(problem);
     let mut sum = 0.0;
     for (i, r_i) in r.iter().enumerate() {
         let mut u = problem.q[i];
@@ -28,8 +27,21 @@ pub fn residual(problem: &Problem, r: &[Triple]) -> f64 {
         let p = project(z, mu);
         sum += (0..3).map(|k| (r_i[k] - p[k]) * (r_i[k] - p[k])).sum::<f64>();
     }
+    sum.sqrt() / scale
+}
+
+/// What rounding of r alone may be worth in the residual: impulses so large that rho u is lost in them solve nothing,
+/// though F comes out as 0.
+pub fn rounding(problem: &Problem, r: &[Triple]) -> f64 {
+    f64::EPSILON * r.as_flattened().iter().fold(0.0, |a: f64, x| a.max(x.abs())) / scales(problem).1
+}
+
+/// rho and rho |q|
+fn scales(problem: &Problem) -> (f64, f64) {
+    let trace: f64 = problem.diagonal().map(|w| w[0][0] + w[1][1] + w[2][2]).sum();
+    let rho = if trace > 0.0 { 3.0 * problem.len() as f64 / trace } else { 1.0 };
     let q = problem.q.as_flattened().iter().map(|x| x * x).sum::<f64>().sqrt();
-    sum.sqrt() / (rho * if q > 0.0 { q } else { 1.0 })
+    (rho, rho * if q > 0.0 { q } else { 1.0 })
 }
 
 /// The nearest point of the cone { |t| <= mu n }.
