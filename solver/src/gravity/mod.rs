@@ -68,7 +68,7 @@ const SETTINGS: [(f64, usize, f64, f64, usize); 5] = [
     (1e-3, 6, 0.66, 0.05, 1200),
     (1e-4, 8, 0.61, 0.06, 2000),
     (1e-5, 9, 0.51, 0.10, 3000),
-    (1e-6, 10, 0.46, 0.16, 8000),
+    (1e-6, 10, 0.46, 0.14, 8000),
 ];
 
 /// The row of the largest error that is not above the one asked for.
