@@ -21,8 +21,8 @@ pub struct Anderson {
     norm: f64,
 }
 
-/// The history is dropped when |f| grows beyond this multiple of what it was.
-const GROWTH: f64 = 2.0;
+/// The history is dropped when |f| grows beyond this multiple of what it was; see docs/performance.md.
+const GROWTH: f64 = 1.5;
 
 impl Anderson {
     pub fn new(depth: usize, n: usize) -> Self {
