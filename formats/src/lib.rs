@@ -3,6 +3,7 @@
 //! | module | file |
 //! |---|---|
 //! | [`bodies`] | `DATBOX/BODIES.DAT`: shapes, materials, reference positions |
+//! | [`surface`] | the closed surfaces in it: faults, mass properties |
 //! | [`bulk_behav`] | `DATBOX/BULK_BEHAV.DAT`: densities, uniform gravity |
 //! | [`tact_behav`] | `DATBOX/TACT_BEHAV.DAT`: contact laws, which pair of colours follows which |
 //! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities and forces |
@@ -22,5 +23,6 @@ pub mod error;
 pub mod fc3d;
 pub mod scan;
 pub mod snapshot;
+pub mod surface;
 pub mod tact_behav;
 pub mod vloc_rloc;
