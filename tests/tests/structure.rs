@@ -7,7 +7,7 @@
 //!
 //! | who | may import | never |
 //! |---|---|---|
-//! | bench: `laws`, `gravity`, `math` | `math` | shelf, rooms, formats |
+//! | bench: `laws`, `gravity`, `geometry`, `math` | `math` | shelf, rooms, formats |
 //! | shelf: `scene`, `state` | benches, types of formats | rooms |
 //! | room: `integrate`, `detect`, `assemble`, `solve` | shelf, benches, types of rooms earlier in the step, types of options | functions of another room, other formats |
 //! | room: `read`, `write` | shelf, benches, formats, types of `step` | functions of another room |
@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BENCHES: [&str; 3] = ["laws", "gravity", "math"];
+const BENCHES: [&str; 4] = ["laws", "gravity", "geometry", "math"];
 const SHELF: [&str; 2] = ["scene", "state"];
 /// In the order in which a step first enters them.
 const ROOMS: [&str; 4] = ["integrate", "detect", "assemble", "solve"];
