@@ -10,6 +10,7 @@
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
+//! | [`groups`] | none: what hangs together
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: all that a restart needs, bit for bit |
 
@@ -21,6 +22,7 @@ pub mod dof;
 pub mod drv_dof;
 pub mod error;
 pub mod fc3d;
+pub mod groups;
 pub mod scan;
 pub mod snapshot;
 pub mod surface;

@@ -1,5 +1,7 @@
 //! Groups of grains that touch.
 
+use cd_formats::groups::Groups;
+
 use crate::frame::Frame;
 
 /// Grains touch if their contact carries force, or if the gap between them is at most this share
@@ -38,28 +40,6 @@ pub fn fragments(frame: &Frame) -> Vec<f64> {
     let mut shares: Vec<f64> = masses.into_iter().filter(|&mass| mass > 0.0).map(|mass| mass / total).collect();
     shares.sort_by(|a, b| b.total_cmp(a));
     shares
-}
-
-/// Disjoint sets with halving of paths.
-struct Groups(Vec<usize>);
-
-impl Groups {
-    fn new(count: usize) -> Self {
-        Groups((0..count).collect())
-    }
-
-    fn root(&mut self, mut i: usize) -> usize {
-        while self.0[i] != i {
-            self.0[i] = self.0[self.0[i]];
-            i = self.0[i];
-        }
-        i
-    }
-
-    fn join(&mut self, i: usize, j: usize) {
-        let (i, j) = (self.root(i), self.root(j));
-        self.0[i.max(j)] = i.min(j);
-    }
 }
 
 #[cfg(test)]
