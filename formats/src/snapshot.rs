@@ -171,6 +171,16 @@ macro_rules! arrays {
                 vec![$((stringify!($name), <$type as Element>::DESCR, <$type as Element>::ROW, concat!($($help),+)),)+]
             }
 
+            /// The rows of these numbers, in their order.
+            pub fn rows(&self, numbers: &[usize]) -> Self {
+                $group { $($name: numbers.iter().map(|&row| self.$name[row]).collect(),)+ }
+            }
+
+            /// Puts the rows of another behind these.
+            pub fn append(&mut self, mut other: Self) {
+                $(self.$name.append(&mut other.$name);)+
+            }
+
             fn write(&self, archive: &mut Archive) -> zip::result::ZipResult<()> {
                 $(archive.put(stringify!($name), &self.$name)?;)+
                 Ok(())
@@ -373,6 +383,9 @@ impl Snapshot {
         if in_range { Ok(()) } else { Err("an index points outside its table".into()) }
     }
 }
+
+/// `DATBOX/START.npz`: the state to start from to the last bit, where there is one. See `docs/files.md`.
+pub const START: &str = "START.npz";
 
 /// `OUTBOX/snapshot-NNNNNN.npz` for a step.
 pub fn path(outbox: &Path, step: u64) -> PathBuf {

@@ -13,7 +13,7 @@ use cd_formats::compute::{Compute, Flags};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::Faults;
-use cd_formats::snapshot::Ledger;
+use cd_formats::snapshot::{Ledger, START};
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
 
@@ -47,7 +47,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     behaviour::laws(&datbox, &tact, &mut scene, &mut faults);
     let (x, q, v, w) = bodies::motion(&datbox, &bodies, &dof, &scene, &mut faults);
     let contacts = behaviour::history(&datbox, &history, &scene, &q, &mut faults);
-    let state = State {
+    let mut state = State {
         step: dof.step,
         time: dof.time,
         h: scene.options.dt,
@@ -61,6 +61,11 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         events_done: 0,
         ledger: Ledger::default(),
     };
+    let start = datbox.join(START);
+    if start.exists() && faults.0.is_empty() {
+        faults.gather(resume::start(&start, &scene, &mut state));
+        scene.start = (state.step, state.time);
+    }
     faults.into_result((scene, state))
 }
 

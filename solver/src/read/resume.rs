@@ -1,4 +1,4 @@
-//! The last snapshot to the state that goes on from it.
+//! A snapshot to the state that goes on from it: the last of OUTBOX, or the one to start from in DATBOX.
 
 use std::path::Path;
 
@@ -52,6 +52,63 @@ fn check(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> 
         refuse("snapshot".into(), found, format!("expected those of DATBOX: {}", names(&scene.law_names).join(", ")));
     }
     faults.into_result(())
+}
+
+/// Relative to the farthest body, by how much START.npz may differ from DOF.INI: digits of that file.
+const DIGITS: f64 = 1e-6;
+
+/// Puts time, motion and contacts of `DATBOX/START.npz` into `state`, which stands as the text files
+/// have it; its row of body k is that of `body_id` k, and a body without a row stays as it is.
+///
+/// The law of a contact is that of TACT_BEHAV.DAT for its two bodies; without one it is dropped.
+/// Refused are bodies that DATBOX has not and positions other than those of the text files, which
+/// somebody has changed then.
+pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults> {
+    let snapshot = Snapshot::read(path)?;
+    let mut faults = Faults::default();
+    let mut refuse = |object: String, found: String, expected: String| {
+        faults.push(Fault::new(path, None, object, found, expected));
+    };
+    let extent = state.x.iter().map(|x| x.norm()).fold(f64::MIN_POSITIVE, f64::max);
+    let mut known = vec![false; scene.bodies.len()];
+    for (&id, &x) in snapshot.bodies.body_id.iter().zip(&snapshot.bodies.body_x) {
+        let object = format!("body {id}");
+        let Some(known) = known.get_mut((id as usize).wrapping_sub(1)) else {
+            refuse(object, "is not in DATBOX".into(), format!("expected 1 to {}", scene.bodies.len()));
+            continue;
+        };
+        if std::mem::replace(known, true) {
+            refuse(object, "is there twice".into(), "expected once".into());
+            continue;
+        }
+        let there = state.x[id as usize - 1];
+        let distance = (Vec3::from(x) - there).norm();
+        if distance.is_nan() || distance > DIGITS * extent {
+            let expected = format!("expected {:?} as in BODIES.DAT and DOF.INI, or no START.npz", there.as_slice());
+            refuse(object, format!("at {x:?} m"), expected);
+        }
+    }
+    faults.into_result(())?;
+    let body: Vec<u32> = snapshot.bodies.body_id.iter().map(|&id| id as u32 - 1).collect();
+    let mut started = state.clone();
+    restore(snapshot, &mut started);
+    (state.step, state.time, state.h) = (started.step, started.time, started.h);
+    for (row, &i) in body.iter().enumerate() {
+        let i = i as usize;
+        (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
+        (state.v[i], state.w[i]) = (started.v[row], started.w[row]);
+    }
+    state.contacts = started.contacts;
+    for solved in &mut state.contacts {
+        let contact = &mut solved.contact;
+        (contact.candidate, contact.antagonist) = (body[contact.candidate as usize], body[contact.antagonist as usize]);
+    }
+    let see = |contact: &Contact| {
+        scene.visibility.see(&scene.bodies[contact.candidate as usize], &scene.bodies[contact.antagonist as usize])
+    };
+    state.contacts.retain_mut(|solved| see(&solved.contact).map(|see| solved.contact.law = see.law).is_some());
+    state.contacts.sort_by_key(|solved| solved.contact.key());
+    Ok(())
 }
 
 fn restore(snapshot: Snapshot, state: &mut State) {
