@@ -15,7 +15,7 @@ fn finite(x: f64) -> bool {
     x.abs() < LARGEST
 }
 
-fn positive(x: f64) -> bool {
+pub(crate) fn positive(x: f64) -> bool {
     x > 0.0 && finite(x)
 }
 
@@ -63,7 +63,7 @@ fn names<'a>(report: &mut Report, list: &str, names: impl Iterator<Item = &'a St
     report.expect(!known.is_empty(), list, "an empty list", "at least one");
 }
 
-fn five_characters(report: &mut Report, path: &str, name: &str) {
+pub(crate) fn five_characters(report: &mut Report, path: &str, name: &str) {
     let fits = (1..=5).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_graphic());
     report.expect(fits, path, format!("'{name}'"), "1 to 5 printable ASCII characters without blanks");
 }
@@ -84,12 +84,12 @@ fn value(report: &mut Report, path: &str, name: &str, x: f64, holds: bool, expec
 }
 
 /// Finite components; `name` as in [`value`], empty for the value itself.
-fn three(report: &mut Report, path: &str, name: &str, vector: &[f64; 3], unit: &str) {
+pub(crate) fn three(report: &mut Report, path: &str, name: &str, vector: &[f64; 3], unit: &str) {
     let found = format!("{name} {vector:?}").trim_start().to_string();
     report.expect(vector.iter().all(|x| finite(*x)), path, found, &format!("finite numbers ({unit})"));
 }
 
-fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
+pub(crate) fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
     let (_, parameters) = kind.row();
     for &(name, x) in &parameters {
         let (holds, expected) = match name {
@@ -261,7 +261,7 @@ fn check_amount(report: &mut Report, path: &str, grains: &Grains) {
     }
 }
 
-fn check_rotation(report: &mut Report, path: &str, rotation: &Rotation) {
+pub(crate) fn check_rotation(report: &mut Report, path: &str, rotation: &Rotation) {
     direction(report, path, "axis", &rotation.axis);
     value(report, path, "angle", rotation.angle, true, "a finite angle (rad)");
 }

@@ -1,4 +1,5 @@
 //! `cd-pre scene.ron`: reads a scene, places its grains and walls, and writes DATBOX.
+//! `cd-pre from-outbox CASE DIR`: the state of one run becomes the DATBOX of the next.
 //!
 //! | module | |
 //! |---|---|
@@ -10,9 +11,11 @@
 //! | [`walls`] | plates |
 //! | [`population`] | all bodies of a scene, and that none overlap |
 //! | [`mod@write`] | the files of DATBOX |
+//! | [`from_outbox`] | a DATBOX from the results of a run |
 //! | [`report`], [`random`] | faults with their lines; numbers from a seed |
 
 pub mod check;
+pub mod from_outbox;
 pub mod motion;
 pub mod place;
 pub mod population;
@@ -42,14 +45,33 @@ use scene::Scene;
 /// motion), walls and the options of the run; docs/scene.md describes every field. A scene that is at
 /// fault is refused with all its faults, and nothing is written.
 #[derive(Debug, Parser)]
-#[command(name = "cd-pre", version)]
+#[command(name = "cd-pre", version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
     /// The scene, in RON.
-    #[arg(value_name = "scene.ron")]
-    scene: PathBuf,
+    #[arg(value_name = "scene.ron", required = true)]
+    scene: Option<PathBuf>,
     /// Folder in which DATBOX is written; without it, the scene's own.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    /// Makes DATBOX from a snapshot of another case: its bodies, laws and contacts, bit for bit.
+    ///
+    /// A file of changes, described in docs/from-outbox.md, may keep the largest remnant alone, move and spin it,
+    /// add bodies of other runs and spheres, and set other laws and options.
+    FromOutbox {
+        /// Folder of the case with DATBOX and OUTBOX.
+        case: PathBuf,
+        /// Folder in which the new DATBOX is written.
+        dir: PathBuf,
+        /// What is to be different, in RON.
+        #[arg(long, value_name = "changes.ron")]
+        changes: Option<PathBuf>,
+    },
 }
 
 /// Runs the program; `args` as from [`std::env::args_os`], the program's name first.
@@ -64,8 +86,15 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             return message.exit_code();
         }
     };
-    let folder = arguments.output.unwrap_or_else(|| arguments.scene.parent().unwrap_or(Path::new("")).to_path_buf());
-    match write_datbox(&arguments.scene, &folder.join("DATBOX")) {
+    let written = match arguments.command {
+        Some(Command::FromOutbox { case, dir, changes }) => from_outbox::write_datbox(&case, changes.as_deref(), &dir),
+        None => {
+            let scene = arguments.scene.unwrap_or_default();
+            let folder = arguments.output.unwrap_or_else(|| scene.parent().unwrap_or(Path::new("")).to_path_buf());
+            write_datbox(&scene, &folder.join("DATBOX"))
+        }
+    };
+    match written {
         Ok(summary) => {
             print!("{summary}");
             0
@@ -85,6 +114,7 @@ pub fn write_datbox(source: &Path, datbox: &Path) -> Result<String, Faults> {
     let text = atomic::read_text(source)?;
     let (scene, population) = read(source, &text)?;
     let files = write::files(&scene, &population);
+    from_outbox::clear(datbox)?;
     for (name, text) in &files {
         atomic::write(&datbox.join(name), text.as_bytes())?;
     }

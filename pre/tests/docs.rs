@@ -6,15 +6,21 @@ use cd_formats::compute::{Compute, from_ron};
 use cd_pre::scene;
 
 fn page() -> (PathBuf, String) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/scene.md");
+    page_of("scene.md")
+}
+
+fn page_of(name: &str) -> (PathBuf, String) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs").join(name);
     let text = std::fs::read_to_string(&path).unwrap();
     (path, text)
 }
 
 /// Names of fields and variants in the source of `scene.rs`, as they stand in a scene.
 fn names() -> Vec<String> {
-    let source = include_str!("../src/scene.rs");
-    let types = source.split("impl LawKind").next().unwrap();
+    names_in(include_str!("../src/scene.rs").split("impl LawKind").next().unwrap())
+}
+
+fn names_in(types: &str) -> Vec<String> {
     let mut names = Vec::new();
     let mut renamed = None;
     for line in types.lines().map(str::trim).filter(|line| !line.starts_with("//")) {
@@ -44,12 +50,16 @@ fn every_field_and_variant_is_described() {
     for known in ["solid_fraction", "min", "IQS_WET_DS_CLB", "cohesion", "Ellipsoid", "Constant", "ramp_start"] {
         assert!(names.iter().any(|name| name == known), "{known} is not among {names:?}");
     }
-    // Words in `code` outside of the examples.
+    expect_described(names, "docs/scene.md", &text);
+}
+
+/// Each name stands in `code` outside of the examples.
+fn expect_described(names: Vec<String>, file: &str, text: &str) {
     let prose: String = text.split("```").step_by(2).collect();
     let code = prose.split('`').skip(1).step_by(2);
     let words: Vec<&str> = code.flat_map(|span| span.split(|c: char| !(c.is_alphanumeric() || c == '_'))).collect();
     for name in names {
-        assert!(words.contains(&name.as_str()), "docs/scene.md does not describe {name}");
+        assert!(words.contains(&name.as_str()), "{file} does not describe {name}");
     }
 }
 
@@ -84,4 +94,19 @@ fn what_it_shows_is_accepted() {
         shown += 1;
     }
     assert_eq!(shown, text.matches("```ron").count());
+}
+
+#[test]
+fn changes_of_from_outbox_are_described_and_what_is_shown_is_accepted() {
+    let (path, text) = page_of("from-outbox.md");
+    let source = include_str!("../src/from_outbox/mod.rs");
+    let of = |name: &str| {
+        let (_, rest) = source.split_once(&format!("pub {name} {{")).unwrap();
+        names_in(rest.split("\n}").next().unwrap())
+    };
+    let names = ["struct Changes", "struct Taken", "enum Keep", "enum Stop", "struct Sphere"].map(of).concat();
+    assert!(["keep_time", "Largest", "RigidMotion"].iter().all(|known| names.iter().any(|name| name == known)));
+    expect_described(names, "docs/from-outbox.md", &text);
+    let (_, rest) = text.split_once("```ron Changes\n").unwrap();
+    from_ron::<cd_pre::from_outbox::Changes>(&path, rest.split("```").next().unwrap(), "changes").unwrap();
 }

@@ -15,6 +15,17 @@ pub fn pre(scene: &Path, case: &Path) -> i32 {
     cd_pre::run(arguments(&["cd-pre".as_ref(), scene, "-o".as_ref(), case]))
 }
 
+/// The exit status of `cd-pre from-outbox FROM TO`, with a file of these changes if there are some.
+pub fn from_outbox(from: &Path, to: &Path, changes: &str) -> i32 {
+    let mut words = vec!["cd-pre".as_ref(), "from-outbox".as_ref(), from, to];
+    let file = to.join("changes.ron");
+    if !changes.is_empty() {
+        fs::write(&file, changes).unwrap();
+        words.extend(["--changes".as_ref(), file.as_path()]);
+    }
+    cd_pre::run(arguments(&words))
+}
+
 /// The exit status of `cd-solve CASE FLAGS`.
 pub fn solve(case: &Path, flags: &[&str]) -> i32 {
     cd_solve::run(arguments(&["cd-solve".as_ref(), case]).chain(flags.iter().map(OsString::from)))

@@ -1,0 +1,437 @@
+//! `cd-pre from-outbox CASE DIR`: the state of one run becomes the DATBOX of the next.
+//!
+//! | module | |
+//! |---|---|
+//! | [`source`] | a case with one of its snapshots; the bodies that are kept, moved |
+//! | [`tables`] | materials, laws and visibility of several cases in one |
+//!
+//! `docs/from-outbox.md` tells users what [`Changes`] can ask for.
+
+pub mod source;
+pub mod tables;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::compute::{Compute, from_ron};
+use cd_formats::dof::{BodyDof, Dof};
+use cd_formats::drv_dof::{DrvDof, Evolution, table_text};
+use cd_formats::error::{Fault, Faults};
+use cd_formats::snapshot::{START, Snapshot};
+use cd_formats::vloc_rloc::VlocRloc;
+use nalgebra::Vector3;
+use serde::Deserialize;
+
+use crate::check::three;
+use crate::place::cells::Cells;
+use crate::report::Report;
+use crate::scene::{Contact, Law, Material, Rotation};
+use crate::sizes::volume;
+use source::{Part, Source, quaternion};
+use tables::Tables;
+
+/// Where each body comes from, beside the files of DATBOX.
+pub const ORIGIN: &str = "ORIGIN.csv";
+
+/// What is to be another than in the run that is gone on from; by default nothing.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Changes {
+    /// What is taken from which run; left out, all of the case.
+    pub bodies: Vec<Taken>,
+    /// Further spheres.
+    pub spheres: Vec<Sphere>,
+    /// New ones, and new densities of those that there are.
+    pub materials: Vec<Material>,
+    /// New ones, and others under a name that there is.
+    pub laws: Vec<Law>,
+    /// Laws between two colours that take the place of what there was.
+    pub contacts: Vec<Contact>,
+    /// Step and time go on; else both begin at 0.
+    pub keep_time: bool,
+    /// Options of the run; left out, those of the first case but for `steps`, `end_time` and `events`.
+    pub compute: Option<Compute>,
+}
+
+/// What is taken from one run, and how it is moved.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Taken {
+    /// Folder of the case, seen from the file of changes; left out, the case of the command line.
+    pub case: Option<PathBuf>,
+    /// Step of the snapshot; left out, the last.
+    pub snapshot: Option<u64>,
+    pub keep: Keep,
+    /// Whether bodies with imposed motion are taken too.
+    pub walls: bool,
+    /// New colour of the free bodies.
+    pub colour: Option<String>,
+    /// What of the motion is taken away first.
+    pub stop: Stop,
+    /// Turns the free bodies and their motion about their centre of mass.
+    pub turn: Rotation,
+    /// New centre of mass of the free bodies, m.
+    pub centre: Option<[f64; 3]>,
+    /// Added to the free bodies, m/s.
+    pub velocity: [f64; 3],
+    /// Rigid rotation about their centre of mass, added to the free bodies, rad/s, fixed axes.
+    pub spin: [f64; 3],
+}
+
+impl Default for Taken {
+    fn default() -> Self {
+        Taken {
+            case: None,
+            snapshot: None,
+            keep: Keep::All,
+            walls: true,
+            colour: None,
+            stop: Stop::Nothing,
+            turn: Rotation::default(),
+            centre: None,
+            velocity: [0.0; 3],
+            spin: [0.0; 3],
+        }
+    }
+}
+
+/// Which free bodies are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+pub enum Keep {
+    All,
+    /// The heaviest group of touching bodies.
+    Largest,
+}
+
+/// What of the motion of the free bodies is taken away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+pub enum Stop {
+    Nothing,
+    /// The velocity of their centre of mass.
+    Drift,
+    /// That, and the rigid rotation with their angular momentum.
+    RigidMotion,
+    /// All.
+    Motion,
+}
+
+/// A sphere that no run had, such as an impactor.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sphere {
+    pub material: String,
+    pub colour: String,
+    /// m
+    pub radius: f64,
+    /// m
+    pub centre: [f64; 3],
+    /// m/s
+    #[serde(default)]
+    pub velocity: [f64; 3],
+    /// rad/s
+    #[serde(default)]
+    pub spin: [f64; 3],
+}
+
+/// A file of DATBOX: name and bytes.
+type File = (String, Vec<u8>);
+
+/// Makes `dir/DATBOX` from a snapshot of `case`, with the changes of a file; returns a summary for people.
+///
+/// Errors: all faults of the file and of the cases that it names; nothing is written then.
+pub fn write_datbox(case: &Path, changes: Option<&Path>, dir: &Path) -> Result<String, Faults> {
+    let (file, text) = match changes {
+        Some(file) => (file, atomic::read_text(file)?),
+        None => (Path::new("changes"), "()".to_string()),
+    };
+    let mut changes: Changes = from_ron(file, &text, "changes").map_err(|mut faults| {
+        faults.0.iter_mut().for_each(|f| f.expected = "expected changes as described in docs/from-outbox.md".into());
+        faults
+    })?;
+    if changes.bodies.is_empty() {
+        changes.bodies.push(Taken::default());
+    }
+    let mut report = Report::new(file, &text);
+    check(&changes, file, &mut report);
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let cases: Vec<PathBuf> =
+        changes.bodies.iter().map(|t| t.case.as_ref().map_or(case.to_path_buf(), |c| folder.join(c))).collect();
+    let mut sources = Vec::new();
+    for (taken, case) in changes.bodies.iter().zip(&cases) {
+        if let Ok(true) = fs::canonicalize(case).and_then(|from| Ok(from == fs::canonicalize(dir)?)) {
+            let expected = "expected another folder than that of a case that is read";
+            report.faults.push(Fault::new(dir, None, "folder", "is the case itself", expected));
+        }
+        sources.extend(report.faults.gather(Source::read(case, taken.snapshot)));
+    }
+    if !report.faults.0.is_empty() {
+        return Err(report.faults);
+    }
+    let mut parts = Vec::new();
+    for (k, (source, taken)) in sources.iter().zip(&changes.bodies).enumerate() {
+        match source.take(taken) {
+            Ok(part) => parts.push(part),
+            Err((found, expected)) => report.fault(&format!("bodies.{k}"), found, expected),
+        }
+    }
+    if !report.faults.0.is_empty() {
+        return Err(report.faults);
+    }
+    let mut options = changes.compute.clone().unwrap_or_else(|| Compute {
+        steps: None,
+        end_time: None,
+        events: Vec::new(),
+        ..sources[0].options.clone()
+    });
+    if changes.keep_time && changes.compute.is_none() {
+        options.end_time = sources[0].options.end_time;
+        options.events.clone_from(&sources[0].options.events);
+    }
+    let records = records(&parts, &changes.spheres);
+    check_overlaps(&parts, &changes.spheres, &records, &mut report);
+    let tables = Tables::merged(&changes, &parts, &records, &options, &mut report);
+    if !report.faults.0.is_empty() {
+        return Err(report.faults);
+    }
+
+    let datbox = dir.join("DATBOX");
+    let files = files(&changes, &parts, &records, tables, &options, &cases);
+    clear(&datbox)?;
+    for (name, bytes) in &files {
+        atomic::write(&datbox.join(name), bytes)?;
+    }
+    let mut summary = String::new();
+    for part in &parts {
+        let (step, time) = (part.source.snapshot.meta.step, part.source.snapshot.meta.time);
+        summary += &format!(
+            "{}: step {step}, t = {time} s, {} of {} bodies, {} contacts\n",
+            part.source.case.display(),
+            part.rows.len(),
+            part.source.bodies.0.len(),
+            part.state.contacts.contact_body.len()
+        );
+    }
+    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    summary += &format!("{} bodies; wrote {}: {}\n", records.0.len(), datbox.display(), names.join(" "));
+    Ok(summary)
+}
+
+/// Takes away what only `from-outbox` writes, and what another scene would misread.
+pub fn clear(datbox: &Path) -> Result<(), Faults> {
+    for path in [datbox.join(START), datbox.join(ORIGIN)].iter().filter(|path| path.exists()) {
+        fs::remove_file(path).map_err(|error| Fault::io(path, "removed", &error))?;
+    }
+    Ok(())
+}
+
+fn check(changes: &Changes, file: &Path, report: &mut Report) {
+    for (k, taken) in changes.bodies.iter().enumerate() {
+        let path = format!("bodies.{k}");
+        three(report, &format!("{path}.velocity"), "", &taken.velocity, "m/s");
+        three(report, &format!("{path}.spin"), "", &taken.spin, "rad/s");
+        three(report, &format!("{path}.centre"), "", &taken.centre.unwrap_or_default(), "m");
+        crate::check::check_rotation(report, &format!("{path}.turn"), &taken.turn);
+        if let Some(colour) = &taken.colour {
+            crate::check::five_characters(report, &format!("{path}.colour"), colour);
+        }
+    }
+    for (k, sphere) in changes.spheres.iter().enumerate() {
+        let path = format!("spheres.{k}");
+        let radius = sphere.radius;
+        let found = format!("{radius:?}");
+        report.expect(crate::check::positive(radius), &format!("{path}.radius"), found, "a radius > 0 m");
+        three(report, &format!("{path}.centre"), "", &sphere.centre, "m");
+        three(report, &format!("{path}.velocity"), "", &sphere.velocity, "m/s");
+        three(report, &format!("{path}.spin"), "", &sphere.spin, "rad/s");
+        crate::check::five_characters(report, &format!("{path}.colour"), &sphere.colour);
+    }
+    for (k, material) in changes.materials.iter().enumerate() {
+        crate::check::five_characters(report, &format!("materials.{k}.name"), &material.name);
+        let found = format!("{:?}", material.density);
+        let path = format!("materials.{k}.density");
+        report.expect(crate::check::positive(material.density), &path, found, "a density > 0 kg/m^3");
+    }
+    for (k, law) in changes.laws.iter().enumerate() {
+        crate::check::five_characters(report, &format!("laws.{k}.name"), &law.name);
+        crate::check::check_law(report, &format!("laws.{k}.kind"), &law.kind);
+    }
+    if let Some(Err(faults)) = changes.compute.as_ref().map(|compute| compute.check(file)) {
+        for fault in faults.0 {
+            let expected = fault.expected.trim_start_matches("expected ").to_string();
+            report.fault(&format!("compute.{}", fault.object), fault.found, expected);
+        }
+    }
+}
+
+/// The bodies in the order of their new numbers: part by part, then the spheres.
+fn records(parts: &[Part], spheres: &[Sphere]) -> Bodies {
+    let sphere = |sphere: &Sphere| {
+        let radius = sphere.radius;
+        Body {
+            line: 0,
+            material: sphere.material.clone(),
+            equivalent_radius: radius,
+            inertia: Some([0.4 * volume(radius) * radius * radius; 3]),
+            position: sphere.centre,
+            contactors: vec![Contactor {
+                colour: sphere.colour.clone(),
+                shape: Shape::Sphere { radius },
+                local_frame: None,
+            }],
+        }
+    };
+    Bodies(parts.iter().flat_map(|part| part.records.iter().cloned()).chain(spheres.iter().map(sphere)).collect())
+}
+
+/// Bodies of different parts may touch but not overlap; a body that is no sphere and no plate counts
+/// as the ball about it.
+fn check_overlaps(parts: &[Part], spheres: &[Sphere], records: &Bodies, report: &mut Report) {
+    const TOUCHING: f64 = 1e-6;
+    let mut owner = Vec::new();
+    for (k, part) in parts.iter().enumerate() {
+        owner.extend(std::iter::repeat_n(k, part.rows.len()));
+    }
+    owner.extend((0..spheres.len()).map(|k| parts.len() + k));
+    let name = |owner: usize| match owner.checked_sub(parts.len()) {
+        None => format!("bodies.{owner}"),
+        Some(sphere) => format!("spheres.{sphere}"),
+    };
+    let radius = |body: &Body| match &body.contactors[0].shape {
+        Shape::Sphere { radius } => Some(*radius),
+        Shape::Plane { .. } => None,
+        Shape::Polyhedron { vertices, .. } => {
+            Some(vertices.iter().map(|v| Vector3::from(*v).norm()).fold(0.0, f64::max))
+        }
+        _ => Some(body.equivalent_radius),
+    };
+    let mut balls: Vec<(usize, f64)> =
+        records.0.iter().enumerate().filter_map(|(k, body)| Some((k, radius(body)?))).collect();
+    balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    let place = |k: usize| Vector3::from(records.0[k].position);
+    let mut deepest: Option<(f64, usize, usize)> = None;
+    let mut meet = |overlap: f64, a: usize, b: usize, radius: f64| {
+        if owner[a] != owner[b] && overlap > TOUCHING * radius && deepest.is_none_or(|(known, ..)| overlap > known) {
+            deepest = Some((overlap, a.min(b), a.max(b)));
+        }
+    };
+    let mut cells = Cells::new(balls.first().map_or(1.0, |ball| ball.1));
+    for &(k, radius) in &balls {
+        cells.overlaps(&place(k), radius, |number, overlap| meet(overlap, k, balls[number].0, radius));
+        cells.add(place(k), radius);
+    }
+    let (mut first, mut plates) = (0, Vec::new());
+    for part in parts {
+        for (k, body) in part.records.iter().enumerate() {
+            if let Shape::Plane { half_lengths } = body.contactors[0].shape {
+                plates.push((first + k, quaternion(part.state.bodies.body_q[k]), Vector3::from(half_lengths)));
+            }
+        }
+        first += part.rows.len();
+    }
+    for (plate, turn, half) in plates {
+        for &(k, radius) in &balls {
+            let outside = ((turn.inverse() * (place(k) - place(plate))).abs() - half).sup(&Vector3::zeros());
+            meet(radius - outside.norm(), k, plate, radius);
+        }
+    }
+    if let Some((overlap, a, b)) = deepest {
+        let found = format!("new bodies {} and {} overlap by {overlap:.3e} m, the deepest of all", a + 1, b + 1);
+        report.fault(&name(owner[b]), found, "bodies of different origin that touch at most");
+    }
+}
+
+fn files(
+    changes: &Changes,
+    parts: &[Part],
+    records: &Bodies,
+    tables: Tables,
+    options: &Compute,
+    cases: &[PathBuf],
+) -> Vec<File> {
+    let mut start = Snapshot { meta: parts[0].source.snapshot.meta.clone(), ..Snapshot::default() };
+    if !changes.keep_time {
+        (start.meta.step, start.meta.time) = (0, 0.0);
+    }
+    start.meta.program = format!("cd-pre {}", env!("CARGO_PKG_VERSION"));
+    start.meta.ledger = Default::default();
+    if start.meta.laws.is_empty() {
+        let laws = parts.iter().map(|part| &part.source.snapshot.meta.laws).find(|laws| !laws.is_empty());
+        start.meta.laws = laws.cloned().unwrap_or_default();
+    }
+    start.meta.parameters.events_done = 0;
+    let mut origin = String::from("body,case,step,number\n");
+    let mut bodies = Vec::new();
+    for (part, case) in parts.iter().zip(cases) {
+        let first = bodies.len();
+        part.append_to(&mut start, first);
+        for (k, row) in part.rows.iter().enumerate() {
+            let (body, step) = (first + k, part.source.snapshot.meta.step);
+            origin += &format!("{},{},{step},{}\n", body + 1, quoted(case), row + 1);
+            bodies.push(part.dof(k, body));
+        }
+    }
+    for sphere in &changes.spheres {
+        let ([a, b, c], [d, e, f]) = (sphere.velocity, sphere.spin);
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let body = bodies.len();
+        origin += &format!("{},,,\n", body + 1);
+        bodies.push(BodyDof { line: 0, body, displacement: [0.0; 6], velocity: [a, b, c, d, e, f], axes });
+    }
+    let dof = Dof { step: start.meta.step, time: start.meta.time, bodies };
+    let driven = driven(parts);
+    let mut files: Vec<File> = [
+        ("BODIES.DAT", records.to_text()),
+        ("BULK_BEHAV.DAT", tables.bulk.to_text()),
+        ("TACT_BEHAV.DAT", tables.tact.to_text()),
+        ("DRV_DOF.DAT", driven.to_text()),
+        ("DOF.INI", dof.to_text()),
+        ("Vloc_Rloc.INI", VlocRloc { step: dof.step, time: dof.time, contacts: Vec::new() }.to_text()),
+        ("COMPUTE.RON", options.to_text()),
+        (ORIGIN, origin),
+    ]
+    .map(|(name, text)| (name.to_string(), text.into_bytes()))
+    .into();
+    let mut written: Vec<&str> = Vec::new();
+    for row in &driven.0 {
+        if let Evolution::Table { name, points } = &row.evolution
+            && !written.contains(&name.as_str())
+        {
+            written.push(name);
+            files.push((name.clone(), table_text(points).into_bytes()));
+        }
+    }
+    // Last: it is of no use without the others.
+    files.push((START.to_string(), start.to_bytes()));
+    files
+}
+
+/// A path as a field of a CSV file.
+fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
+}
+
+/// What drives the bodies, under their new numbers; equal tables share a file.
+fn driven(parts: &[Part]) -> DrvDof {
+    let (mut all, mut tables, mut first) = (Vec::new(), Vec::<Vec<[f64; 2]>>::new(), 0);
+    for part in parts {
+        for row in &part.source.driven.0 {
+            let Ok(k) = part.rows.binary_search(&row.body) else { continue };
+            let mut row = row.clone();
+            row.body = first + k;
+            if let Evolution::Table { name, points } = &mut row.evolution {
+                let place = tables.iter().position(|known| known == points).unwrap_or_else(|| {
+                    tables.push(points.clone());
+                    tables.len() - 1
+                });
+                *name = format!("evolution-{}.dat", place + 1);
+            }
+            all.push(row);
+        }
+        first += part.rows.len();
+    }
+    all.sort_by_key(|row| row.body);
+    DrvDof(all)
+}

@@ -1,0 +1,257 @@
+//! A case with one of its snapshots, and what is taken from it.
+
+use std::path::{Path, PathBuf};
+
+use cd_formats::bodies::{Bodies, Body};
+use cd_formats::bulk_behav::BulkBehav;
+use cd_formats::compute::Compute;
+use cd_formats::dof::BodyDof;
+use cd_formats::drv_dof::DrvDof;
+use cd_formats::error::{Fault, Faults};
+use cd_formats::groups::Groups;
+use cd_formats::snapshot::{self, Snapshot};
+use cd_formats::tact_behav::TactBehav;
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+
+use super::{Keep, Stop, Taken};
+use crate::place::rotation;
+
+type Vec3 = Vector3<f64>;
+
+/// Two bodies touch if their contact carries force, or if its gap is at most this share of the smaller radius.
+const TOUCHING_GAP: f64 = 1e-3;
+
+#[derive(Debug, Clone)]
+pub struct Source {
+    pub case: PathBuf,
+    pub bodies: Bodies,
+    pub bulk: BulkBehav,
+    pub tact: TactBehav,
+    pub driven: DrvDof,
+    pub options: Compute,
+    pub snapshot: Snapshot,
+}
+
+/// What is taken of a source, where it is to be; row k is body `rows[k]` of the source, from 0.
+pub struct Part<'a> {
+    pub source: &'a Source,
+    pub rows: Vec<usize>,
+    pub records: Vec<Body>,
+    /// Contacts hold rows of this part.
+    pub state: Snapshot,
+}
+
+/// The turn of a snapshot's row.
+pub fn quaternion([w, i, j, k]: [f64; 4]) -> UnitQuaternion<f64> {
+    UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k))
+}
+
+impl Source {
+    /// Reads DATBOX and the snapshot of step `step`, or the last, of a case.
+    pub fn read(case: &Path, step: Option<u64>) -> Result<Source, Faults> {
+        let (datbox, outbox) = (case.join("DATBOX"), case.join("OUTBOX"));
+        let mut faults = Faults::default();
+        let all = snapshot::list(&outbox);
+        let found = match step {
+            Some(step) => all.iter().find(|(number, _)| *number == step),
+            None => all.last(),
+        };
+        if found.is_none() {
+            let found = step.map_or("holds no snapshot".into(), |step| format!("holds no snapshot of step {step}"));
+            let expected = match all.as_slice() {
+                [] => "expected the results of cd-solve".into(),
+                [first, .., last] => format!("expected one of {}, steps {} to {}", all.len(), first.0, last.0),
+                [only] => format!("expected step {}", only.0),
+            };
+            faults.push(Fault::new(&outbox, None, "folder", found, expected));
+        }
+        let snapshot = found.and_then(|(_, path)| faults.gather(Snapshot::read(path)));
+        let bodies = faults.gather(Bodies::read(&datbox.join("BODIES.DAT")));
+        let bulk = faults.gather(BulkBehav::read(&datbox.join("BULK_BEHAV.DAT")));
+        let tact = faults.gather(TactBehav::read(&datbox.join("TACT_BEHAV.DAT")));
+        let driven = faults.gather(DrvDof::read(&datbox.join("DRV_DOF.DAT")));
+        let compute = datbox.join("COMPUTE.RON");
+        let options = if compute.exists() { faults.gather(Compute::read(&compute)) } else { Some(Compute::default()) };
+        let (Some(snapshot), Some(bodies), Some(bulk), Some(tact), Some(driven), Some(options)) =
+            (snapshot, bodies, bulk, tact, driven, options)
+        else {
+            return Err(faults);
+        };
+        if snapshot.bodies.body_id.len() != bodies.0.len() {
+            let found = format!("{} bodies", snapshot.bodies.body_id.len());
+            let expected = format!("expected the {} of BODIES.DAT", bodies.0.len());
+            return Err(Fault::new(&outbox, None, "snapshot", found, expected).into());
+        }
+        Ok(Source { case: case.to_path_buf(), bodies, bulk, tact, driven, options, snapshot })
+    }
+
+    /// Takes bodies out and moves them. Errors: what was found and what was expected.
+    pub fn take(&self, taken: &Taken) -> Result<Part<'_>, (String, String)> {
+        let bodies = &self.snapshot.bodies;
+        let is_driven = |row: usize| bodies.body_driven[row] != 0;
+        let largest = match taken.keep {
+            Keep::All => None,
+            Keep::Largest => Some(self.largest()),
+        };
+        let rows: Vec<usize> = (0..bodies.body_id.len())
+            .filter(|&row| if is_driven(row) { taken.walls } else { largest.as_ref().is_none_or(|kept| kept[row]) })
+            .collect();
+        let free: Vec<usize> = (0..rows.len()).filter(|&k| !is_driven(rows[k])).collect();
+        if free.is_empty() {
+            return Err(("no body is free to move".into(), "at least one".into()));
+        }
+        let moved = taken.turn.angle != 0.0 || taken.centre.is_some();
+        if moved && free.len() < rows.len() {
+            let found = "bodies with imposed motion are to be moved".to_string();
+            return Err((found, "walls: false, or neither turn nor centre".into()));
+        }
+        let mut state = Snapshot { meta: self.snapshot.meta.clone(), ..Snapshot::default() };
+        state.bodies = bodies.rows(&rows);
+        let row_of = |body: u32| rows.binary_search(&(body as usize)).ok();
+        let pair = |row: usize| {
+            let [a, b] = self.snapshot.contacts.contact_body[row].map(row_of);
+            Some([a? as u32, b? as u32])
+        };
+        let count = self.snapshot.contacts.contact_body.len();
+        let kept: Vec<usize> = (0..count).filter(|&row| pair(row).is_some()).collect();
+        state.contacts = self.snapshot.contacts.rows(&kept);
+        state.contacts.contact_body = kept.iter().filter_map(|&row| pair(row)).collect();
+        relocate(&mut state, &free, taken);
+        let records = rows.iter().zip(&state.bodies.body_x).map(|(&row, &position)| {
+            let mut record = Body { position, ..self.bodies.0[row].clone() };
+            if let (Some(colour), false) = (&taken.colour, is_driven(row)) {
+                record.contactors.iter_mut().for_each(|contactor| contactor.colour.clone_from(colour));
+            }
+            record
+        });
+        let records = records.collect();
+        Ok(Part { source: self, rows, records, state })
+    }
+
+    /// The rows of the heaviest group of free bodies that touch, first of equals.
+    fn largest(&self) -> Vec<bool> {
+        let Snapshot { bodies, contacts, .. } = &self.snapshot;
+        let count = bodies.body_id.len();
+        let mut groups = Groups::new(count);
+        for (row, pair) in contacts.contact_body.iter().enumerate() {
+            let [a, b] = pair.map(|body| body as usize);
+            let close = TOUCHING_GAP * bodies.body_radius[a].min(bodies.body_radius[b]);
+            let touch = contacts.contact_impulse[row] != [0.0; 3] || contacts.contact_gap[row] <= close;
+            if touch && bodies.body_driven[a] == 0 && bodies.body_driven[b] == 0 {
+                groups.join(a, b);
+            }
+        }
+        let mut mass = vec![0.0; count];
+        for row in (0..count).filter(|&row| bodies.body_driven[row] == 0) {
+            mass[groups.root(row)] += bodies.body_mass[row];
+        }
+        let heaviest = (0..count).fold(0, |best, root| if mass[root] > mass[best] { root } else { best });
+        (0..count).map(|row| groups.root(row) == heaviest).collect()
+    }
+}
+
+/// Changes place and motion of the `free` rows; what does not change keeps every bit.
+fn relocate(state: &mut Snapshot, free: &[usize], taken: &Taken) {
+    let bodies = &mut state.bodies;
+    let mass: f64 = free.iter().map(|&k| bodies.body_mass[k]).sum();
+    let mean = |of: &[[f64; 3]]| free.iter().map(|&k| bodies.body_mass[k] * Vec3::from(of[k])).sum::<Vec3>() / mass;
+    let (com, drift) = (mean(&bodies.body_x), mean(&bodies.body_v));
+    let still = |k: usize| (Vec3::from(bodies.body_v[k]), Vec3::from(bodies.body_w_world[k]));
+    let mut motion: Vec<(Vec3, Vec3)> = free.iter().map(|&k| still(k)).collect();
+    if taken.stop == Stop::Drift || taken.stop == Stop::RigidMotion {
+        motion.iter_mut().for_each(|(v, _)| *v -= drift);
+    }
+    if taken.stop == Stop::RigidMotion {
+        let spin = rigid_spin(state, free, &com, &motion);
+        for (&k, (v, w)) in free.iter().zip(&mut motion) {
+            *v -= spin.cross(&(Vec3::from(state.bodies.body_x[k]) - com));
+            *w -= spin;
+        }
+    }
+    if taken.stop == Stop::Motion {
+        motion.fill((Vec3::zeros(), Vec3::zeros()));
+    }
+    let bodies = &mut state.bodies;
+    if taken.turn.angle != 0.0 {
+        let turn = rotation(&taken.turn);
+        let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turn));
+        let about = |x: [f64; 3]| (com + turn * (Vec3::from(x) - com)).into();
+        for (&k, (v, w)) in free.iter().zip(&mut motion) {
+            bodies.body_x[k] = about(bodies.body_x[k]);
+            let turned = q * quaternion(bodies.body_q[k]);
+            bodies.body_q[k] = [turned.w, turned.i, turned.j, turned.k];
+            (*v, *w) = (turn * *v, turn * *w);
+        }
+        for point in &mut state.contacts.contact_point {
+            *point = about(*point);
+        }
+        for frame in &mut state.contacts.contact_frame {
+            *frame = frame.map(|axis| (turn * Vec3::from(axis)).into());
+        }
+    }
+    if let Some(centre) = taken.centre {
+        let shift = Vec3::from(centre) - com;
+        let shifted = |x: [f64; 3]| (Vec3::from(x) + shift).into();
+        free.iter().for_each(|&k| bodies.body_x[k] = shifted(bodies.body_x[k]));
+        state.contacts.contact_point.iter_mut().for_each(|point| *point = shifted(*point));
+    }
+    let centre = taken.centre.map_or(com, Vec3::from);
+    let (velocity, spin) = (Vec3::from(taken.velocity), Vec3::from(taken.spin));
+    for (&k, (v, w)) in free.iter().zip(&mut motion) {
+        if taken.spin != [0.0; 3] {
+            *v += spin.cross(&(Vec3::from(bodies.body_x[k]) - centre));
+            *w += spin;
+        }
+        if taken.velocity != [0.0; 3] {
+            *v += velocity;
+        }
+        bodies.body_v[k] = (*v).into();
+        if Vec3::from(bodies.body_w_world[k]) != *w {
+            bodies.body_w_world[k] = (*w).into();
+            bodies.body_w[k] = quaternion(bodies.body_q[k]).inverse_transform_vector(w).into();
+        }
+    }
+}
+
+/// Angular velocity of the rigid body with the inertia and the angular momentum of the rows about `com`, rad/s.
+fn rigid_spin(state: &Snapshot, free: &[usize], com: &Vec3, motion: &[(Vec3, Vec3)]) -> Vec3 {
+    let (mut inertia, mut momentum) = (Matrix3::zeros(), Vec3::zeros());
+    for (&k, (v, w)) in free.iter().zip(motion) {
+        let (mass, arm) = (state.bodies.body_mass[k], Vec3::from(state.bodies.body_x[k]) - com);
+        let axes = quaternion(state.bodies.body_q[k]).to_rotation_matrix();
+        let own = axes * Matrix3::from_diagonal(&state.bodies.body_inertia[k].into()) * axes.inverse();
+        inertia += own + mass * (Matrix3::from_diagonal_element(arm.norm_squared()) - arm * arm.transpose());
+        momentum += own * w + mass * arm.cross(v);
+    }
+    inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * momentum)
+}
+
+impl Part<'_> {
+    /// Puts the state behind that of other parts: bodies numbered from `first` (from 0) on, impulses for
+    /// the step length of the whole.
+    pub fn append_to(&self, start: &mut Snapshot, first: usize) {
+        let mut bodies = self.state.bodies.clone();
+        bodies.body_id = (first as u64 + 1..).take(self.rows.len()).collect();
+        // Names live in DATBOX; START.npz holds motion and contacts.
+        bodies.body_colour.fill(0);
+        bodies.body_material.fill(0);
+        let mut contacts = self.state.contacts.clone();
+        contacts.contact_body.iter_mut().flatten().for_each(|body| *body += first as u32);
+        contacts.contact_law.fill(0);
+        let scale = start.meta.h / self.state.meta.h;
+        if scale != 1.0 && scale.is_finite() {
+            contacts.contact_impulse.iter_mut().flatten().for_each(|r| *r *= scale);
+        }
+        start.bodies.append(bodies);
+        start.contacts.append(contacts);
+    }
+
+    /// The motion of row `k` for DOF.INI, as body `body` (from 0); its place stands in BODIES.DAT.
+    pub fn dof(&self, k: usize, body: usize) -> BodyDof {
+        let bodies = &self.state.bodies;
+        let ([a, b, c], [d, e, f]) = (bodies.body_v[k], bodies.body_w[k]);
+        let q = quaternion(bodies.body_q[k]);
+        let axes = [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| (q * axis).into());
+        BodyDof { line: 0, body, displacement: [0.0; 6], velocity: [a, b, c, d, e, f], axes }
+    }
+}

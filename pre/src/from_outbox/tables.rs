@@ -1,0 +1,275 @@
+//! Materials, laws and visibility of several cases in one.
+
+use std::collections::BTreeSet;
+
+use cd_formats::bodies::Bodies;
+use cd_formats::bulk_behav::{BulkBehav, Material};
+use cd_formats::compute::Compute;
+use cd_formats::tact_behav::{LAWS, Law, See, Side, TactBehav};
+
+use super::Changes;
+use super::source::Part;
+use crate::report::Report;
+
+pub struct Tables {
+    pub bulk: BulkBehav,
+    pub tact: TactBehav,
+}
+
+impl Tables {
+    /// The tables of all parts with the changes; what contradicts or lacks goes into the report.
+    pub fn merged(
+        changes: &Changes,
+        parts: &[Part],
+        records: &Bodies,
+        options: &Compute,
+        report: &mut Report,
+    ) -> Tables {
+        let bulk = materials(changes, parts, records, report);
+        let laws = laws(changes, parts, report);
+        let visibility = visibility(changes, parts, records, &laws, options, report);
+        Tables { bulk, tact: TactBehav { laws, visibility } }
+    }
+}
+
+fn materials(changes: &Changes, parts: &[Part], records: &Bodies, report: &mut Report) -> BulkBehav {
+    let changed = |name: &str| changes.materials.iter().any(|material| material.name == name);
+    let mut all: Vec<Material> = Vec::new();
+    for (k, part) in parts.iter().enumerate() {
+        for material in &part.source.bulk.materials {
+            match all.iter().find(|known| known.name == material.name) {
+                None => all.push(material.clone()),
+                Some(known) if known.density != material.density && !changed(&known.name) => report.fault(
+                    &format!("bodies.{k}"),
+                    format!("material '{}' has the density {}, before {}", known.name, material.density, known.density),
+                    "one density of a name (kg/m^3), or one under materials",
+                ),
+                Some(_) => {}
+            }
+        }
+    }
+    for material in &changes.materials {
+        match all.iter_mut().find(|known| known.name == material.name) {
+            Some(known) => known.density = material.density,
+            None => all.push(Material { name: material.name.clone(), density: material.density }),
+        }
+    }
+    let names: Vec<&str> = all.iter().map(|material| material.name.as_str()).collect();
+    for (k, sphere) in changes.spheres.iter().enumerate() {
+        if !names.contains(&sphere.material.as_str()) {
+            let found = format!("'{}' is not defined", sphere.material);
+            report.fault(&format!("spheres.{k}.material"), found, format!("one of {}", names.join(", ")));
+        }
+    }
+    all.retain(|material| records.0.iter().any(|body| body.material == material.name));
+    BulkBehav { gravity: parts[0].source.bulk.gravity, materials: all }
+}
+
+fn laws(changes: &Changes, parts: &[Part], report: &mut Report) -> Vec<Law> {
+    let mut all: Vec<Law> = Vec::new();
+    for (k, part) in parts.iter().enumerate() {
+        for law in &part.source.tact.laws {
+            let same = |known: &Law| (&known.kind, &known.parameters) == (&law.kind, &law.parameters);
+            match all.iter().find(|known| known.nickname == law.nickname) {
+                None => all.push(law.clone()),
+                Some(known) if !same(known) && changes.laws.iter().all(|new| new.name != law.nickname) => report.fault(
+                    &format!("bodies.{k}"),
+                    format!("law '{}' is another than before", law.nickname),
+                    "the same law under one name, or one under laws",
+                ),
+                Some(_) => {}
+            }
+        }
+    }
+    for law in &changes.laws {
+        let (kind, parameters) = law.kind.row();
+        let parameters = parameters.into_iter().map(|(_, value)| value).collect();
+        let new = Law { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters };
+        match all.iter_mut().find(|known| known.nickname == new.nickname) {
+            Some(known) => *known = new,
+            None => all.push(new),
+        }
+    }
+    all
+}
+
+/// The distance over which a law attracts, m.
+fn range(law: &Law) -> f64 {
+    let labels = LAWS.iter().find(|(kind, _)| *kind == law.kind).map_or(&[][..], |(_, lines)| *lines);
+    let place = labels.iter().flat_map(|line| line.iter()).position(|label| *label == "Wthk");
+    place.and_then(|k| law.parameters.get(k)).copied().unwrap_or(0.0)
+}
+
+/// Candidate and antagonist are told apart by the shapes, as in LMGC90: spheres before polyhedra before plates.
+fn rank(contactor: &str) -> usize {
+    ["SPHER", "POLYR", "PLANx"].iter().position(|known| *known == contactor).unwrap_or(1)
+}
+
+fn pair<'a>(a: &'a str, b: &'a str) -> (&'a str, &'a str) {
+    (a.min(b), a.max(b))
+}
+
+fn colours(row: &See) -> (&str, &str) {
+    pair(&row.candidate.colour, &row.antagonist.colour)
+}
+
+fn visibility(
+    changes: &Changes,
+    parts: &[Part],
+    records: &Bodies,
+    laws: &[Law],
+    options: &Compute,
+    report: &mut Report,
+) -> Vec<See> {
+    let worn: BTreeSet<(&str, &str)> =
+        records.0.iter().flat_map(|body| body.contactors.iter().map(|c| (c.colour.as_str(), c.shape.name()))).collect();
+    let named: Vec<(&str, &str)> = changes.contacts.iter().map(|c| pair(&c.between.0, &c.between.1)).collect();
+    let mut rows: Vec<See> = Vec::new();
+    for (k, part) in parts.iter().enumerate() {
+        for mut row in part.rows_of_table() {
+            row.alert = row.alert.max(laws.iter().find(|law| law.nickname == row.law).map_or(0.0, range));
+            let sides = |row: &See| (row.candidate.clone(), row.antagonist.clone());
+            let known = rows.iter_mut().find(|known| {
+                let (a, b) = sides(known);
+                sides(&row) == (a.clone(), b.clone()) || sides(&row) == (b, a)
+            });
+            match known {
+                None => rows.push(row),
+                Some(known) if known.law == row.law => known.alert = known.alert.max(row.alert),
+                Some(known) if !named.contains(&colours(known)) => {
+                    let (a, b) = colours(known);
+                    let found = format!("law '{}' between '{a}' and '{b}', before '{}'", row.law, known.law);
+                    report.fault(&format!("bodies.{k}"), found, "one law for a pair, or one under contacts");
+                }
+                Some(_) => {}
+            }
+        }
+    }
+    rows.retain(|row| !named.contains(&colours(row)));
+    for (k, contact) in changes.contacts.iter().enumerate() {
+        let path = format!("contacts.{k}");
+        let (a, b) = named[k];
+        for colour in [a, b] {
+            if worn.iter().all(|(known, _)| *known != colour) {
+                report.fault(&path, format!("no body has the colour '{colour}'"), "a colour of the bodies");
+            }
+        }
+        if named[..k].contains(&named[k]) {
+            report.fault(&path, format!("'{a}' and '{b}' are there twice"), "each pair once");
+        }
+        let Some(name) = &contact.law else { continue };
+        let Some(law) = laws.iter().find(|law| law.nickname == *name) else {
+            let names: Vec<&str> = laws.iter().map(|law| law.nickname.as_str()).collect();
+            let found = format!("'{name}' is not defined");
+            report.fault(&format!("{path}.law"), found, format!("one of {}", names.join(", ")));
+            continue;
+        };
+        let alert = contact.alert.unwrap_or_else(|| default_alert(parts, records, options).max(range(law)));
+        let holds = alert > 0.0 && alert.is_finite() && alert >= range(law);
+        let expected = "a distance > 0 m, at least the range of the law";
+        report.expect(holds, &format!("{path}.alert"), format!("{alert:?}"), expected);
+        let side = |colour: &str, contactor: &str| Side {
+            body: "RBDY3".into(),
+            contactor: contactor.into(),
+            colour: colour.into(),
+        };
+        for &(_, x) in worn.iter().filter(|(colour, _)| *colour == a) {
+            for &(_, y) in worn.iter().filter(|(colour, _)| *colour == b) {
+                let mut sides = [side(a, x), side(b, y)];
+                sides.sort_by_key(|side| rank(&side.contactor));
+                let [candidate, antagonist] = sides;
+                let plates = candidate.contactor == "PLANx";
+                let twice = a == b && x > y;
+                if !plates && !twice {
+                    rows.push(See { line: 0, candidate, law: name.clone(), antagonist, alert });
+                }
+            }
+        }
+    }
+    expect_all_pairs(changes, parts, &rows, &named, report);
+    rows
+}
+
+/// Colours that have not met in one case before must be named: nothing passes through anything by oversight.
+fn expect_all_pairs(changes: &Changes, parts: &[Part], rows: &[See], named: &[(&str, &str)], report: &mut Report) {
+    let mut free: Vec<BTreeSet<&str>> = Vec::new();
+    let mut driven: Vec<BTreeSet<&str>> = Vec::new();
+    for part in parts {
+        let of = |moves: bool| {
+            let records = part.records.iter().zip(&part.state.bodies.body_driven);
+            let chosen = records.filter(move |(_, driven)| (**driven == 0) == moves);
+            chosen.flat_map(|(body, _)| body.contactors.iter().map(|c| c.colour.as_str())).collect::<BTreeSet<_>>()
+        };
+        free.push(of(true));
+        driven.push(of(false));
+    }
+    for sphere in &changes.spheres {
+        free.push([sphere.colour.as_str()].into());
+        driven.push(BTreeSet::new());
+    }
+    let mut told: BTreeSet<(&str, &str)> = BTreeSet::new();
+    for (i, mine) in free.iter().enumerate() {
+        for a in mine {
+            for (j, theirs) in free.iter().zip(&driven).enumerate() {
+                for b in theirs.0.iter().chain(theirs.1) {
+                    let both = pair(a, b);
+                    let seen = i == j && i < parts.len()
+                        || named.contains(&both)
+                        || rows.iter().any(|row| colours(row) == both);
+                    if !seen && told.insert(both) {
+                        let found = format!("no law between '{}' and '{}'", both.0, both.1);
+                        report.fault("contacts", found, "one for each pair that can meet (law: None for none)");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// As for a scene: a tenth of the mean radius, and at least what two bodies at the greatest speed approach
+/// each other in a step, m.
+fn default_alert(parts: &[Part], records: &Bodies, options: &Compute) -> f64 {
+    let radii: Vec<f64> = parts
+        .iter()
+        .flat_map(|part| {
+            let bodies = &part.state.bodies;
+            bodies.body_radius.iter().zip(&bodies.body_driven).filter(|(_, d)| **d == 0).map(|(r, _)| *r)
+        })
+        .collect();
+    let count = parts.iter().map(|part| part.rows.len()).sum::<usize>();
+    let new: Vec<f64> = records.0[count..].iter().map(|body| body.equivalent_radius).collect();
+    let mean = radii.iter().chain(&new).sum::<f64>() / (radii.len() + new.len()) as f64;
+    let speed = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let fastest = parts.iter().flat_map(|part| part.state.bodies.body_v.iter().map(speed)).fold(0.0, f64::max);
+    (0.1 * mean).max(2.0 * options.dt * fastest)
+}
+
+impl Part<'_> {
+    /// The rows of the source's table between colours that this part has, under their new names.
+    fn rows_of_table(&self) -> Vec<See> {
+        let old = |k: usize| &self.source.bodies.0[self.rows[k]].contactors;
+        let renamed: BTreeSet<(&str, &str, &str)> = (0..self.rows.len())
+            .flat_map(|k| {
+                let pairs = old(k).iter().zip(&self.records[k].contactors);
+                pairs.map(|(old, new)| (old.colour.as_str(), new.colour.as_str(), old.shape.name()))
+            })
+            .collect();
+        let mut rows = Vec::new();
+        for row in &self.source.tact.visibility {
+            let news = |side: &Side| -> Vec<&str> {
+                let mine = renamed.iter().filter(|(old, _, shape)| *old == side.colour && *shape == side.contactor);
+                mine.map(|(_, new, _)| *new).collect()
+            };
+            for a in news(&row.candidate) {
+                for b in news(&row.antagonist) {
+                    let mut row = row.clone();
+                    row.line = 0;
+                    row.candidate.colour = a.into();
+                    row.antagonist.colour = b.into();
+                    rows.push(row);
+                }
+            }
+        }
+        rows
+    }
+}

@@ -1,0 +1,213 @@
+//! `cd-pre from-outbox`: the state of one run as the start of the next.
+
+use std::fs;
+use std::path::Path;
+
+use cd_formats::bodies::Bodies;
+use cd_formats::snapshot::Snapshot;
+use cd_formats::tact_behav::TactBehav;
+use cd_tests::case::{Case, cloud, files, from_outbox};
+
+/// Forty rocks in the thick of their collisions at step 150.
+fn collapse() -> Case {
+    Case::of(&cloud(40, 0.4, 1, "dt: 8.0, steps: 300, output_every: 50"))
+}
+
+/// A case made from the last snapshot of another.
+fn next(from: &Case, changes: &str) -> Case {
+    let case = Case::empty();
+    assert_eq!(from_outbox(from.path(), case.path(), changes), 0, "{changes}");
+    case
+}
+
+/// Bits of all that moves.
+fn bits(snapshot: &Snapshot) -> Vec<u64> {
+    let b = &snapshot.bodies;
+    let vectors = [&b.body_x, &b.body_v, &b.body_w, &b.body_w_world];
+    let impulses = snapshot.contacts.contact_impulse.as_flattened();
+    let all = vectors.into_iter().flat_map(|v| v.as_flattened()).chain(b.body_q.as_flattened()).chain(impulses);
+    all.map(|x| x.to_bits()).collect()
+}
+
+#[test]
+fn a_run_that_goes_on_in_another_folder_equals_the_unbroken_one() {
+    let unbroken = collapse().solved(&[]);
+    let case = next(&unbroken, "(bodies: [(snapshot: 150)], keep_time: true)").solved(&["--steps", "150"]);
+    assert_eq!(bits(&case.snapshot(150)), bits(&unbroken.snapshot(150)));
+    assert_eq!(bits(&case.snapshot(300)), bits(&unbroken.snapshot(300)));
+    assert!(unbroken.snapshot(150).contacts.contact_impulse.iter().any(|r| r[0] > 0.0), "nothing touches");
+    // From time 0 the same steps are made.
+    let anew = next(&unbroken, "(bodies: [(snapshot: 150)])").solved(&["--steps", "150"]);
+    assert_eq!(bits(&anew.snapshot(150)), bits(&unbroken.snapshot(300)));
+    assert!(origin(&anew).iter().all(|(body, number)| body == number));
+}
+
+/// The new and the old number of each body.
+fn origin(case: &Case) -> Vec<(u64, u64)> {
+    let text = fs::read_to_string(case.datbox("ORIGIN.csv")).unwrap();
+    let line = |line: &str| {
+        let fields: Vec<&str> = line.split(',').collect();
+        (fields[0].parse().unwrap(), fields[3].parse().unwrap())
+    };
+    text.lines().skip(1).map(line).collect()
+}
+
+/// Spheres of 1 m that rest where they are; `positions` in RON.
+fn spheres(positions: &str, compute: &str) -> String {
+    format!(
+        r#"(
+            materials: [(name: "ROCKx", density: 3000.0)],
+            laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.3))],
+            contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0")],
+            grains: [(
+                material: "ROCKx",
+                colour: "BLUEx",
+                sizes: Single(1.0),
+                place: List(positions: {positions}),
+                velocity: (0.5, 0.0, 0.0),
+                spin: (0.0, 0.0, 1.0e-4),
+            )],
+            compute: (dt: 0.25, steps: 1, {compute}),
+        )"#
+    )
+}
+
+/// A pair that gravity holds together, and a sphere far away.
+fn pair_and_one() -> Case {
+    let positions = "[(100.0, 0.0, 0.0), (0.0, 0.0, 0.0), (2.0, 0.0, 0.0)]";
+    Case::of(&spheres(positions, "self_gravity: true")).solved(&[])
+}
+
+#[test]
+fn the_largest_remnant_is_kept_and_moved() {
+    let from = pair_and_one();
+    let changes = "(bodies: [(keep: Largest, stop: RigidMotion, centre: (1.0, 2.0, 3.0), \
+                   turn: (axis: (0.0, 0.0, 1.0), angle: 1.5707963267948966), spin: (1.0e-4, 0.0, 0.0), \
+                   velocity: (0.0, 0.0, 0.25))])";
+    let case = next(&from, &changes.replace('\\', ""));
+    assert_eq!(origin(&case), [(1, 2), (2, 3)]);
+    let start = Snapshot::read(&case.datbox("START.npz")).unwrap();
+    // In its one step of a quarter second the pair has turned by 2.5e-5, and gravity has given it 1e-7 m/s.
+    let close = |found: [f64; 3], expected: [f64; 3]| {
+        let distance = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(distance < 1e-4, "{found:?} {expected:?}");
+    };
+    let slow = |found: [f64; 3], expected: [f64; 3]| {
+        let distance = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(distance < 1e-6, "{found:?} {expected:?}");
+    };
+    // Along x before, along y after the quarter turn; v = (0, 0, 1/4) + spin x arm.
+    close(start.bodies.body_x[0], [1.0, 1.0, 3.0]);
+    close(start.bodies.body_x[1], [1.0, 3.0, 3.0]);
+    slow(start.bodies.body_v[0], [0.0, 0.0, 0.25 - 1e-4]);
+    slow(start.bodies.body_v[1], [0.0, 0.0, 0.25 + 1e-4]);
+    slow(start.bodies.body_w_world[1], [1e-4, 0.0, 0.0]);
+    // Their contact is kept and turned: from body 1 to body 2, or back.
+    assert_eq!(start.contacts.contact_body.len(), 1);
+    // Where it was found, half a step back: 1/16 m at 1/2 m/s, and what the spin of all three adds, below a millimetre.
+    let p = start.contacts.contact_point[0];
+    assert!((p[0] - 1.0).abs() < 1e-3 && (p[1] - 1.9375).abs() < 1e-3 && p[2] == 3.0, "{p:?}");
+    let n = start.contacts.contact_frame[0][0];
+    close([n[0], n[1].abs(), n[2]], [0.0, 1.0, 0.0]);
+    case.solved(&["--steps", "2"]);
+}
+
+#[test]
+fn a_twin_an_impactor_and_other_laws_come_together() {
+    let from = pair_and_one();
+    let changes = r#"(
+        bodies: [
+            (keep: Largest, stop: Drift, centre: (1.0, 0.0, 0.0)),
+            (keep: Largest, stop: Drift, centre: (10.0, 0.5, 0.0), velocity: (-0.1, 0.0, 0.0), colour: "REDxx"),
+        ],
+        spheres: [(material: "IRONx", colour: "IRONx", radius: 0.5, centre: (0.0, 0.0, 9.0), velocity: (0.0, 0.0, -2.0))],
+        materials: [(name: "IRONx", density: 7800.0)],
+        laws: [(name: "wet00", kind: IQS_WET_DS_CLB(cohesion: 10.0, range: 0.5, dynamic_friction: 0.3, static_friction: 0.4))],
+        contacts: [
+            (between: ("BLUEx", "BLUEx"), law: "wet00"),
+            (between: ("BLUEx", "REDxx"), law: "iqsc0"),
+            (between: ("BLUEx", "IRONx"), law: "iqsc0"),
+            (between: ("REDxx", "IRONx"), law: None),
+            (between: ("IRONx", "IRONx"), law: None),
+        ],
+        compute: (dt: 0.25, steps: 4, self_gravity: true),
+    )"#;
+    let case = next(&from, changes);
+    let bodies = Bodies::read(&case.datbox("BODIES.DAT")).unwrap().0;
+    let colours: Vec<&str> = bodies.iter().map(|body| body.contactors[0].colour.as_str()).collect();
+    assert_eq!(colours, ["BLUEx", "BLUEx", "REDxx", "REDxx", "IRONx"]);
+    let rows = TactBehav::read(&case.datbox("TACT_BEHAV.DAT")).unwrap().visibility;
+    let law = |a: &str, b: &str| {
+        let of = rows.iter().find(|row| (row.candidate.colour.as_str(), row.antagonist.colour.as_str()) == (a, b));
+        of.map(|row| (row.law.as_str(), row.alert))
+    };
+    // The range of the law is the least alert.
+    assert_eq!(law("BLUEx", "BLUEx"), Some(("wet00", 0.5)));
+    assert_eq!(law("REDxx", "REDxx").unwrap().0, "iqsc0");
+    assert_eq!(law("BLUEx", "REDxx").unwrap().0, "iqsc0");
+    assert_eq!(law("IRONx", "REDxx"), None);
+    let case = case.solved(&[]);
+    let last = case.last_snapshot();
+    assert_eq!(last.bodies.body_id, [1, 2, 3, 4, 5]);
+    assert!((last.bodies.body_x[4][2] - 7.0).abs() < 1e-3); // 9 - 2 * 1 s
+    assert!((last.bodies.body_x[2][0] - last.bodies.body_x[0][0] - 8.9).abs() < 1e-2);
+}
+
+#[test]
+fn walls_stay_where_they_are_with_their_motion() {
+    let scene = r#"(
+        gravity: (0.0, 0.0, -1.0),
+        materials: [(name: "ROCKx", density: 3000.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.3))],
+        contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "FLOOR"), law: "iqsc0")],
+        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(1.0), place: List(positions: [(0, 0, 1), (5, 0, 1)]))],
+        walls: [Plate(material: "ROCKx", colour: "FLOOR", centre: (0, 0, -0.5), half_lengths: (20, 20, 0.5),
+            velocity: (Constant(0), Constant(0), Table([(0, 0), (1, 0.1), (9, 0.1)])))],
+        compute: (dt: 0.01, steps: 200, output_every: 50),
+    )"#;
+    let unbroken = Case::of(scene).solved(&[]);
+    let case = next(&unbroken, "(bodies: [(snapshot: 100)], keep_time: true)").solved(&["--steps", "100"]);
+    assert_eq!(bits(&case.snapshot(200)), bits(&unbroken.snapshot(200)));
+    let without = next(&unbroken, "(bodies: [(walls: false)])");
+    assert_eq!(Bodies::read(&without.datbox("BODIES.DAT")).unwrap().0.len(), 2);
+    assert!(!files(&without.path().join("DATBOX")).iter().any(|name| name.starts_with("evolution")));
+}
+
+/// Exit status 2, and no DATBOX.
+fn refused(from: &Path, changes: &str) {
+    let case = Case::empty();
+    assert_eq!(from_outbox(from, case.path(), changes), 2, "{changes}");
+    assert!(!case.path().join("DATBOX").exists());
+}
+
+#[test]
+fn what_cannot_be_is_refused_and_nothing_written() {
+    let from = pair_and_one();
+    refused(Path::new("no/such/case"), "");
+    refused(from.path(), "(bodies: [(snapshot: 77)])");
+    refused(from.path(), "(bodies: [(keep: Smallest)])");
+    refused(from.path(), "(bodies: [(), (centre: (34.0, 0.5, 0.0))])"); // in each other
+    refused(from.path(), "(bodies: [(), (centre: (0.0, 99.0, 0.0), colour: \"REDxx\")])"); // no law
+    refused(from.path(), "(spheres: [(material: \"IRONx\", colour: \"BLUEx\", radius: 1.0, centre: (0, 50, 0))])");
+    refused(from.path(), "(contacts: [(between: (\"BLUEx\", \"BLUEx\"), law: \"other\")])");
+    refused(from.path(), "(compute: (dt: -1.0))");
+    // Into the case itself.
+    assert_eq!(from_outbox(from.path(), from.path(), ""), 2);
+}
+
+#[test]
+fn a_start_that_does_not_belong_to_its_datbox_is_refused() {
+    let from = pair_and_one();
+    let case = next(&from, "");
+    let start = case.datbox("START.npz");
+    let mut other = Snapshot::read(&start).unwrap();
+    other.bodies.body_x[1][2] += 1.0;
+    other.write(&start).unwrap();
+    assert_eq!(case.solve(&[]), 2);
+    // A new scene takes it away.
+    let scene = case.path().join("scene.ron");
+    fs::write(&scene, spheres("[(0.0, 0.0, 0.0)]", "")).unwrap();
+    assert_eq!(cd_tests::case::pre(&scene, case.path()), 0);
+    assert!(!start.exists() && !case.datbox("ORIGIN.csv").exists());
+    assert_eq!(case.solve(&[]), 0);
+}
