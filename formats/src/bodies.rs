@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{GRID, Line, Scan, Text, e14, put, put_grid};
+use crate::scan::{GRID, Line, Scan, Text, e14, long14, put, put_grid};
 
 /// The bodies in the order of the file, which is their number.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -104,7 +104,8 @@ impl Bodies {
         scan.finish(bodies)
     }
 
-    /// The text of the file, numbers with eight digits.
+    /// The text of the file, numbers with eight digits; of bodies with a polyhedron up to twelve, see
+    /// [`long14`]: neighbours in a broken solid share faces.
     ///
     /// Names must have at most five characters, numbers be finite and below 1e100.
     pub fn to_text(&self) -> String {
@@ -269,33 +270,35 @@ fn read_polyhedron(scan: &mut Scan, line: Line) -> Option<Shape> {
 
 fn write_body(out: &mut String, number: usize, body: &Body) {
     let coordinates = ["coo1=", "coo2=", "coo3="];
+    let polyhedral = body.contactors.iter().any(|contactor| matches!(contactor.shape, Shape::Polyhedron { .. }));
+    let real = if polyhedral { long14 } else { e14 };
     let _ = write!(out, "$bdyty\n RBDY3  {number:5}\n$blmty\n");
     let head = format!(" PLAIN      1  behav  {:<5}", body.material);
-    put_grid(out, &head, &["avrd="], &[body.equivalent_radius], e14);
+    put_grid(out, &head, &["avrd="], &[body.equivalent_radius], real);
     if let Some(inertia) = &body.inertia {
-        put_grid(out, "", &["I1  =", "I2  =", "I3  ="], inertia, e14);
+        put_grid(out, "", &["I1  =", "I2  =", "I3  ="], inertia, real);
     }
     out.push_str("$nodty\n");
-    put_grid(out, " NO6xx      1", &coordinates, &body.position, e14);
-    put_grid(out, "", &["coo4=", "coo5=", "coo6="], &[0.0; 3], e14);
+    put_grid(out, " NO6xx      1", &coordinates, &body.position, real);
+    put_grid(out, "", &["coo4=", "coo5=", "coo6="], &[0.0; 3], real);
     out.push_str("$tacty\n");
     for (rank, Contactor { colour, shape, local_frame }) in (1..).zip(&body.contactors) {
         let head = format!(" {}  {rank:5}  color  {colour:<5}", shape.name());
         match shape {
-            Shape::Sphere { radius } => put_grid(out, &head, &["byrd="], &[*radius], e14),
+            Shape::Sphere { radius } => put_grid(out, &head, &["byrd="], &[*radius], real),
             Shape::OffsetSphere { radius, offset } => {
-                put_grid(out, &head, &["byrd="], &[*radius], e14);
-                put_grid(out, "", &coordinates, offset, e14);
+                put_grid(out, &head, &["byrd="], &[*radius], real);
+                put_grid(out, "", &coordinates, offset, real);
             }
-            Shape::Plane { half_lengths } => put_grid(out, &head, &["axe1=", "axe2=", "axe3="], half_lengths, e14),
+            Shape::Plane { half_lengths } => put_grid(out, &head, &["axe1=", "axe2=", "axe3="], half_lengths, real),
             Shape::Cylinder { half_height, radius, .. } => {
-                put_grid(out, &head, &["High=", "byrd="], &[*half_height, *radius], e14);
+                put_grid(out, &head, &["High=", "byrd="], &[*half_height, *radius], real);
             }
             Shape::Polyhedron { vertices, triangles } => {
                 let (vertex_count, triangle_count) = (vertices.len(), triangles.len());
                 let _ = writeln!(out, "{head}  nb_vertex={vertex_count:7}    nb_faces={triangle_count:7}");
                 for vertex in vertices {
-                    put_grid(out, "", &coordinates, vertex, e14);
+                    put_grid(out, "", &coordinates, vertex, real);
                 }
                 for triangle in triangles {
                     for (k, column) in GRID.iter().enumerate() {
@@ -304,12 +307,12 @@ fn write_body(out: &mut String, number: usize, body: &Body) {
                     out.push('\n');
                 }
             }
-            Shape::Point { offset } => put_grid(out, &head, &coordinates, offset, e14),
+            Shape::Point { offset } => put_grid(out, &head, &coordinates, offset, real),
         }
         if let Some(LocalFrame { axes: [a, b, c], offset }) = local_frame {
             put(out, 30, "localframe\n");
             for (names, row) in LOCAL_FRAME_LABELS.iter().zip([a, b, c, offset]) {
-                put_grid(out, "", &names.map(|name| format!("{name}=")).each_ref().map(String::as_str), row, e14);
+                put_grid(out, "", &names.map(|name| format!("{name}=")).each_ref().map(String::as_str), row, real);
             }
         }
     }

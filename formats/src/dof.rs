@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{DASHES, Line, Scan, Text, d14, integer, put_grid, put_steps};
+use crate::scan::{DASHES, Line, Scan, Text, d14, fortran_real, integer, long14, put_grid, put_steps};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Dof {
@@ -68,7 +68,7 @@ impl Dof {
         scan.finish(Dof { step, time, bodies })
     }
 
-    /// The text of the file as LMGC90 writes it, numbers with seven digits.
+    /// The text of the file as LMGC90 writes it, numbers with seven digits; of axes that need more, see [`long14`].
     ///
     /// Numbers must be finite and below 1e100; step and bodies have seven columns.
     pub fn to_text(&self) -> String {
@@ -80,12 +80,19 @@ impl Dof {
             let [x, v] = [displacement, velocity].map(|six| six.split_at(3));
             let [a, b, g] = axes.each_ref().map(|axis| axis.as_slice());
             for (k, values) in [x.0, x.1, v.0, v.1, a, b, g].into_iter().enumerate() {
-                put_grid(&mut out, if k == 0 { " NO6xx      1" } else { "" }, &LABELS[k], values, d14);
+                let real = if k < 4 { d14 } else { axis14 };
+                put_grid(&mut out, if k == 0 { " NO6xx      1" } else { "" }, &LABELS[k], values, real);
             }
             out.push_str("$$$$$$\n      \n");
         }
         out + DASHES + DASHES
     }
+}
+
+/// [`d14`] where that is the number itself.
+fn axis14(x: f64) -> String {
+    let short = d14(x);
+    if fortran_real(&short) == Ok(x) { short } else { long14(x) }
 }
 
 /// One body; `None` after a fault that leaves the scan inside the record.

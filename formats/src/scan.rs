@@ -432,6 +432,30 @@ pub fn d14(x: f64) -> String {
     }
 }
 
+/// A real in 14 columns with as many digits as these hold: as [`e14`] where that is the number itself or has the
+/// most, else without exponent, ` 1.23456789012`. Fortran reads both alike.
+///
+/// Nine digits from 1e-3 on, twelve from 1 to 1e11. Numbers that were read from such a field come out the same.
+///
+/// ```
+/// use cd_formats::scan::long14;
+/// assert_eq!(long14(2.0 / 3.0), " 0.66666666667");
+/// assert_eq!(long14(-1234.56789012345), "-1234.56789012");
+/// assert_eq!(long14(0.25), " 2.5000000E-01");
+/// ```
+pub fn long14(x: f64) -> String {
+    let short = e14(x);
+    let size = x.abs();
+    if !(1e-3..1e11).contains(&size) || fortran_real(&short) == Ok(x) {
+        return short;
+    }
+    let minus = if x.is_sign_negative() { '-' } else { ' ' };
+    // Sign, point, and the digits before it; one digit less where rounding makes a power of ten of it.
+    let before = format!("{:.0}", size.trunc()).len();
+    let long = format!("{minus}{size:.*}", REAL_WIDTH - 2 - before);
+    if long.len() == REAL_WIDTH { long } else { format!("{minus}{size:.*}", REAL_WIDTH - 3 - before) }
+}
+
 const SMALLEST: f64 = 1e-99;
 
 /// Sign (or blank), digits without point (one before it, `after` behind it), exponent of ten of the first digit.
@@ -527,6 +551,24 @@ mod tests {
         }
         assert!(fortran_real("100").unwrap_err().contains("1e-7"));
         assert_eq!(free_real("100"), Ok(100.0));
+    }
+
+    #[test]
+    fn long_reals_fill_their_columns_and_stay_when_given_again() {
+        for x in
+            [1.0 / 3.0, 9.999_999_999_999_9, 99_999.999_999_99, 1.0 / 998.0, 99_999_999_999.9, 1e99 / 7.0, 1e-9 / 3.0]
+        {
+            for x in [x, -x] {
+                let text = long14(x);
+                assert_eq!(text.len(), 14, "{text}");
+                let read = fortran_real(&text).unwrap();
+                // Nine digits at least where there is no exponent, eight else.
+                let error = (read / x - 1.0).abs();
+                assert!(error < if (1e-3..1e11).contains(&x.abs()) { 5e-9 } else { 5e-8 }, "{text} {x:e}");
+                assert_eq!(fortran_real(&long14(read)), Ok(read));
+            }
+        }
+        assert_eq!([0.0, -2.5, 1e100].map(long14), [" 0.0000000E+00", "-2.5000000E+00", "**************"]);
     }
 
     #[test]

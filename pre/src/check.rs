@@ -5,7 +5,9 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use crate::report::Report;
-use crate::scene::{Envelope, Evolution, Grains, LawKind, Place, Rotation, Scene, Sizes, Wall};
+use crate::scene::{
+    Envelope, Evolution, Grains, LawKind, Place, Radius, Rotation, Scene, Shape, Sizes, Standing, Wall,
+};
 use crate::sizes::{MOST_BODIES, normal_share};
 
 /// Numbers in the files of DATBOX have exponents of two digits.
@@ -113,7 +115,14 @@ pub(crate) fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
 }
 
 fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
-    check_sizes(report, &format!("{path}.sizes"), &grains.sizes);
+    check_shape(report, path, grains);
+    match &grains.sizes {
+        Some(sizes) => check_sizes(report, &format!("{path}.sizes"), sizes),
+        None => {
+            let own = matches!(grains.shape, Shape::Box { .. } | Shape::Vertices(_));
+            report.expect(own, path, "no sizes", "sizes, or a shape with a size of its own (Box, Vertices)");
+        }
+    }
     check_place(report, &format!("{path}.place"), &grains.place);
     check_amount(report, path, grains);
     for (name, vector, unit) in
@@ -134,6 +143,60 @@ fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
             "the grains have a velocity, spin or thermal_velocity as well",
             "their motion imposed or initial, not both",
         );
+    }
+}
+
+/// Fewest and most vertices or sides of a shape: a plane needs three, and a pair of polyhedra costs as the square.
+const CORNERS: std::ops::RangeInclusive<usize> = 3..=1000;
+
+/// Shape, and how polyhedra of it stand and are measured.
+fn check_shape(report: &mut Report, path: &str, grains: &Grains) {
+    let shape = format!("{path}.shape");
+    match &grains.shape {
+        &Shape::Random { vertices: (fewest, most), ratios, angularity } => {
+            let fits = 4 <= fewest && fewest <= most && most <= *CORNERS.end();
+            let expected = format!("4 to {}, the fewest first", CORNERS.end());
+            report.expect(fits, &format!("{shape}.vertices"), format!("vertices {fewest} to {most}"), &expected);
+            let found = format!("ratios {ratios:?}");
+            report.expect(ratios.iter().all(|l| positive(*l)), &shape, found, "numbers > 0");
+            value(report, &shape, "angularity", angularity, (0.0..=1.0).contains(&angularity), "0 to 1");
+        }
+        Shape::Box { lengths } => {
+            let found = format!("lengths {lengths:?}");
+            report.expect(lengths.iter().all(|l| positive(*l)), &shape, found, "lengths > 0 m");
+        }
+        &Shape::Prism { sides, slenderness } => {
+            let expected = format!("{} to {}", CORNERS.start(), CORNERS.end() / 2);
+            let fits = (*CORNERS.start()..=CORNERS.end() / 2).contains(&sides);
+            report.expect(fits, &shape, format!("sides {sides}"), &expected);
+            value(report, &shape, "slenderness", slenderness, slenderness > 0.0, "a number > 0");
+        }
+        Shape::Vertices(vertices) => {
+            for (k, vertex) in vertices.iter().enumerate() {
+                three(report, &format!("{shape}.vertex.{k}"), "", vertex, "m");
+            }
+            let fits = (4..=*CORNERS.end()).contains(&vertices.len());
+            let expected = format!("4 to {}", CORNERS.end());
+            report.expect(fits, &shape, format!("{} vertices", vertices.len()), &expected);
+        }
+        Shape::Sphere => {
+            let plain = grains.standing == Standing::default() && grains.radius == Radius::default();
+            report.expect(plain, path, "standing or radius given for spheres", "neither: they are for polyhedra");
+        }
+        Shape::Tetrahedron | Shape::Cube | Shape::Octahedron | Shape::Dodecahedron | Shape::Icosahedron => {}
+    }
+    let standing = format!("{path}.standing");
+    match &grains.standing {
+        Standing::Random => {}
+        Standing::Same(turn) => check_rotation(report, &standing, turn),
+        Standing::List(turns) => {
+            for (k, turn) in turns.iter().enumerate() {
+                check_rotation(report, &format!("{standing}.{k}"), turn);
+            }
+            let positions = if let Place::List { positions, .. } = &grains.place { positions.len() } else { 0 };
+            let found = format!("{} turns for {positions} listed positions", turns.len());
+            report.expect(turns.len() == positions, &standing, found, "one for each listed position");
+        }
     }
 }
 
@@ -216,7 +279,7 @@ fn check_amount(report: &mut Report, path: &str, grains: &Grains) {
         report.expect(share > 0.0 && share < 1.0, &path, format!("{share:?}"), "more than 0 and less than 1");
     }
     let listed = match &grains.sizes {
-        Sizes::List(radii) => Some(radii.len()),
+        Some(Sizes::List(radii)) => Some(radii.len()),
         _ => None,
     };
     if let Place::List { positions, .. } = &grains.place {

@@ -6,6 +6,7 @@
 //! | [`scene`] | what stands in scene.ron |
 //! | [`check`] | what no scene may ask for |
 //! | [`sizes`] | radii of grains |
+//! | [`shapes`] | polyhedra: hulls, solids at random, mass properties |
 //! | [`place`] | where grains go |
 //! | [`motion`] | initial velocities |
 //! | [`walls`] | plates |
@@ -22,6 +23,7 @@ pub mod population;
 pub mod random;
 pub mod report;
 pub mod scene;
+pub mod shapes;
 pub mod sizes;
 pub mod walls;
 pub mod write;
@@ -32,8 +34,9 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::compute::from_ron;
 use cd_formats::error::Faults;
+use cd_formats::scan::{fortran_real, long14};
 use clap::Parser;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use population::Population;
 use report::Report;
@@ -146,20 +149,54 @@ fn summary(scene: &Scene, population: &Population) -> String {
         let (count, min, max) = (grains.len(), radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
         let mean = radii().sum::<f64>() / count as f64;
         let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
-        format!("{name}: {count} spheres, radius {min:.5} to {max:.5} m (mean {mean:.5} m), mass {mass:.6e} kg")
+        let polyhedra = grains.iter().filter(|grain| grain.polyhedron.is_some()).count();
+        let kind = match polyhedra {
+            0 => format!("{count} spheres"),
+            _ if polyhedra == count => format!("{count} polyhedra ({})", vertices(grains)),
+            _ => format!("{} spheres and {polyhedra} polyhedra", count - polyhedra),
+        };
+        format!("{name}: {kind}, radius {min:.5} to {max:.5} m (mean {mean:.5} m), mass {mass:.6e} kg")
     };
     let mut text = String::new();
     for (group, room) in population.rooms.iter().enumerate() {
         let grains: Vec<_> = population.grains.iter().filter(|grain| grain.group == group).collect();
         text += &line(format!("grains {}", group + 1), &grains);
+        if let Some(polyhedron) = grains.first().and_then(|grain| grain.polyhedron.as_ref())
+            && scene.grains[group].shape.has_axes()
+        {
+            text += &moved(&polyhedron.solid);
+        }
         if let Some(room) = room {
-            let filled: f64 = grains.iter().map(|grain| sizes::volume(grain.radius)).sum();
+            let filled: f64 = grains.iter().map(|grain| grain.volume()).sum();
             text += &format!(", solid fraction {:.4} of {room}", filled / room.volume());
         }
         text += if scene.grains[group].driven.is_some() { ", driven\n" } else { "\n" };
     }
     let (all, plates) = (population.grains.iter().collect::<Vec<_>>(), population.plates.len());
     text + &line(format!("{} bodies, {plates} of them plates", all.len() + plates), &all) + "\n"
+}
+
+/// How a shape was moved and turned to its centre of mass and principal axes.
+fn moved(solid: &shapes::Solid) -> String {
+    let mut text = String::new();
+    if solid.shift != Vector3::zeros() {
+        let [x, y, z] = solid.shift.into();
+        text += &format!(", centre of mass at ({x:.8}, {y:.8}, {z:.8}) m of the given vertices");
+    }
+    let turn = Rotation3::from_matrix_unchecked(solid.axes.transpose());
+    if let Some((axis, angle)) = turn.axis_angle() {
+        let [x, y, z] = axis.into_inner().into();
+        text += &format!(", principal axes turned by {angle:.8} about ({x:.8}, {y:.8}, {z:.8}) from theirs");
+    }
+    text
+}
+
+/// How many vertices grains have, all pieces of a grain together.
+fn vertices(grains: &[&population::Grain]) -> String {
+    let solids = grains.iter().filter_map(|grain| grain.polyhedron.as_ref()).map(|polyhedron| &polyhedron.solid.pieces);
+    let counts = solids.map(|pieces| pieces.iter().map(|piece| piece.vertices().len()).sum::<usize>());
+    let (min, max) = counts.fold((usize::MAX, 0), |(min, max), count| (min.min(count), max.max(count)));
+    if min == max { format!("{min} vertices each") } else { format!("{min} to {max} vertices") }
 }
 
 /// The nearest number that the files can hold: 8 digits, and no negative zero.
@@ -175,4 +212,14 @@ pub fn round8(x: f64) -> f64 {
 /// [`round8`] of each component.
 pub fn round_point(point: &Vector3<f64>) -> Vector3<f64> {
     point.map(round8)
+}
+
+/// The nearest number that the files can hold for a polyhedron: up to 12 digits, and no negative zero.
+pub fn round14(x: f64) -> f64 {
+    fortran_real(&long14(x)).unwrap_or(x) + 0.0
+}
+
+/// [`round14`] of each component of axes.
+pub fn round_axes(axes: &Matrix3<f64>) -> Matrix3<f64> {
+    axes.map(round14)
 }

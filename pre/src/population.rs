@@ -1,16 +1,18 @@
 //! The bodies that a scene asks for: grains and plates with their initial motion.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
-use crate::motion;
 use crate::place::cells::Cells;
 use crate::place::room::Room;
 use crate::place::{self, Placed};
 use crate::random::{Purpose, Random};
 use crate::report::Report;
 use crate::scene::{Grains, Place, Scene};
-use crate::sizes::{MOST_BODIES, volume};
+use crate::shapes::overlap::{Convex, depth};
+use crate::shapes::{Drawn, Polyhedron, Shapes};
+use crate::sizes::MOST_BODIES;
 use crate::walls::{Plate, plates};
+use crate::{motion, sizes};
 
 /// Overlaps up to this share of the smaller radius are touching: what 8 digits leave of a contact that
 /// the user has computed by hand.
@@ -28,31 +30,67 @@ pub struct Population {
     pub rooms: Vec<Option<Room>>,
 }
 
-/// One sphere; position and radius have the digits of the files.
+/// One sphere or polyhedron; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grain {
     /// Which body of grains it belongs to, 0-based.
     pub group: usize,
-    /// m
+    /// Of the sphere of equal volume, m.
     pub radius: f64,
+    /// Of the ball about the centre of mass that holds the grain, m.
+    pub reach: f64,
+    /// None for a sphere.
+    pub polyhedron: Option<Polyhedron>,
     /// kg
     pub mass: f64,
     /// m
     pub position: Vector3<f64>,
     /// m/s, fixed axes
     pub velocity: Vector3<f64>,
-    /// rad/s, fixed axes, which are the grain's own at the start
+    /// rad/s, fixed axes
     pub spin: Vector3<f64>,
+}
+
+impl Grain {
+    /// m^3
+    pub fn volume(&self) -> f64 {
+        self.polyhedron.as_ref().map_or_else(|| sizes::volume(self.radius), Polyhedron::volume)
+    }
+
+    /// Its own axes along the fixed ones, one a row; those of a sphere are the fixed ones at the start.
+    pub fn axes(&self) -> Matrix3<f64> {
+        self.polyhedron.as_ref().map_or(Matrix3::identity(), |polyhedron| polyhedron.axes)
+    }
+
+    /// The convex pieces of a polyhedron as they stand.
+    fn pieces(&self) -> Vec<Convex> {
+        let Some(polyhedron) = &self.polyhedron else { return Vec::new() };
+        let turn = polyhedron.axes.transpose();
+        let pieces = polyhedron.vertices().into_iter().zip(&polyhedron.solid.pieces);
+        pieces
+            .map(|(vertices, piece)| {
+                let vertices = vertices.into_iter().map(|v| turn * Vector3::from(v)).collect();
+                Convex::new(self.position, vertices, piece.triangles())
+            })
+            .collect()
+    }
 }
 
 /// The bodies of a (checked) scene; what does not fit or overlaps goes into the report.
 pub fn populate(scene: &Scene, report: &mut Report) -> Population {
     let mut population = Population { grains: Vec::new(), plates: plates(&scene.walls), rooms: Vec::new() };
     for (group, grains) in scene.grains.iter().enumerate() {
-        match place::place(grains, scene.seed, group) {
+        let mut shapes = match Shapes::of(grains, scene.seed, group) {
+            Ok(shapes) => shapes,
+            Err(found) => {
+                report.fault(&format!("grains.{group}.shape"), found, "a shape that can be made");
+                continue;
+            }
+        };
+        match place::place(grains, &mut shapes, scene.seed, group) {
             Ok(placed) => {
-                population.rooms.push(placed.room);
-                population.grains.extend(in_motion(scene, group, grains, &placed));
+                population.rooms.push(placed.room.clone());
+                population.grains.extend(in_motion(scene, group, grains, placed));
             }
             Err(misfit) => report.fault(&format!("grains.{group}.place"), misfit.found, misfit.expected),
         }
@@ -65,9 +103,9 @@ pub fn populate(scene: &Scene, report: &mut Report) -> Population {
     population
 }
 
-fn in_motion(scene: &Scene, group: usize, grains: &Grains, placed: &Placed) -> Vec<Grain> {
+fn in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed) -> Vec<Grain> {
     let density = scene.materials.iter().find(|m| m.name == grains.material).map_or(0.0, |m| m.density);
-    let masses: Vec<f64> = placed.radii.iter().map(|&radius| density * volume(radius)).collect();
+    let masses: Vec<f64> = placed.grains.iter().map(|grain| density * grain.volume()).collect();
     let (velocity, spin) = match &grains.driven {
         Some(driven) => (Vector3::from_fn(|k, _| driven[k].at_start()), Vector3::zeros()),
         None => (grains.velocity.into(), grains.spin.into()),
@@ -75,15 +113,17 @@ fn in_motion(scene: &Scene, group: usize, grains: &Grains, placed: &Placed) -> V
     let rigid = motion::rigid(&velocity, &spin, &placed.positions, &masses);
     let mut random = Random::new(scene.seed, group, Purpose::Velocity);
     let thermal = motion::thermal(grains.thermal_velocity, &masses, &mut random);
-    let grain = |k: usize| Grain {
+    let grain = |(k, drawn): (usize, Drawn)| Grain {
         group,
-        radius: placed.radii[k],
+        radius: drawn.radius,
+        reach: drawn.reach,
+        polyhedron: drawn.polyhedron,
         mass: masses[k],
         position: placed.positions[k],
         velocity: rigid[k] + thermal[k],
         spin,
     };
-    (0..masses.len()).map(grain).collect()
+    placed.grains.into_iter().enumerate().map(grain).collect()
 }
 
 /// No two grains, and no grain and plate, may overlap, unless a List allows it.
@@ -97,19 +137,28 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
     let mut overlaps: Vec<(usize, String)> = Vec::new();
 
     let mut order: Vec<usize> = (0..grains.len()).collect();
-    order.sort_by(|&a, &b| grains[b].radius.total_cmp(&grains[a].radius).then(a.cmp(&b)));
-    let mut cells = Cells::new(order.first().map_or(1.0, |&k| grains[k].radius));
+    order.sort_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
+    let mut cells = Cells::new(order.first().map_or(1.0, |&k| grains[k].reach));
     for &k in &order {
         let grain = &grains[k];
-        cells.overlaps(&grain.position, grain.radius, |number, overlap| {
+        cells.overlaps(&grain.position, grain.reach, |number, overlap| {
+            let other = &grains[order[number]];
             let (a, b) = (k.min(order[number]), k.max(order[number]));
-            if overlap > TOUCHING * grain.radius && !allowed[grains[a].group] && !allowed[grains[b].group] {
+            if allowed[grains[a].group] || allowed[grains[b].group] || overlap <= TOUCHING * grain.radius {
+                return;
+            }
+            let overlap = grain_overlap(grain, other, overlap);
+            if overlap > TOUCHING * grain.radius.min(other.radius) {
                 overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b))));
             }
         });
-        cells.add(grain.position, grain.radius);
+        cells.add(grain.position, grain.reach);
         for plate in population.plates.iter().filter(|_| !allowed[grain.group]) {
-            let overlap = plate.overlap(&grain.position, grain.radius);
+            let mut overlap = plate.overlap(&grain.position, grain.reach);
+            if overlap > TOUCHING * grain.radius && grain.polyhedron.is_some() {
+                let solid = Convex::cuboid(plate.centre, &plate.axes, &plate.half_lengths);
+                overlap = deepest(&grain.pieces(), &[solid], TOUCHING * grain.radius);
+            }
             if overlap > TOUCHING * grain.radius {
                 overlaps.push((k, format!("{} and wall {} overlap by {overlap:.3e} m", name(k), plate.wall + 1)));
             }
@@ -123,4 +172,22 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
     if overlaps.len() > TOLD {
         report.fault("grains", format!("{} more overlaps", overlaps.len() - TOLD), expected);
     }
+}
+
+/// How deep two grains are in each other, m, if the balls around them are by `overlap`.
+fn grain_overlap(a: &Grain, b: &Grain, overlap: f64) -> f64 {
+    let allowed = TOUCHING * a.radius.min(b.radius);
+    match (&a.polyhedron, &b.polyhedron) {
+        (None, None) => overlap,
+        (Some(_), None) => {
+            a.pieces().iter().map(|piece| piece.overlap_of_ball(&b.position, b.radius)).fold(0.0, f64::max)
+        }
+        (None, Some(_)) => grain_overlap(b, a, overlap),
+        (Some(_), Some(_)) => deepest(&a.pieces(), &b.pieces(), allowed),
+    }
+}
+
+fn deepest(a: &[Convex], b: &[Convex], allowed: f64) -> f64 {
+    let pairs = a.iter().flat_map(|a| b.iter().map(move |b| (a, b)));
+    pairs.map(|(a, b)| depth(a, b, allowed)).fold(0.0, f64::max)
 }

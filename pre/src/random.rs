@@ -4,7 +4,7 @@
 //! everywhere), never the platform's mathematics library. Each use draws from a stream of its own,
 //! so that one more grain in one body of grains moves nothing in another.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 
@@ -14,6 +14,7 @@ pub enum Purpose {
     Sizes = 0,
     Place = 1,
     Velocity = 2,
+    Shape = 3,
 }
 
 pub struct Random(ChaCha8Rng);
@@ -54,6 +55,24 @@ impl Random {
         }
     }
 
+    /// Uniform on the sphere of radius 1.
+    pub fn direction(&mut self) -> Vector3<f64> {
+        loop {
+            let point = self.in_ball();
+            let length = point.norm();
+            if length > 0.1 {
+                return point / length; // nearer to the middle, rounding would show
+            }
+        }
+    }
+
+    /// A rotation, all equally likely: a quaternion with four normal components (Marsaglia 1972).
+    pub fn turn(&mut self) -> Matrix3<f64> {
+        let mut draw = || self.normal();
+        let (w, x, y, z) = (draw(), draw(), draw(), draw());
+        UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix().into_inner()
+    }
+
     /// Normal, mean 0, variance 1 (Box and Muller 1958, one of the pair).
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt(); // 1 - u is never 0
@@ -79,6 +98,25 @@ mod tests {
         let drawn: Vec<u64> = (0..3).map(|_| (random.uniform() * 1e6) as u64).collect();
         assert_eq!(drawn, [402485, 80383, 596560]);
         assert_ne!(Random::new(1, 0, Purpose::Place).uniform(), Random::new(1, 1, Purpose::Place).uniform());
+    }
+
+    #[test]
+    fn turns_favour_no_direction() {
+        let mut random = Random::new(6, 0, Purpose::Shape);
+        let n = 20_000;
+        let turns: Vec<Matrix3<f64>> = (0..n).map(|_| random.turn()).collect();
+        assert!(
+            turns.iter().all(|t| (t * t.transpose() - Matrix3::identity()).amax() < 1e-14 && t.determinant() > 0.0)
+        );
+        // Entries have mean 0 and variance 1/3; products of different entries mean 0. Five standard errors.
+        let bound = 5.0 / (3.0 * n as f64).sqrt();
+        let mean: Matrix3<f64> = turns.iter().sum::<Matrix3<f64>>() / n as f64;
+        assert!(mean.amax() < bound, "{mean}");
+        let squares: Matrix3<f64> = turns.iter().map(|t| t.component_mul(t)).sum::<Matrix3<f64>>() / n as f64;
+        assert!((squares - Matrix3::repeat(1.0 / 3.0)).amax() < bound, "{squares}");
+        // The trace 1 + 2 cos(angle) of a uniform rotation has mean 0: angle density (1 - cos) / pi.
+        let trace = turns.iter().map(|t| t.trace()).sum::<f64>() / n as f64;
+        assert!(trace.abs() < 5.0 / (n as f64).sqrt(), "{trace}");
     }
 
     #[test]

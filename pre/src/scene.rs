@@ -92,7 +92,7 @@ fn given<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D
     Option::deserialize(deserializer)
 }
 
-/// One body of grains: spheres of one material and one colour.
+/// One body of grains: of one material, one colour and one kind of shape.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grains {
@@ -106,7 +106,17 @@ pub struct Grains {
     /// Volume of the grains over that of the envelope, 0 to 1.
     #[serde(default)]
     pub solid_fraction: Option<f64>,
-    pub sizes: Sizes,
+    #[serde(default)]
+    pub shape: Shape,
+    /// Left out for grains with a size of their own: `Box`, `Vertices`.
+    #[serde(default)]
+    pub sizes: Option<Sizes>,
+    /// Which radius of a polyhedron the sizes are.
+    #[serde(default)]
+    pub radius: Radius,
+    /// How polyhedra stand.
+    #[serde(default)]
+    pub standing: Standing,
     pub place: Place,
     /// Centre of the envelope, or origin of the listed positions, m.
     #[serde(default)]
@@ -128,7 +138,75 @@ pub struct Grains {
     pub driven: Option<[Evolution; 3]>,
 }
 
-/// Radii of the grains, m.
+/// Shape of the grains.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Shape {
+    #[default]
+    Sphere,
+    /// Each grain another convex polyhedron, its vertices on an ellipsoid.
+    Random {
+        /// The number of vertices, from the first to the second, each equally likely.
+        vertices: (usize, usize),
+        /// Semi-axes of the ellipsoid to each other.
+        #[serde(default = "equal")]
+        ratios: [f64; 3],
+        /// 0: vertices evenly spread; 1: anywhere on the ellipsoid.
+        #[serde(default = "half")]
+        angularity: f64,
+    },
+    Tetrahedron,
+    Cube,
+    Octahedron,
+    Dodecahedron,
+    Icosahedron,
+    /// Whole lengths, m.
+    Box {
+        lengths: [f64; 3],
+    },
+    /// A regular polygon of so many sides, drawn up along the third axis.
+    Prism {
+        sides: usize,
+        /// Height over the diameter of the circle around the polygon.
+        slenderness: f64,
+    },
+    /// The convex hull of these points, m.
+    Vertices(Vec<[f64; 3]>),
+}
+
+fn equal() -> [f64; 3] {
+    [1.0; 3]
+}
+
+fn half() -> f64 {
+    0.5
+}
+
+/// Which radius of a polyhedron a size is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Radius {
+    /// Of the sphere of equal volume.
+    #[default]
+    EqualVolume,
+    /// The farthest vertex from the centre of mass.
+    Circumscribed,
+}
+
+/// The turn of each polyhedron from the axes in which its shape is given.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Standing {
+    /// All turns equally likely.
+    #[default]
+    Random,
+    /// All the same.
+    Same(Rotation),
+    /// One for each grain.
+    List(Vec<Rotation>),
+}
+
+/// Sizes of the grains: radii, m.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Sizes {
@@ -171,7 +249,7 @@ fn all() -> f64 {
 
 /// Shape and size of the room that whole grains must keep within, centred on `centre`; the size is
 /// left out (or the ratios given) where `number` and `solid_fraction` together determine it.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Envelope {
     Ball {
@@ -291,6 +369,20 @@ pub enum Evolution {
 impl Default for Evolution {
     fn default() -> Self {
         Evolution::Constant(0.0)
+    }
+}
+
+impl Shape {
+    /// Whether it is given in axes of its own, which need not be the principal ones.
+    pub fn has_axes(&self) -> bool {
+        matches!(self, Shape::Vertices(_))
+    }
+}
+
+impl Grains {
+    /// Whether they are polyhedra and no spheres.
+    pub fn polyhedral(&self) -> bool {
+        self.shape != Shape::Sphere
     }
 }
 

@@ -91,32 +91,39 @@ impl Sizes {
         0.5 * (low + high)
     }
 
-    /// Radii in m, rounded to the digits of the files.
+    /// What `next` makes of radii, m, that are rounded to the digits of the files.
     ///
     /// A `List` gives its radii in a random order, or in its own with `in_order`; any other draws one
-    /// random number a grain.
-    pub fn draw(&self, until: Until, in_order: bool, random: &mut Random) -> Vec<f64> {
+    /// random number a grain. `volume`, m^3, is that of a grain.
+    pub fn draw<T, E>(
+        &self,
+        until: Until,
+        in_order: bool,
+        random: &mut Random,
+        mut next: impl FnMut(Option<f64>) -> Result<T, E>,
+        volume: fn(&T) -> f64,
+    ) -> Result<Vec<T>, E> {
         if let Sizes::List(radii) = self {
             let mut radii: Vec<f64> = radii.iter().copied().map(round8).collect();
             if !in_order {
                 random.shuffle(&mut radii);
             }
-            return radii;
+            return radii.into_iter().map(|radius| next(Some(radius))).collect();
         }
         let (min, max) = self.range();
-        let mut next = || round8(self.quantile(random.uniform()).clamp(min, max));
+        let mut next = || next(Some(round8(self.quantile(random.uniform()).clamp(min, max))));
         match until {
             Until::Number(number) => (0..number).map(|_| next()).collect(),
             Until::Volume(wanted) => {
-                let (mut radii, mut filled) = (Vec::new(), 0.0);
+                let (mut grains, mut filled) = (Vec::new(), 0.0);
                 loop {
-                    let radius = next();
+                    let grain = next()?;
                     // Half a grain too much is as far from what is wanted as half a grain too little.
-                    if filled + 0.5 * volume(radius) > wanted || radii.len() > MOST_BODIES {
-                        return radii;
+                    if filled + 0.5 * volume(&grain) > wanted || grains.len() > MOST_BODIES {
+                        return Ok(grains);
                     }
-                    filled += volume(radius);
-                    radii.push(radius);
+                    filled += volume(&grain);
+                    grains.push(grain);
                 }
             }
         }
@@ -135,7 +142,13 @@ mod tests {
     use proptest::prelude::*;
 
     fn draw(sizes: &Sizes, number: usize, seed: u64) -> Vec<f64> {
-        sizes.draw(Until::Number(number), false, &mut Random::new(seed, 0, Purpose::Sizes))
+        radii(sizes, Until::Number(number), false, seed)
+    }
+
+    fn radii(sizes: &Sizes, until: Until, in_order: bool, seed: u64) -> Vec<f64> {
+        let mut random = Random::new(seed, 0, Purpose::Sizes);
+        let next = |radius: Option<f64>| radius.ok_or(());
+        sizes.draw(until, in_order, &mut random, next, |radius| volume(*radius)).unwrap()
     }
 
     /// Largest distance between the drawn and the stated distribution (Kolmogorov and Smirnov).
@@ -184,7 +197,7 @@ mod tests {
     #[test]
     fn volume_is_reached_to_half_a_grain() {
         let sizes = Sizes::Uniform { min: 0.5, max: 1.5 };
-        let radii = sizes.draw(Until::Volume(1000.0), false, &mut Random::new(3, 0, Purpose::Sizes));
+        let radii = radii(&sizes, Until::Volume(1000.0), false, 3);
         let sum: f64 = radii.iter().copied().map(volume).sum();
         assert!((sum - 1000.0).abs() <= 0.5 * volume(1.5), "{sum}");
     }
@@ -196,7 +209,7 @@ mod tests {
         assert_ne!(Sizes::List(shuffled.clone()), list);
         shuffled.sort_by(f64::total_cmp);
         assert_eq!(Sizes::List(shuffled), list);
-        assert_eq!(Sizes::List(list.draw(Until::Number(0), true, &mut Random::new(1, 0, Purpose::Sizes))), list);
+        assert_eq!(Sizes::List(radii(&list, Until::Number(0), true, 1)), list);
     }
 
     proptest! {

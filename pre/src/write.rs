@@ -6,9 +6,11 @@ use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof};
 use cd_formats::tact_behav::{Law, See, Side, TactBehav};
 use cd_formats::vloc_rloc::VlocRloc;
+use nalgebra::Matrix3;
 
 use crate::population::{Grain, Population};
 use crate::scene::{Evolution, Scene};
+use crate::shapes::Polyhedron;
 use crate::sizes::volume;
 use crate::walls::{Plate, Tables};
 
@@ -30,19 +32,23 @@ pub fn files(scene: &Scene, population: &Population) -> Vec<(String, String)> {
     files
 }
 
-/// Bodies by their principal axes (the fixed ones for spheres, those in DOF.INI for plates), inertia
-/// at density 1, position = centre of mass.
+/// Bodies by their principal axes (the fixed ones for spheres, else those in DOF.INI), inertia at density 1,
+/// position = centre of mass.
 pub fn bodies(scene: &Scene, population: &Population) -> Bodies {
-    let sphere = |grain: &Grain| {
+    let of_grain = |grain: &Grain| {
         let group = &scene.grains[grain.group];
         let radius = grain.radius;
+        let (inertia, shapes) = match &grain.polyhedron {
+            None => ([0.4 * volume(radius) * radius * radius; 3], vec![Shape::Sphere { radius }]),
+            Some(polyhedron) => (polyhedron.moments(), polyhedra(polyhedron)),
+        };
         Body {
             line: 0,
             material: group.material.clone(),
             equivalent_radius: radius,
-            inertia: Some([0.4 * volume(radius) * radius * radius; 3]),
+            inertia: Some(inertia),
             position: grain.position.into(),
-            contactors: vec![contactor(&group.colour, Shape::Sphere { radius })],
+            contactors: shapes.into_iter().map(|shape| contactor(&group.colour, shape)).collect(),
         }
     };
     let plate = |plate: &Plate| {
@@ -57,7 +63,14 @@ pub fn bodies(scene: &Scene, population: &Population) -> Bodies {
             contactors: vec![contactor(&plate.colour, Shape::Plane { half_lengths: plate.half_lengths.into() })],
         }
     };
-    Bodies(population.grains.iter().map(sphere).chain(population.plates.iter().map(plate)).collect())
+    Bodies(population.grains.iter().map(of_grain).chain(population.plates.iter().map(plate)).collect())
+}
+
+/// A contactor for each convex piece.
+fn polyhedra(polyhedron: &Polyhedron) -> Vec<Shape> {
+    let triangles = polyhedron.solid.pieces.iter().map(|piece| piece.triangles().to_vec());
+    let shape = |(vertices, triangles)| Shape::Polyhedron { vertices, triangles };
+    polyhedron.vertices().into_iter().zip(triangles).map(shape).collect()
 }
 
 fn contactor(colour: &str, shape: Shape) -> Contactor {
@@ -76,8 +89,17 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
         let parameters = parameters.into_iter().map(|(_, value)| value).collect();
         Law { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters }
     };
-    let spheres = |colour: &str| scene.grains.iter().any(|grains| grains.colour == colour);
-    let plates = |colour: &str| scene.walls.iter().any(|wall| wall.colour() == colour);
+    // LMGC90 has spheres before polyhedra and planes last, whoever comes first in the scene.
+    let wearers = |colour: &str| -> Vec<&str> {
+        let worn = |polyhedra: bool| {
+            scene.grains.iter().any(|grains| grains.colour == colour && grains.polyhedral() == polyhedra)
+        };
+        let wall = scene.walls.iter().any(|wall| wall.colour() == colour);
+        [("SPHER", worn(false)), ("POLYR", worn(true)), ("PLANx", wall)]
+            .into_iter()
+            .filter_map(|(contactor, worn)| worn.then_some(contactor))
+            .collect()
+    };
     let side = |contactor: &str, colour: &str| Side {
         body: "RBDY3".to_string(),
         contactor: contactor.to_string(),
@@ -92,14 +114,17 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
             visibility.push(See { line: 0, candidate, law: law.clone(), antagonist, alert });
         };
         let (a, b) = (contact.between.0.as_str(), contact.between.1.as_str());
-        if spheres(a) && spheres(b) {
-            row(side("SPHER", a), side("SPHER", b));
-        }
-        if spheres(a) && plates(b) {
-            row(side("SPHER", a), side("PLANx", b));
-        }
-        if a != b && spheres(b) && plates(a) {
-            row(side("SPHER", b), side("PLANx", a));
+        let rank = |contactor: &str| ["SPHER", "POLYR", "PLANx"].iter().position(|known| *known == contactor);
+        for first in wearers(a) {
+            for second in wearers(b) {
+                let planes = first == "PLANx" && second == "PLANx";
+                // Within one colour every pair of shapes comes once.
+                if !planes && rank(first) <= rank(second) {
+                    row(side(first, a), side(second, b));
+                } else if !planes && a != b {
+                    row(side(second, b), side(first, a));
+                }
+            }
         }
     }
     TactBehav { laws: scene.laws.iter().map(law).collect(), visibility }
@@ -142,14 +167,19 @@ pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, Tables) {
 /// Initial velocities and axes; displacements are 0.
 pub fn dof(population: &Population) -> Dof {
     let grain = |grain: &Grain| {
-        let (v, w) = (grain.velocity, grain.spin);
-        ([v.x, v.y, v.z, w.x, w.y, w.z], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        let axes = grain.axes();
+        let (v, w) = (grain.velocity, axes * grain.spin);
+        ([v.x, v.y, v.z, w.x, w.y, w.z], rows(&axes))
     };
     let plate = |plate: &Plate| {
         let velocity = [0, 1, 2, 3, 4, 5].map(|k| plate.motion[k].at_start());
-        (velocity, [0, 1, 2].map(|k| plate.axes.row(k).transpose().into()))
+        (velocity, rows(&plate.axes))
     };
     let states = population.grains.iter().map(grain).chain(population.plates.iter().map(plate));
     let body = |(body, (velocity, axes))| BodyDof { line: 0, body, displacement: [0.0; 6], velocity, axes };
     Dof { step: 0, time: 0.0, bodies: states.enumerate().map(body).collect() }
+}
+
+fn rows(axes: &Matrix3<f64>) -> [[f64; 3]; 3] {
+    [0, 1, 2].map(|k| axes.row(k).transpose().into())
 }

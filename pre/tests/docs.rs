@@ -86,6 +86,7 @@ fn what_it_shows_is_accepted() {
             "Contact" => from_ron::<scene::Contact>(&path, ron, kind).map(drop),
             "Sizes" => from_ron::<scene::Sizes>(&path, ron, kind).map(drop),
             "Place" => from_ron::<scene::Place>(&path, ron, kind).map(drop),
+            "Shape" => from_ron::<scene::Shape>(&path, ron, kind).map(drop),
             "Wall" => from_ron::<scene::Wall>(&path, ron, kind).map(drop),
             "Evolution" => from_ron::<scene::Evolution>(&path, ron, kind).map(drop),
             _ => panic!("no type for {kind}"),

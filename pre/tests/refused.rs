@@ -236,3 +236,50 @@ fn overlaps() {
             )
     );
 }
+
+#[test]
+fn shapes_and_how_they_stand() {
+    let at = |from: &'static str, to: &'static str, message: &'static str| check(&[(from, to, message)]);
+    let shape = "sizes: Uniform(min: 0.5, max: 1.0),";
+    at(
+        shape,
+        "sizes: Single(1), shape: Random(vertices: (3, 2), ratios: (1, 0, 1), angularity: 2),",
+        "9: grains 1, shape, vertices: vertices 3 to 2; expected 4 to 1000, the fewest first\nscene.ron:9: grains 1, shape: ratios [1.0, 0.0, 1.0]; expected numbers > 0\nscene.ron:9: grains 1, shape: angularity 2.0; expected 0 to 1",
+    );
+    at(
+        shape,
+        "shape: Box(lengths: (1, -1, 1)),",
+        "9: grains 1, shape: lengths [1.0, -1.0, 1.0]; expected lengths > 0 m",
+    );
+    at(
+        shape,
+        "sizes: Single(1), shape: Prism(sides: 2, slenderness: 0),",
+        "9: grains 1, shape: sides 2; expected 3 to 500\nscene.ron:9: grains 1, shape: slenderness 0.0; expected a number > 0",
+    );
+    at(
+        shape,
+        "shape: Cube,",
+        "6: grains 1: no sizes; expected sizes, or a shape with a size of its own (Box, Vertices)",
+    );
+    at(shape, "", "6: grains 1: no sizes; expected sizes, or a shape with a size of its own (Box, Vertices)");
+    at(
+        shape,
+        "shape: Vertices([(0, 0, 0), (1, 0, 0), (0, NaN, 0)]),",
+        "9: grains 1, shape, vertex 3: [0.0, NaN, 0.0]; expected finite numbers (m)\nscene.ron:9: grains 1, shape: 3 vertices; expected 4 to 1000",
+    );
+    at(
+        shape,
+        "shape: Vertices([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]),",
+        "9: grains 1, shape: the points lie in a plane; expected a shape that can be made",
+    );
+    at(
+        shape,
+        "sizes: Single(1), radius: Circumscribed,",
+        "6: grains 1: standing or radius given for spheres; expected neither: they are for polyhedra",
+    );
+    at(
+        shape,
+        "sizes: Single(1), shape: Cube, standing: List([(axis: (0, 0, 0), angle: 1)]),",
+        "9: grains 1, standing 1: axis [0.0, 0.0, 0.0]; expected a finite vector that is not 0\nscene.ron:9: grains 1, standing: 1 turns for 0 listed positions; expected one for each listed position",
+    );
+}

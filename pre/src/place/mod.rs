@@ -15,17 +15,17 @@ pub mod sequential;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::random::{Purpose, Random};
-use crate::scene::{Grains, Place, Rotation};
-use crate::sizes::{MOST_BODIES, Until, volume};
-use crate::{round_point, scene};
+use crate::scene::{Grains, Place, Rotation, Sizes};
+use crate::shapes::{Drawn, Shapes};
+use crate::sizes::{MOST_BODIES, Until};
+use crate::{round_point, round14, scene};
 use room::Room;
 
 /// Grains at rest; positions and radii have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed {
-    /// m
-    pub radii: Vec<f64>,
-    /// m, fixed axes
+    pub grains: Vec<Drawn>,
+    /// Centres of mass, m, fixed axes.
     pub positions: Vec<Vector3<f64>>,
     /// The room they were put in, before it was moved and turned; none for listed positions.
     pub room: Option<Room>,
@@ -38,24 +38,32 @@ pub struct Misfit {
     pub expected: &'static str,
 }
 
-/// Sizes and positions of the grains of one (checked) body of grains, the `group`-th of the scene.
+impl Misfit {
+    fn shape(found: String) -> Misfit {
+        Misfit { found, expected: "a shape that can be made" }
+    }
+}
+
+/// Sizes, shapes and positions of the grains of one (checked) body of grains, the `group`-th of the scene.
 ///
-/// Grains in an envelope come in Z-order, so that neighbours in space are near in number too.
-/// Errors: the envelope has no room for them.
-pub fn place(grains: &Grains, seed: u64, group: usize) -> Result<Placed, Misfit> {
+/// Polyhedra are placed as the balls around them. Grains in an envelope come in Z-order, so that neighbours in space
+/// are near in number too. Errors: the envelope has no room for them.
+pub fn place(grains: &Grains, shapes: &mut Shapes, seed: u64, group: usize) -> Result<Placed, Misfit> {
     let mut random = Random::new(seed, group, Purpose::Place);
     let turn = rotation(&grains.orientation);
     let centre = Vector3::from(grains.centre);
-    let to_fixed_axes = |points: Vec<Vector3<f64>>| points.iter().map(|p| round_point(&(turn * p + centre))).collect();
-    let draw = |until| {
+    let polyhedral = grains.polyhedral();
+    let in_file = |point: Vector3<f64>| if polyhedral { point.map(round14) } else { round_point(&point) };
+    let to_fixed_axes = |points: Vec<Vector3<f64>>| points.iter().map(|p| in_file(turn * p + centre)).collect();
+    let mut draw = |until| {
         let in_order = matches!(grains.place, Place::List { .. });
-        grains.sizes.draw(until, in_order, &mut Random::new(seed, group, Purpose::Sizes))
+        draw(grains.sizes.as_ref(), until, in_order, shapes, &mut Random::new(seed, group, Purpose::Sizes))
     };
     let envelope = match &grains.place {
         Place::List { positions, .. } => {
             let points = positions.iter().map(|&p| p.into()).collect();
-            let radii = draw(Until::Number(positions.len()));
-            return Ok(Placed { radii, positions: to_fixed_axes(points), room: None });
+            let grains = draw(Until::Number(positions.len()))?;
+            return Ok(Placed { grains, positions: to_fixed_axes(points), room: None });
         }
         Place::JitteredLattice { envelope, .. } | Place::RandomSequential { envelope } => envelope,
     };
@@ -65,69 +73,95 @@ pub fn place(grains: &Grains, seed: u64, group: usize) -> Result<Placed, Misfit>
         (None, Some(share)) => Until::Volume(share * room.volume()),
         (number, _) => Until::Number(number.unwrap_or(0)),
     };
-    let mut radii = draw(until);
-    if radii.is_empty() || radii.len() > MOST_BODIES {
-        let count = if radii.is_empty() { "no grain".to_string() } else { format!("more than {MOST_BODIES} grains") };
+    let mut drawn = draw(until)?;
+    if drawn.is_empty() || drawn.len() > MOST_BODIES {
+        let count = if drawn.is_empty() { "no grain".to_string() } else { format!("more than {MOST_BODIES} grains") };
         let found = format!("{count} for a solid fraction of {:?} in {room}", grains.solid_fraction.unwrap_or(0.0));
         return Err(Misfit { found, expected: "another solid fraction, envelope or size of grains" });
     }
     if let (false, Some(share)) = (sized, grains.solid_fraction) {
-        room = room.scaled_to(radii.iter().copied().map(volume).sum::<f64>() / share);
+        room = room.scaled_to(drawn.iter().map(Drawn::volume).sum::<f64>() / share);
     }
     // Positions are rounded to 8 digits after they were found: by at most sqrt(3) 5e-8 of the largest
     // coordinate. Grains keep a little more than that from each other and from the envelope.
     let margin = 1e-7 * (room.halves().norm() + centre.amax());
     let in_envelope = match &grains.place {
-        Place::JitteredLattice { jitter, .. } => jittered_lattice(&room, &radii, margin, *jitter, &mut random)?,
-        _ => random_sequential(&room, &mut radii, margin, &mut random)?,
+        Place::JitteredLattice { jitter, .. } => jittered_lattice(&room, &drawn, margin, *jitter, &mut random)?,
+        _ => random_sequential(&room, &mut drawn, margin, &mut random)?,
     };
-    Ok(Placed { radii, positions: to_fixed_axes(in_envelope), room: Some(room) })
+    Ok(Placed { grains: drawn, positions: to_fixed_axes(in_envelope), room: Some(room) })
 }
 
-/// Grain k, of radius `radii[k]`, anywhere in its site's ball up to the share `jitter` of its free room.
+/// Grains with their sizes, drawn one after the other; without `sizes` all of the shape's own.
+fn draw(
+    sizes: Option<&Sizes>,
+    until: Until,
+    in_order: bool,
+    shapes: &mut Shapes,
+    random: &mut Random,
+) -> Result<Vec<Drawn>, Misfit> {
+    let mut next = |size| shapes.next(size).map_err(Misfit::shape);
+    match sizes {
+        Some(sizes) => sizes.draw(until, in_order, random, next, Drawn::volume),
+        None => match until {
+            Until::Number(number) => (0..number).map(|_| next(None)).collect(),
+            Until::Volume(wanted) => {
+                let first = next(None)?;
+                let number = libm::round(wanted / first.volume()).min(MOST_BODIES as f64 + 1.0) as usize;
+                if number == 0 {
+                    Ok(Vec::new())
+                } else {
+                    std::iter::once(Ok(first)).chain((1..number).map(|_| next(None))).collect()
+                }
+            }
+        },
+    }
+}
+
+/// Grain k anywhere in its site's ball up to the share `jitter` of its free room.
 fn jittered_lattice(
     room: &Room,
-    radii: &[f64],
+    grains: &[Drawn],
     margin: f64,
     jitter: f64,
     random: &mut Random,
 ) -> Result<Vec<Vector3<f64>>, Misfit> {
-    let largest = radii.iter().copied().fold(0.0, f64::max);
+    let largest = grains.iter().map(|grain| grain.reach).fold(0.0, f64::max);
     let closest = 2.0 * (largest + margin);
-    let (mut sites, distance) = lattice::sites(room, radii.len(), closest, random).map_err(|sites| Misfit {
+    let (mut sites, distance) = lattice::sites(room, grains.len(), closest, random).map_err(|sites| Misfit {
         found: format!(
             "{} grains, the largest of radius {largest:?} m, in {room}: the lattice has {sites} sites",
-            radii.len()
+            grains.len()
         ),
         expected: "fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very unequal grains",
     })?;
     let order = z_order(room, &sites);
     sites = order.into_iter().map(|k| sites[k]).collect();
-    let move_in_ball = |(site, radius): (&Vector3<f64>, &f64)| {
-        site + random.in_ball() * (jitter * (0.5 * distance - radius - margin).max(0.0))
+    let move_in_ball = |(site, grain): (&Vector3<f64>, &Drawn)| {
+        site + random.in_ball() * (jitter * (0.5 * distance - grain.reach - margin).max(0.0))
     };
-    Ok(sites.iter().zip(radii).map(move_in_ball).collect())
+    Ok(sites.iter().zip(grains).map(move_in_ball).collect())
 }
 
-/// Reorders the radii as it orders the positions that it returns.
+/// Reorders the grains as it orders the positions that it returns.
 fn random_sequential(
     room: &Room,
-    radii: &mut Vec<f64>,
+    grains: &mut Vec<Drawn>,
     margin: f64,
     random: &mut Random,
 ) -> Result<Vec<Vector3<f64>>, Misfit> {
-    radii.sort_by(|a, b| b.total_cmp(a));
-    let padded: Vec<f64> = radii.iter().map(|radius| radius + margin).collect();
+    grains.sort_by(|a, b| b.reach.total_cmp(&a.reach));
+    let padded: Vec<f64> = grains.iter().map(|grain| grain.reach + margin).collect();
     let centres = sequential::centres(room, &padded, random).map_err(|placed| Misfit {
         found: format!(
             "{placed} of {} grains (largest first) could be placed in {room} before {} tries found no room for the next",
-            radii.len(),
+            grains.len(),
             sequential::ATTEMPTS
         ),
         expected: "fewer or smaller grains, or a larger envelope (a smaller solid fraction)",
     })?;
     let order = z_order(room, &centres);
-    *radii = order.iter().map(|&k| radii[k]).collect();
+    *grains = order.iter().map(|&k| grains[k].clone()).collect();
     Ok(order.into_iter().map(|k| centres[k]).collect())
 }
 
@@ -157,7 +191,8 @@ pub fn rotation(rotation: &scene::Rotation) -> Matrix3<f64> {
 mod tests {
     use super::*;
     use crate::place::cells::Cells;
-    use crate::scene::{Envelope, Sizes};
+    use crate::scene::{Envelope, Radius, Shape, Standing};
+    use crate::sizes::volume;
     use proptest::prelude::*;
 
     fn grains(number: Option<usize>, solid_fraction: Option<f64>, sizes: Sizes, place: Place) -> Grains {
@@ -166,7 +201,10 @@ mod tests {
             colour: "BLUEx".into(),
             number,
             solid_fraction,
-            sizes,
+            shape: Shape::Sphere,
+            sizes: Some(sizes),
+            radius: Radius::default(),
+            standing: Standing::default(),
             place,
             centre: [0.0; 3],
             orientation: Rotation::default(),
@@ -175,6 +213,14 @@ mod tests {
             thermal_velocity: 0.0,
             driven: None,
         }
+    }
+
+    fn spot(grains: &Grains, seed: u64, group: usize) -> Result<Placed, Misfit> {
+        place(grains, &mut Shapes::of(grains, seed, group).unwrap(), seed, group)
+    }
+
+    fn filled(placed: &Placed) -> f64 {
+        placed.grains.iter().map(Drawn::volume).sum()
     }
 
     fn envelope(which: usize) -> Envelope {
@@ -187,12 +233,12 @@ mod tests {
 
     /// Whole grains within the envelope, and no two overlapping, by the numbers that the files hold.
     fn sound(grains: &Grains, placed: &Placed) -> Result<(), TestCaseError> {
-        let (turn, room) = (rotation(&grains.orientation), placed.room.unwrap());
-        let mut order: Vec<usize> = (0..placed.radii.len()).collect();
-        order.sort_by(|&a, &b| placed.radii[b].total_cmp(&placed.radii[a]));
-        let mut cells = Cells::new(placed.radii[order[0]]);
+        let (turn, room) = (rotation(&grains.orientation), placed.room.clone().unwrap());
+        let mut order: Vec<usize> = (0..placed.grains.len()).collect();
+        order.sort_by(|&a, &b| placed.grains[b].reach.total_cmp(&placed.grains[a].reach));
+        let mut cells = Cells::new(placed.grains[order[0]].reach);
         for k in order {
-            let (position, radius) = (placed.positions[k], placed.radii[k]);
+            let (position, radius) = (placed.positions[k], placed.grains[k].reach);
             prop_assert!(position == round_point(&position) && radius == crate::round8(radius));
             let local = turn.transpose() * (position - Vector3::from(grains.centre));
             prop_assert!(room.holds(&local, radius), "grain {k} reaches out of {room}");
@@ -221,13 +267,13 @@ mod tests {
             let mut grains = grains(Some(number), Some(solid_fraction), sizes, place);
             grains.centre = centre;
             grains.orientation = Rotation { axis: [1.0, -2.0, 0.5], angle };
-            match super::place(&grains, seed, 0) {
+            match spot(&grains, seed, 0) {
                 Ok(placed) => {
-                    prop_assert_eq!(placed.radii.len(), number);
+                    prop_assert_eq!(placed.grains.len(), number);
                     prop_assert_eq!(placed.positions.len(), number);
-                    let filled: f64 = placed.radii.iter().copied().map(volume).sum();
+                    let filled = filled(&placed);
                     // Round-off of a sum of up to 200 terms and of a cube root.
-                    prop_assert!((filled / placed.room.unwrap().volume() / solid_fraction - 1.0).abs() < 1e-12);
+                    prop_assert!((filled / placed.room.as_ref().unwrap().volume() / solid_fraction - 1.0).abs() < 1e-12);
                     sound(&grains, &placed)?;
                 }
                 // Few grains in a flat envelope do not fit at all: thinner than a grain.
@@ -243,28 +289,28 @@ mod tests {
             envelope: Envelope::Ellipsoid { semi_axes: Some([60.0, 50.0, 40.0]), ratios: None },
         };
         let grains = grains(None, Some(0.35), sizes, place);
-        let placed = super::place(&grains, 1, 0).unwrap();
+        let placed = spot(&grains, 1, 0).unwrap();
         sound(&grains, &placed).unwrap();
-        let filled: f64 = placed.radii.iter().copied().map(volume).sum();
+        let filled = filled(&placed);
         // Half of the largest grain at most is missing or too much.
-        assert!((filled - 0.35 * placed.room.unwrap().volume()).abs() <= 0.5 * volume(10.0));
+        assert!((filled - 0.35 * placed.room.as_ref().unwrap().volume()).abs() <= 0.5 * volume(10.0));
     }
 
     #[test]
     fn a_seed_decides_all_and_groups_do_not_depend_on_each_other() {
         let lattice = Place::JitteredLattice { envelope: envelope(0), jitter: 1.0 };
         let grains = grains(Some(50), Some(0.1), Sizes::Uniform { min: 1.0, max: 2.0 }, lattice);
-        let first = super::place(&grains, 7, 0).unwrap();
-        assert_eq!(super::place(&grains, 7, 0).unwrap(), first);
-        assert_ne!(super::place(&grains, 8, 0).unwrap(), first);
-        assert_ne!(super::place(&grains, 7, 1).unwrap(), first);
+        let first = spot(&grains, 7, 0).unwrap();
+        assert_eq!(spot(&grains, 7, 0).unwrap(), first);
+        assert_ne!(spot(&grains, 8, 0).unwrap(), first);
+        assert_ne!(spot(&grains, 7, 1).unwrap(), first);
     }
 
     #[test]
     fn neighbours_in_number_are_near_in_space() {
         let lattice = Place::JitteredLattice { envelope: envelope(0), jitter: 1.0 };
         let grains = grains(Some(4096), Some(0.3), Sizes::Single(1.0), lattice);
-        let positions = super::place(&grains, 1, 0).unwrap().positions;
+        let positions = spot(&grains, 1, 0).unwrap().positions;
         let steps: f64 = positions.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
         // Neighbours are about 2.7 radii apart and the Z-curve makes a jump now and then; without order
         // two grains are about 36/35 of the ball's radius apart, 24 radii.
@@ -274,16 +320,16 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_told_with_counts() {
         let tight = |place| grains(Some(1000), None, Sizes::Single(1.0), place);
-        let envelope = Envelope::Ball { radius: Some(10.0) };
-        let lattice = super::place(&tight(Place::JitteredLattice { envelope, jitter: 1.0 }), 1, 0).unwrap_err();
+        let envelope = || Envelope::Ball { radius: Some(10.0) };
+        let lattice = spot(&tight(Place::JitteredLattice { envelope: envelope(), jitter: 1.0 }), 1, 0).unwrap_err();
         assert!(
             lattice.found.starts_with("1000 grains, the largest of radius 1.0 m, in a ball of radius 10.0"),
             "{lattice:?}"
         );
-        let random = super::place(&tight(Place::RandomSequential { envelope }), 1, 0).unwrap_err();
+        let random = spot(&tight(Place::RandomSequential { envelope: envelope() }), 1, 0).unwrap_err();
         assert!(random.found.contains(" of 1000 grains (largest first) could be placed"), "{random:?}");
-        let empty = grains(None, Some(0.01), Sizes::Single(9.0), Place::RandomSequential { envelope });
-        assert!(super::place(&empty, 1, 0).unwrap_err().found.starts_with("no grain for a solid fraction of 0.01"));
+        let empty = grains(None, Some(0.01), Sizes::Single(9.0), Place::RandomSequential { envelope: envelope() });
+        assert!(spot(&empty, 1, 0).unwrap_err().found.starts_with("no grain for a solid fraction of 0.01"));
     }
 
     #[test]
@@ -292,8 +338,8 @@ mod tests {
         let mut grains = grains(None, None, Sizes::List(vec![0.5, 0.25]), place);
         grains.centre = [10.0, 0.0, 0.0];
         grains.orientation = Rotation { axis: [0.0, 0.0, 3.0], angle: std::f64::consts::FRAC_PI_2 };
-        let placed = super::place(&grains, 1, 0).unwrap();
-        assert_eq!(placed.radii, [0.5, 0.25]);
+        let placed = spot(&grains, 1, 0).unwrap();
+        assert_eq!(placed.grains.iter().map(|grain| grain.radius).collect::<Vec<_>>(), [0.5, 0.25]);
         let expected = [Vector3::new(10.0, 1.0, 0.0), Vector3::new(8.0, 0.0, 0.0)];
         for (position, expected) in placed.positions.iter().zip(expected) {
             assert!((position - expected).norm() < 1e-15); // cos(pi/2) is 6e-17

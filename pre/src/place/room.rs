@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::scene::Envelope;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Room {
     /// Radius, m.
     Ball(f64),

@@ -1,0 +1,229 @@
+//! Polyhedra: from what a scene says about the shape of its grains to solids in their principal axes.
+//!
+//! | module | |
+//! |---|---|
+//! | [`hull`] | convex hulls |
+//! | [`regular`] | regular solids, boxes, prisms |
+//! | [`rocks`] | convex polyhedra at random |
+//! | [`overlap`] | how deep convex solids are in each other |
+
+pub mod hull;
+pub mod overlap;
+pub mod regular;
+pub mod rocks;
+
+use std::rc::Rc;
+
+use cd_formats::surface::Surface;
+use nalgebra::{Matrix3, Vector3};
+
+use crate::place::rotation;
+use crate::random::{Purpose, Random};
+use crate::scene::{Grains, Radius, Shape, Standing};
+use crate::{round_axes, round14, sizes};
+
+/// Off-centre by less than this share of the extent, or off the principal axes by as much: vertices that stand so
+/// stay as they are. A file with twelve digits leaves about 1e-12.
+const ALREADY_SO: f64 = 1e-10;
+
+/// A body of density 1 in its principal axes about its centre of mass.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solid {
+    /// With what it touches others: convex surfaces, one if the solid is convex itself.
+    pub pieces: Vec<Surface>,
+    /// m^3
+    pub volume: f64,
+    /// Principal moments of inertia, m^5.
+    pub moments: [f64; 3],
+    /// Distance of the farthest vertex from the centre of mass, m.
+    pub reach: f64,
+    /// Centre of mass in the axes in which the shape was given, m.
+    pub shift: Vector3<f64>,
+    /// The principal axes in those axes, one a row.
+    pub axes: Matrix3<f64>,
+}
+
+impl Solid {
+    /// Volume, centre and inertia of `whole`, with the `pieces` (in the same axes) moved and turned to match.
+    pub fn new(whole: &Surface, pieces: &[Surface]) -> Solid {
+        let properties = whole.mass_properties();
+        let extent = whole.vertices().iter().map(|&v| (Vector3::from(v) - Vector3::from(properties.centre)).norm());
+        let extent = extent.fold(0.0, f64::max);
+        let mut shift = Vector3::from(properties.centre);
+        if shift.norm() <= ALREADY_SO * extent {
+            shift = Vector3::zeros();
+        }
+        let inertia = Matrix3::from(properties.inertia);
+        let beside = inertia - Matrix3::from_diagonal(&inertia.diagonal());
+        let (moments, axes) = if beside.amax() <= ALREADY_SO * inertia.trace() {
+            (inertia.diagonal().into(), Matrix3::identity())
+        } else {
+            let (moments, axes) = properties.principal();
+            nearest(moments, axes.map(Vector3::from))
+        };
+        let moved = |surface: &Surface| {
+            let vertices: Vec<[f64; 3]> = surface
+                .vertices()
+                .iter()
+                .map(|&v| {
+                    if axes == Matrix3::identity() {
+                        (Vector3::from(v) - shift).into()
+                    } else {
+                        (axes * (Vector3::from(v) - shift)).into()
+                    }
+                })
+                .collect();
+            Surface::new(&vertices, surface.triangles()).expect("a sound surface stays so when it is moved")
+        };
+        let pieces: Vec<Surface> = pieces.iter().map(moved).collect();
+        let vertices = pieces.iter().flat_map(|piece| piece.vertices());
+        let reach = vertices.map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
+        Solid { pieces, volume: properties.volume, moments, reach, shift, axes }
+    }
+
+    /// A convex solid.
+    pub fn convex(surface: &Surface) -> Solid {
+        Solid::new(surface, std::slice::from_ref(surface))
+    }
+
+    /// Radius of the sphere of equal volume, m.
+    pub fn radius(&self) -> f64 {
+        libm::cbrt(0.75 * self.volume / std::f64::consts::PI)
+    }
+}
+
+/// The axes (rows, right-handed) in the order and with the signs that turn the least from the given ones.
+fn nearest(moments: [f64; 3], axes: [Vector3<f64>; 3]) -> ([f64; 3], Matrix3<f64>) {
+    const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
+    let along = |order: &[usize; 3]| (0..3).map(|k| axes[order[k]][k].abs()).sum::<f64>();
+    let order = ORDERS.into_iter().rev().max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or([0, 1, 2]);
+    let signed = |k: usize| axes[order[k]] * axes[order[k]][k].signum();
+    let mut rows = [0, 1, 2].map(signed);
+    let matrix = |rows: &[Vector3<f64>; 3]| Matrix3::from_rows(&rows.map(|row| row.transpose()));
+    if matrix(&rows).determinant() < 0.0 {
+        // The one whose sign matters the least.
+        let least = (0..3).min_by(|&a, &b| rows[a][a].total_cmp(&rows[b][b])).unwrap_or(2);
+        rows[least] = -rows[least];
+    }
+    (order.map(|k| moments[k]), matrix(&rows))
+}
+
+/// A solid of some size, as it stands: numbers have the digits of the files.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Polyhedron {
+    pub solid: Rc<Solid>,
+    /// Lengths of the solid are to be taken so many times.
+    pub scale: f64,
+    /// Its principal axes along the fixed axes, one a row.
+    pub axes: Matrix3<f64>,
+}
+
+impl Polyhedron {
+    /// `turn`: from the axes in which the shape was given to the fixed ones.
+    pub fn new(solid: Rc<Solid>, scale: f64, turn: &Matrix3<f64>) -> Self {
+        let axes = round_axes(&(solid.axes * turn.transpose()));
+        Polyhedron { solid, scale, axes }
+    }
+
+    /// m^3
+    pub fn volume(&self) -> f64 {
+        self.scale.powi(3) * self.solid.volume
+    }
+
+    /// Principal moments at density 1, m^5.
+    pub fn moments(&self) -> [f64; 3] {
+        self.solid.moments.map(|moment| self.scale.powi(5) * moment)
+    }
+
+    /// Of each piece, along the principal axes, m.
+    pub fn vertices(&self) -> Vec<Vec<[f64; 3]>> {
+        let scaled = |v: &[f64; 3]| v.map(|x| round14(self.scale * x));
+        self.solid.pieces.iter().map(|piece| piece.vertices().iter().map(scaled).collect()).collect()
+    }
+}
+
+/// A grain before it has a place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawn {
+    /// Of the sphere of equal volume, m.
+    pub radius: f64,
+    /// Of the smallest ball about the centre of mass that holds the grain, m.
+    pub reach: f64,
+    /// None for a sphere.
+    pub polyhedron: Option<Polyhedron>,
+}
+
+impl Drawn {
+    /// m^3
+    pub fn volume(&self) -> f64 {
+        self.polyhedron.as_ref().map_or_else(|| sizes::volume(self.radius), Polyhedron::volume)
+    }
+
+    pub fn of(polyhedron: Polyhedron) -> Drawn {
+        let vertices = polyhedron.vertices();
+        let reach = vertices.iter().flatten().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
+        let radius = round14(polyhedron.scale * polyhedron.solid.radius());
+        Drawn { radius, reach, polyhedron: Some(polyhedron) }
+    }
+}
+
+/// Grains of one body of grains, one after the other.
+pub struct Shapes {
+    source: Source,
+    radius: Radius,
+    standing: Standing,
+    random: Random,
+    drawn: usize,
+}
+
+enum Source {
+    Sphere,
+    Same(Rc<Solid>),
+    Rocks(rocks::Rocks),
+}
+
+impl Shapes {
+    /// Of a (checked) body of grains, the `group`-th of the scene. Errors: what is wrong with the shape.
+    pub fn of(grains: &Grains, seed: u64, group: usize) -> Result<Shapes, String> {
+        let source = match &grains.shape {
+            Shape::Sphere => Source::Sphere,
+            &Shape::Random { vertices, ratios, angularity } => {
+                Source::Rocks(rocks::Rocks { vertices, ratios: ratios.into(), angularity })
+            }
+            other => Source::Same(Rc::new(Solid::convex(&hull::convex(&regular::vertices(other))?))),
+        };
+        let random = Random::new(seed, group, Purpose::Shape);
+        Ok(Shapes { source, radius: grains.radius, standing: grains.standing.clone(), random, drawn: 0 })
+    }
+
+    /// The solid that all grains are, if they are all the same.
+    pub fn solid(&self) -> Option<&Rc<Solid>> {
+        if let Source::Same(solid) = &self.source { Some(solid) } else { None }
+    }
+
+    /// The next grain, of the radius `size`, m, or of the shape's own size.
+    ///
+    /// Errors: no sound shape was found.
+    pub fn next(&mut self, size: Option<f64>) -> Result<Drawn, String> {
+        let solid = match &self.source {
+            Source::Sphere => {
+                let radius = size.unwrap_or(1.0);
+                return Ok(Drawn { radius, reach: radius, polyhedron: None });
+            }
+            Source::Same(solid) => solid.clone(),
+            Source::Rocks(rocks) => Rc::new(rocks.draw(&mut self.random)?),
+        };
+        let turn = match &self.standing {
+            Standing::Random => self.random.turn(),
+            Standing::Same(turn) => rotation(turn),
+            Standing::List(turns) => turns.get(self.drawn).map_or(Matrix3::identity(), rotation),
+        };
+        self.drawn += 1;
+        let own = match self.radius {
+            Radius::EqualVolume => solid.radius(),
+            Radius::Circumscribed => solid.reach,
+        };
+        let scale = size.map_or(1.0, |size| size / own);
+        Ok(Drawn::of(Polyhedron::new(solid, scale, &turn)))
+    }
+}

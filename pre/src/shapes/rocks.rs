@@ -1,0 +1,143 @@
+//! Convex polyhedra at random: vertices on an ellipsoid, more or less evenly spread.
+
+use nalgebra::Vector3;
+
+use crate::random::Random;
+use crate::shapes::{Solid, hull};
+
+/// What the polyhedra of one body of grains have in common.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rocks {
+    /// Fewest and most vertices.
+    pub vertices: (usize, usize),
+    /// Semi-axes of the ellipsoid.
+    pub ratios: Vector3<f64>,
+    /// 0: evenly spread; 1: anywhere.
+    pub angularity: f64,
+}
+
+/// Share of the widest possible spacing that vertices keep at angularity 0: about where vertices that come one
+/// after the other find no more room.
+const EVEN: f64 = 0.75;
+/// The same at angularity 1: nearer vertices would make edges that are next to nothing.
+const ANYWHERE: f64 = 0.1;
+/// Distance of each face from the centre of mass over the circumscribed radius, before the ratios: flatter
+/// polyhedra are drawn anew.
+const FLATTEST: f64 = 0.1;
+/// Draws of one polyhedron.
+const ATTEMPTS: usize = 1000;
+
+impl Rocks {
+    /// The next polyhedron. It has the number of vertices that was drawn for it, all on the ellipsoid.
+    ///
+    /// Errors: nothing sound in [`ATTEMPTS`] draws.
+    pub fn draw(&self, random: &mut Random) -> Result<Solid, String> {
+        let (fewest, most) = self.vertices;
+        let count = fewest + random.below(most - fewest + 1);
+        let spacing = (EVEN + self.angularity * (ANYWHERE - EVEN)) * widest_spacing(count);
+        for attempt in 0..ATTEMPTS {
+            // Somewhat less is asked for where chance has left no room.
+            let Some(points) = spread(count, spacing * 0.995f64.powi(attempt as i32), random) else { continue };
+            let Ok(ball) = hull::convex(&points) else { continue };
+            let round = Solid::convex(&ball);
+            if ball.vertices().len() != count || inradius(&round) < FLATTEST * round.reach {
+                continue;
+            }
+            let stretched: Vec<[f64; 3]> =
+                ball.vertices().iter().map(|&v| Vector3::from(v).component_mul(&self.ratios).into()).collect();
+            if let Ok(surface) = hull::convex(&stretched)
+                && surface.vertices().len() == count
+            {
+                return Ok(Solid::convex(&surface));
+            }
+        }
+        Err(format!("no polyhedron of {count} vertices in {ATTEMPTS} draws"))
+    }
+}
+
+/// The angle, rad, that `count` directions can at most keep from each other: reached by 3, 4, 6 and 12.
+///
+/// L. Fejes Toth, Jahresber. Dtsch. Math.-Ver. 53 (1943) 66: cos = (cot^2 w - 1) / 2, w = count pi / (6 (count - 2)).
+fn widest_spacing(count: usize) -> f64 {
+    let w = count as f64 / (count as f64 - 2.0) * std::f64::consts::FRAC_PI_6;
+    let cot = libm::cos(w) / libm::sin(w);
+    libm::acos((0.5 * (cot * cot - 1.0)).clamp(-1.0, 1.0))
+}
+
+/// Directions one after the other, each at least `spacing`, rad, from those before; none if chance leaves no room.
+fn spread(count: usize, spacing: f64, random: &mut Random) -> Option<Vec<[f64; 3]>> {
+    let nearest = libm::cos(spacing);
+    let mut points: Vec<Vector3<f64>> = Vec::with_capacity(count);
+    for _ in 0..100 * count {
+        let point = random.direction();
+        if points.iter().all(|other| point.dot(other) <= nearest) {
+            points.push(point);
+        }
+        if points.len() == count {
+            return Some(points.into_iter().map(Into::into).collect());
+        }
+    }
+    None
+}
+
+/// Distance of the nearest face plane from the centre of mass.
+fn inradius(solid: &Solid) -> f64 {
+    let piece = &solid.pieces[0];
+    let distance = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|k| Vector3::from(piece.vertices()[k as usize]));
+        (b - a).cross(&(c - a)).normalize().dot(&a)
+    };
+    piece.triangles().iter().map(distance).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Purpose;
+
+    fn draw(vertices: (usize, usize), ratios: [f64; 3], angularity: f64, number: usize) -> Vec<Solid> {
+        let rocks = Rocks { vertices, ratios: ratios.into(), angularity };
+        let mut random = Random::new(3, 0, Purpose::Shape);
+        (0..number).map(|_| rocks.draw(&mut random).unwrap()).collect()
+    }
+
+    #[test]
+    fn rocks_have_their_vertices_on_the_ellipsoid_and_no_two_are_the_same() {
+        let ratios = [3.0, 2.0, 1.0];
+        let rocks = draw((8, 12), ratios, 0.5, 200);
+        let mut counts = [0; 5];
+        for rock in &rocks {
+            counts[rock.pieces[0].vertices().len() - 8] += 1;
+            for &v in rock.pieces[0].vertices() {
+                let given = rock.axes.transpose() * Vector3::from(v) + rock.shift;
+                let level: f64 = (0..3).map(|k| (given[k] / ratios[k]).powi(2)).sum();
+                assert!((level - 1.0).abs() < 1e-14);
+            }
+            assert!(rock.pieces[0].is_convex(1e-14));
+        }
+        assert!(counts.iter().all(|count| *count > 20), "{counts:?}"); // 40 +- 6 expected
+        assert!(rocks.windows(2).all(|pair| pair[0] != pair[1]));
+    }
+
+    #[test]
+    fn angular_rocks_fill_their_ellipsoid_less() {
+        let filled = |angularity| draw((14, 14), [1.0; 3], angularity, 100).iter().map(|r| r.volume).sum::<f64>();
+        let [even, half, any] = [0.0, 0.5, 1.0].map(filled);
+        assert!(even > 1.1 * half && half > 1.05 * any, "{even} {half} {any}");
+    }
+
+    #[test]
+    fn four_and_many_vertices_can_be_drawn_at_any_angularity() {
+        for (count, angularity) in [(4, 0.0), (4, 1.0), (5, 0.0), (12, 0.0), (60, 0.0), (200, 0.5)] {
+            draw((count, count), [1.0, 0.5, 0.1], angularity, 10);
+        }
+    }
+
+    #[test]
+    fn the_widest_spacing_is_that_of_the_regular_solids() {
+        let tetrahedron = libm::acos(-1.0 / 3.0);
+        assert!((widest_spacing(4) - tetrahedron).abs() < 1e-15);
+        assert!((widest_spacing(6) - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+        assert!((widest_spacing(12) - libm::acos(1.0 / 5f64.sqrt())).abs() < 1e-15);
+    }
+}
