@@ -13,6 +13,7 @@
 pub mod assemble;
 mod cli;
 pub mod detect;
+pub mod geometry;
 pub mod gravity;
 pub mod integrate;
 pub mod laws;

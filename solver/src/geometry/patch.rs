@@ -1,0 +1,276 @@
+//! The common part of two faces seen along a normal: corners with their gaps, and the area.
+//!
+//! The same for face on face, edge on face, vertex on face and crossed edges, and the same for A and B: a corner is a
+//! vertex of either polygon that lies in the other, or a crossing of two sides.
+
+use smallvec::SmallVec;
+
+use super::search::{GAIN, Pair};
+use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
+use crate::math::{Vec3, local_frame};
+
+/// Distance from a side, over the smaller circumradius, up to which a vertex is on it: so that aligned faces keep
+/// their vertices and have no crossings beside them.
+const ON_SIDE: f64 = 1e-11;
+/// Distance up to which two corners are one.
+const SAME: f64 = 1e-9;
+/// Cosine between a face's normal and the direction of view below which it is seen as a line.
+const EDGE_ON: f64 = 1e-9;
+/// A corner must be deeper, farther or span more by this, to be preferred to one before it.
+const CLEARLY: f64 = 1e-9;
+
+pub(super) struct Patch {
+    corners: SmallVec<[Corner; 12]>,
+    normal: Vec3,
+    /// Of the whole common part, m^2.
+    pub area: f64,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Corner {
+    point: [f64; 3],
+    flat: [f64; 2],
+    gap: f64,
+    features: (u32, u32),
+}
+
+/// A face seen along the normal, counter-clockwise.
+struct Outline {
+    corners: SmallVec<[Seen; 8]>,
+    /// Height above the plane's height at 0: h = height - slope·(x, y).
+    height: f64,
+    slope: [f64; 2],
+}
+
+/// A corner and the side from it to the next.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    vertex: u32,
+    edge: u32,
+    at: [f64; 3],
+    x: f64,
+    y: f64,
+    z: f64,
+    /// Unit direction of the side; zero where it is seen end on.
+    dx: f64,
+    dy: f64,
+}
+
+impl Outline {
+    /// `moved`: where the body is; `offset`: of the face's plane, seen from there; `turned`: whether the face looks
+    /// against the normal.
+    fn new(
+        shape: &Polyhedron,
+        posed: &Posed,
+        of: u32,
+        moved: &Vec3,
+        frame: &[Vec3; 3],
+        turned: bool,
+        tiny: f64,
+    ) -> Self {
+        let [n, t, s] = frame;
+        let (vertices, edges) = (shape.corners(of as usize), shape.sides(of as usize));
+        let count = vertices.len();
+        let mut corners: SmallVec<[Seen; 8]> = SmallVec::new();
+        for k in 0..count {
+            let (v, e) = if turned { (count - 1 - k, (2 * count - 2 - k) % count) } else { (k, k) };
+            let at = posed.vertex(vertices[v]) + moved;
+            let (x, y, z) = (at.dot(t), at.dot(s), at.dot(n));
+            corners.push(Seen { vertex: vertices[v], edge: edges[e], at: at.into(), x, y, z, dx: 0.0, dy: 0.0 });
+        }
+        for k in 0..count {
+            let next = corners[if k + 1 == count { 0 } else { k + 1 }];
+            let (dx, dy) = (next.x - corners[k].x, next.y - corners[k].y);
+            let length = (dx * dx + dy * dy).sqrt();
+            if length > tiny {
+                (corners[k].dx, corners[k].dy) = (dx / length, dy / length);
+            }
+        }
+        let normal = posed.normal(of);
+        let rise = normal.dot(n);
+        if rise.abs() < EDGE_ON {
+            // A line: level, at the height that comes nearest to the other body.
+            let sign = if turned { -1.0 } else { 1.0 };
+            let nearest = corners.iter().map(|corner| sign * corner.z).fold(f64::NEG_INFINITY, f64::max);
+            return Outline { corners, height: sign * nearest, slope: [0.0; 2] };
+        }
+        let slope = [normal.dot(t) / rise, normal.dot(s) / rise];
+        let height = (shape.planes[of as usize].offset + normal.dot(moved)) / rise;
+        Outline { corners, height, slope }
+    }
+
+    /// Height of the plane at a place.
+    fn height(&self, x: f64, y: f64) -> f64 {
+        self.height - (self.slope[0] * x + self.slope[1] * y)
+    }
+}
+
+impl Patch {
+    /// Faces `face_a` and `face_b` along `n`, from A to B.
+    pub fn new(pair: &Pair, n: &Vec3, face_a: u32, face_b: u32) -> Self {
+        let frame = local_frame(*n);
+        let tiny = ON_SIDE * pair.small;
+        let a = Outline::new(pair.a, pair.pa, face_a, &Vec3::zeros(), &frame, false, tiny);
+        let b = Outline::new(pair.b, pair.pb, face_b, &pair.c, &frame, true, tiny);
+        let (of_a, of_b) = (distances(&a, &b), distances(&b, &a));
+        let (na, nb) = (a.corners.len(), b.corners.len());
+        let mut patch = Patch { corners: SmallVec::new(), normal: *n, area: 0.0 };
+        let inside = |distances: &[f64], sides: usize, stride: usize, k: usize| {
+            (0..sides).all(|side| distances[side * stride + k] >= -tiny)
+        };
+        for (k, v) in a.corners.iter().enumerate() {
+            if inside(&of_b, nb, na, k) {
+                let gap = b.height(v.x, v.y) - v.z;
+                let point = Vec3::from(v.at) + n * (0.5 * gap);
+                let features = (vertex(v.vertex), face(face_b));
+                patch.corners.push(Corner { point: point.into(), flat: [v.x, v.y], gap, features });
+            }
+        }
+        let of_vertices_of_a = patch.corners.len();
+        for (k, v) in b.corners.iter().enumerate() {
+            if !inside(&of_a, na, nb, k) {
+                continue;
+            }
+            let near = |corner: &&mut Corner| corner.is_near([v.x, v.y], pair.small);
+            if let Some(same) = patch.corners[..of_vertices_of_a].iter_mut().find(near) {
+                // Two vertices meet: their own heights.
+                let n_height = Vec3::from(same.point).dot(n) - 0.5 * same.gap;
+                let gap = v.z - n_height;
+                let point = Vec3::from(same.point) + n * (0.5 * (gap - same.gap));
+                (same.gap, same.point, same.features.1) = (gap, point.into(), vertex(v.vertex));
+                continue;
+            }
+            let gap = v.z - a.height(v.x, v.y);
+            let point = Vec3::from(v.at) - n * (0.5 * gap);
+            let features = (face(face_a), vertex(v.vertex));
+            patch.corners.push(Corner { point: point.into(), flat: [v.x, v.y], gap, features });
+        }
+        let of_vertices = patch.corners.len();
+        for (i, v) in a.corners.iter().enumerate() {
+            let next_i = if i + 1 == na { 0 } else { i + 1 };
+            for (j, w) in b.corners.iter().enumerate() {
+                let next_j = if j + 1 == nb { 0 } else { j + 1 };
+                let (w0, w1) = (of_a[i * nb + j], of_a[i * nb + next_j]);
+                let (v0, v1) = (of_b[j * na + i], of_b[j * na + next_i]);
+                let apart = |x: f64, y: f64| (x > tiny && y < -tiny) || (x < -tiny && y > tiny);
+                if !apart(w0, w1) || !apart(v0, v1) {
+                    continue;
+                }
+                let on = |from: [f64; 3], to: [f64; 3], share: f64| Vec3::from(from).lerp(&Vec3::from(to), share);
+                let (on_a, on_b) =
+                    (on(v.at, a.corners[next_i].at, v0 / (v0 - v1)), on(w.at, b.corners[next_j].at, w0 / (w0 - w1)));
+                let point = (on_a + on_b) * 0.5;
+                let flat = [point.dot(&frame[1]), point.dot(&frame[2])];
+                if patch.corners[..of_vertices].iter().any(|corner| corner.is_near(flat, pair.small)) {
+                    continue;
+                }
+                let features = (edge(v.edge), edge(w.edge));
+                patch.corners.push(Corner { point: point.into(), flat, gap: n.dot(&(on_b - on_a)), features });
+            }
+        }
+        patch.area = area(&patch.corners);
+        patch
+    }
+
+    /// Whether a corner has the gap of the axis: then two points of A and B are as near as the axis allows.
+    pub fn holds(&self, s: f64, pair: &Pair) -> bool {
+        self.corners.iter().any(|corner| corner.gap <= s + GAIN * pair.sum)
+    }
+
+    /// The corners with gaps up to `alert`, at most four of them.
+    pub fn manifold(mut self, pair: &Pair, alert: f64) -> Option<Manifold> {
+        self.corners.retain(|corner| corner.gap <= alert);
+        self.corners.sort_unstable_by_key(|corner| corner.features);
+        if self.corners.len() > 4 {
+            let mut kept = reduce(&self.corners, pair.small);
+            kept.sort_unstable();
+            self.corners = kept.iter().map(|&k| self.corners[k]).collect();
+        }
+        let point = |c: &Corner| Point { position: c.point.into(), gap: c.gap, features: c.features };
+        let points: super::Points = self.corners.iter().map(point).collect();
+        (!points.is_empty()).then_some(Manifold { normal: -self.normal, points, area: self.area })
+    }
+}
+
+impl Corner {
+    fn is_near(&self, [x, y]: [f64; 2], small: f64) -> bool {
+        let same = SAME * small;
+        (self.flat[0] - x).abs() <= same && (self.flat[1] - y).abs() <= same
+    }
+
+    /// Middle of the shortest way between two lines that are not parallel.
+    pub fn crossing([a0, a1]: [Vec3; 2], [b0, b1]: [Vec3; 2]) -> Vec3 {
+        let (u, v, w) = (a1 - a0, b1 - b0, a0 - b0);
+        let (uu, uv, vv, uw, vw) = (u.dot(&u), u.dot(&v), v.dot(&v), u.dot(&w), v.dot(&w));
+        let d = uu * vv - uv * uv;
+        let (x, y) = ((uv * vw - vv * uw) / d, (uu * vw - uv * uw) / d);
+        ((a0 + u * x) + (b0 + v * y)) * 0.5
+    }
+}
+
+/// Distance of each corner of `other` to the inside of each side of `of`; side by side. Infinite for a side seen end
+/// on, which bounds nothing.
+fn distances(of: &Outline, other: &Outline) -> SmallVec<[f64; 36]> {
+    let mut all = SmallVec::new();
+    for side in &of.corners {
+        if side.dx == 0.0 && side.dy == 0.0 {
+            all.extend(std::iter::repeat_n(f64::INFINITY, other.corners.len()));
+        } else {
+            all.extend(other.corners.iter().map(|p| side.dx * (p.y - side.y) - side.dy * (p.x - side.x)));
+        }
+    }
+    all
+}
+
+/// Of the convex polygon of the corners, m^2.
+fn area(corners: &[Corner]) -> f64 {
+    if corners.len() < 3 {
+        return 0.0;
+    }
+    let count = corners.len() as f64;
+    let mean = corners.iter().fold([0.0; 2], |m, c| [m[0] + c.flat[0] / count, m[1] + c.flat[1] / count]);
+    // By a number that grows with the angle.
+    let mut around: SmallVec<[(f64, f64, f64); 12]> = SmallVec::new();
+    for corner in corners {
+        let (x, y) = (corner.flat[0] - mean[0], corner.flat[1] - mean[1]);
+        let reach = x.abs() + y.abs();
+        let turn = if reach == 0.0 { 0.0 } else { (1.0 - x / reach).copysign(y) };
+        around.push((turn, x, y));
+    }
+    around.sort_unstable_by(|p, q| p.0.total_cmp(&q.0));
+    let mut doubled = 0.0;
+    for (k, &(_, x, y)) in around.iter().enumerate() {
+        let (_, next_x, next_y) = around[if k + 1 == around.len() { 0 } else { k + 1 }];
+        doubled += x * next_y - y * next_x;
+    }
+    (0.5 * doubled).max(0.0)
+}
+
+/// Four of many corners: the deepest, the farthest from it, and on each side of their line the one that spans most.
+///
+/// Earlier corners are preferred to others that are not clearly better, so that noise does not change the choice.
+fn reduce(corners: &[Corner], small: f64) -> SmallVec<[usize; 4]> {
+    let best = |value: &dyn Fn(&Corner) -> f64, least: f64| {
+        let (mut best, mut most) = (None, 0.0);
+        for (k, corner) in corners.iter().enumerate() {
+            let value = value(corner);
+            if best.is_none() && value > least || best.is_some() && value > most + least {
+                (best, most) = (Some(k), value);
+            }
+        }
+        best
+    };
+    let (near, span) = (CLEARLY * small, CLEARLY * small * small);
+    let mut kept = SmallVec::new();
+    // Gaps count from the first, so that any number may be the deepest.
+    let deepest = best(&|c| corners[0].gap - c.gap, near).unwrap_or(0);
+    kept.push(deepest);
+    let [x, y] = corners[deepest].flat;
+    let Some(far) = best(&|c| (c.flat[0] - x).powi(2) + (c.flat[1] - y).powi(2), span) else { return kept };
+    kept.push(far);
+    let [u, v] = [corners[far].flat[0] - x, corners[far].flat[1] - y];
+    let spanned = |c: &Corner| u * (c.flat[1] - y) - v * (c.flat[0] - x);
+    kept.extend(best(&spanned, span));
+    kept.extend(best(&|c| -spanned(c), span));
+    kept
+}

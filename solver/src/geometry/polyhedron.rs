@@ -1,0 +1,343 @@
+//! A convex polyhedron in its body's frame, and the same turned as its body is.
+
+use std::collections::HashMap;
+
+use crate::math::{Quat, Vec3};
+
+/// Columns are as long as the next multiple of this, so that all widths of vectors fit.
+pub(super) const PAD: usize = 8;
+
+/// A convex polyhedron; its faces are polygons, not triangles.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Polyhedron {
+    vertices: Vec<Vec3>,
+    pub(super) planes: Vec<Plane>,
+    pub(super) edges: Vec<Edge>,
+    /// Vertices round each face, counter-clockwise seen from outside, and the edge from each to the next; face f has
+    /// `starts[f]..starts[f + 1]`.
+    corners: Vec<u32>,
+    sides: Vec<u32>,
+    starts: Vec<u32>,
+    /// Edges that end at each vertex, likewise.
+    spokes: Vec<u32>,
+    spoke_starts: Vec<u32>,
+    /// Offsets of the faces, m, padded with infinity.
+    pub(super) offsets: Vec<f64>,
+    inradius: f64,
+    circumradius: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Plane {
+    /// Unit, outward.
+    pub normal: Vec3,
+    /// Largest n·x over the body, m.
+    pub offset: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Edge {
+    /// Ends, so that the first face has them in this order: e points along n0 × n1.
+    pub ends: [u32; 2],
+    pub faces: [u32; 2],
+}
+
+impl Polyhedron {
+    /// Distance from a face's plane, over the size, up to which triangles belong to it.
+    pub const FLATNESS: f64 = 1e-10;
+    /// The same for vertices that were rounded to seven or eight digits.
+    pub const FLATNESS_OF_FILES: f64 = 1e-6;
+
+    /// The polyhedron of a closed, outward triangulated surface about the body's centre of mass, m.
+    ///
+    /// Triangles in one plane become one face, and vertices that are then no corners are left out. Errors: what makes
+    /// it no convex polyhedron.
+    pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Result<Self, String> {
+        Self::with_flatness(vertices, triangles, Self::FLATNESS)
+    }
+
+    /// The same with another tolerance of planes, over the size: [`Self::FLATNESS_OF_FILES`] where the vertices come
+    /// from text.
+    pub fn with_flatness(vertices: &[Vec3], triangles: &[[u32; 3]], flatness: f64) -> Result<Self, String> {
+        let circumradius = vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
+        if !circumradius.is_finite() || triangles.iter().flatten().any(|&v| v as usize >= vertices.len()) {
+            return Err("vertices are missing or not finite".into());
+        }
+        let regions = Regions::grow(vertices, triangles, flatness * circumradius)?;
+        let loops = regions.loops(vertices.len(), triangles)?;
+        // Vertices that are left, renumbered.
+        let mut number = vec![u32::MAX; vertices.len()];
+        loops.iter().flatten().for_each(|&v| number[v as usize] = 0);
+        let mut kept = Vec::new();
+        for (v, number) in number.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
+            *number = kept.len() as u32;
+            kept.push(vertices[v]);
+        }
+        let mut shape = Polyhedron {
+            vertices: kept,
+            planes: Vec::new(),
+            edges: Vec::new(),
+            corners: Vec::new(),
+            sides: Vec::new(),
+            starts: vec![0],
+            spokes: Vec::new(),
+            spoke_starts: Vec::new(),
+            offsets: Vec::new(),
+            inradius: f64::INFINITY,
+            circumradius,
+        };
+        for corners in &loops {
+            shape.corners.extend(corners.iter().map(|&v| number[v as usize]));
+            shape.starts.push(shape.corners.len() as u32);
+            shape.add_plane(flatness)?;
+        }
+        shape.add_edges()?;
+        shape.offsets = shape.planes.iter().map(|plane| plane.offset).collect();
+        shape.offsets.resize(shape.planes.len().next_multiple_of(PAD), f64::INFINITY);
+        shape.inradius = shape.planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);
+        Ok(shape)
+    }
+
+    /// The plane of the last face.
+    fn add_plane(&mut self, flatness: f64) -> Result<(), String> {
+        let face = self.starts.len() - 2;
+        let corners = self.corners(face);
+        let at = |k: usize| self.vertices[corners[k] as usize];
+        let base = at(0);
+        let (mut area, mut longest) = (Vec3::zeros(), 0.0f64);
+        for k in 1..corners.len() {
+            longest = longest.max((at(k) - base).norm());
+            if k + 1 < corners.len() {
+                area += (at(k) - base).cross(&(at(k + 1) - base));
+            }
+        }
+        let normal = area / area.norm();
+        let heights = |corners: &[Vec3]| corners.iter().map(|v| normal.dot(v)).fold(f64::NEG_INFINITY, f64::max);
+        let offset = heights(&self.vertices);
+        // A sliver's plane is known as far as its corners are over its width.
+        let width = area.norm() / longest;
+        let allowed = 4.0 * flatness * self.circumradius * (1.0 + self.circumradius / width);
+        let outside = (0..corners.len()).map(|k| offset - normal.dot(&at(k))).fold(0.0, f64::max);
+        if !offset.is_finite() || outside > allowed {
+            let about: Vec<String> = base.iter().map(|x| format!("{x:.4}")).collect();
+            return Err(format!("not convex: {outside:.3e} m stand out of the face at ({})", about.join(", ")));
+        }
+        self.planes.push(Plane { normal, offset });
+        Ok(())
+    }
+
+    fn add_edges(&mut self) -> Result<(), String> {
+        let mut known: HashMap<[u32; 2], usize> = HashMap::new();
+        for face in 0..self.starts.len() - 1 {
+            let corners = self.corners(face).to_vec();
+            for (k, &a) in corners.iter().enumerate() {
+                let b = corners[(k + 1) % corners.len()];
+                let edge = *known.entry([a.min(b), a.max(b)]).or_insert_with(|| {
+                    self.edges.push(Edge { ends: [a, b], faces: [face as u32, u32::MAX] });
+                    self.edges.len() - 1
+                });
+                if self.edges[edge].faces[0] != face as u32 {
+                    if self.edges[edge].faces[1] != u32::MAX || self.edges[edge].ends != [b, a] {
+                        return Err("its faces do not close".into());
+                    }
+                    self.edges[edge].faces[1] = face as u32;
+                }
+                self.sides.push(edge as u32);
+            }
+        }
+        let euler = self.vertices.len() + self.planes.len() == self.edges.len() + 2;
+        if !euler || self.edges.iter().any(|edge| edge.faces[1] == u32::MAX) {
+            return Err("its faces do not close".into());
+        }
+        let mut spokes = vec![Vec::new(); self.vertices.len()];
+        for (e, edge) in self.edges.iter().enumerate() {
+            edge.ends.iter().for_each(|&v| spokes[v as usize].push(e as u32));
+        }
+        self.spoke_starts.push(0);
+        for of_one in spokes {
+            self.spokes.extend(of_one);
+            self.spoke_starts.push(self.spokes.len() as u32);
+        }
+        Ok(())
+    }
+
+    /// Corners in the body's frame, m.
+    pub fn vertices(&self) -> &[Vec3] {
+        &self.vertices
+    }
+
+    /// The corners of each face, counter-clockwise seen from outside.
+    pub fn faces(&self) -> impl Iterator<Item = &[u32]> {
+        (0..self.planes.len()).map(|face| self.corners(face))
+    }
+
+    /// Distance from the body's centre to the nearest face's plane, m.
+    pub fn inradius(&self) -> f64 {
+        self.inradius
+    }
+
+    /// Distance from the body's centre to the farthest vertex, m.
+    pub fn circumradius(&self) -> f64 {
+        self.circumradius
+    }
+
+    pub(super) fn corners(&self, face: usize) -> &[u32] {
+        &self.corners[self.starts[face] as usize..self.starts[face + 1] as usize]
+    }
+
+    /// The edges round a face; edge k goes from corner k to the next.
+    pub(super) fn sides(&self, face: usize) -> &[u32] {
+        &self.sides[self.starts[face] as usize..self.starts[face + 1] as usize]
+    }
+
+    /// The edges at a vertex.
+    pub(super) fn spokes(&self, vertex: usize) -> &[u32] {
+        &self.spokes[self.spoke_starts[vertex] as usize..self.spoke_starts[vertex + 1] as usize]
+    }
+}
+
+/// Triangles by the plane in which they lie.
+struct Regions {
+    of: Vec<u32>,
+    /// The triangle with each directed edge.
+    with_edge: HashMap<[u32; 2], usize>,
+    count: usize,
+}
+
+impl Regions {
+    /// From the largest triangle on, each takes its neighbours that lie within `tolerance` (m) of its plane, and those
+    /// of these.
+    fn grow(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> Result<Self, String> {
+        let mut with_edge = HashMap::new();
+        for (k, t) in triangles.iter().enumerate() {
+            for edge in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
+                if with_edge.insert(edge, k).is_some() {
+                    return Err("its triangles are not oriented alike".into());
+                }
+            }
+        }
+        let corners = |k: usize| triangles[k].map(|v| vertices[v as usize]);
+        let doubled: Vec<Vec3> = (0..triangles.len())
+            .map(|k| {
+                let [a, b, c] = corners(k);
+                (b - a).cross(&(c - a))
+            })
+            .collect();
+        let mut seeds: Vec<usize> = (0..triangles.len()).collect();
+        seeds.sort_by(|&i, &j| doubled[j].norm().total_cmp(&doubled[i].norm()).then(i.cmp(&j)));
+        let mut of = vec![u32::MAX; triangles.len()];
+        let mut count = 0;
+        for seed in seeds {
+            if of[seed] != u32::MAX {
+                continue;
+            }
+            let normal = doubled[seed] / doubled[seed].norm();
+            let base = corners(seed)[0];
+            let mut open = vec![seed];
+            of[seed] = count;
+            while let Some(k) = open.pop() {
+                let t = triangles[k];
+                for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
+                    let Some(&next) = with_edge.get(&[b, a]) else { return Err("its triangles do not close".into()) };
+                    let near = corners(next).iter().all(|v| normal.dot(&(v - base)).abs() <= tolerance);
+                    // Of a triangle as thin as that the direction says nothing.
+                    let longest = triangle_sides(&corners(next)).fold(0.0, f64::max);
+                    let alike = normal.dot(&doubled[next]) > 0.0 || doubled[next].norm() <= tolerance * longest;
+                    if of[next] == u32::MAX && near && alike {
+                        of[next] = count;
+                        open.push(next);
+                    }
+                }
+            }
+            count += 1;
+        }
+        Ok(Regions { of, with_edge, count: count as usize })
+    }
+
+    /// The corners round each region, without vertices where only two regions meet.
+    fn loops(&self, vertices: usize, triangles: &[[u32; 3]]) -> Result<Vec<Vec<u32>>, String> {
+        let mut meeting = vec![Vec::new(); vertices];
+        let mut next: Vec<HashMap<u32, u32>> = vec![HashMap::new(); self.count];
+        for (t, &region) in triangles.iter().zip(&self.of) {
+            for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
+                if !meeting[a as usize].contains(&region) {
+                    meeting[a as usize].push(region);
+                }
+                let border = self.of[self.with_edge[&[b, a]]] != region;
+                if border && next[region as usize].insert(a, b).is_some() {
+                    return Err("not convex: a face touches itself".into());
+                }
+            }
+        }
+        let mut loops = Vec::with_capacity(self.count);
+        for border in &next {
+            // Never empty: a closed surface has more than one plane, or its Euler number is found wrong.
+            let first = border.keys().min().copied().ok_or("it has one face alone")?;
+            let (mut corners, mut at, mut walked) = (Vec::new(), first, 0);
+            loop {
+                if meeting[at as usize].len() > 2 {
+                    corners.push(at);
+                }
+                walked += 1;
+                at = *border.get(&at).ok_or("its faces do not close")?;
+                if at == first || walked > border.len() {
+                    break;
+                }
+            }
+            if walked != border.len() || corners.len() < 3 {
+                return Err("not convex: a face is no polygon".into());
+            }
+            loops.push(corners);
+        }
+        Ok(loops)
+    }
+}
+
+fn triangle_sides(&[a, b, c]: &[Vec3; 3]) -> impl Iterator<Item = f64> {
+    [b - a, c - b, a - c].into_iter().map(|side| side.norm())
+}
+
+/// Vertices and normals of one polyhedron, turned as its body is but not moved: so their precision does not depend on
+/// how far from the origin the body is.
+#[derive(Debug, Clone, Default)]
+pub struct Posed {
+    /// Columns x, y, z of the vertices, then of the normals, each padded: vertices by the first, normals by zeros.
+    columns: Vec<f64>,
+    /// Length of a column of vertices; of normals.
+    pub(super) vertex_pad: usize,
+    pub(super) normal_pad: usize,
+    /// Body to world.
+    pub(super) turn: nalgebra::Matrix3<f64>,
+}
+
+impl Posed {
+    /// Turns `shape` by `q`, body to world.
+    pub fn pose(&mut self, shape: &Polyhedron, q: &Quat) {
+        self.vertex_pad = shape.vertices.len().next_multiple_of(PAD);
+        self.normal_pad = shape.planes.len().next_multiple_of(PAD);
+        self.turn = q.to_rotation_matrix().into_inner();
+        self.columns.resize(3 * (self.vertex_pad + self.normal_pad), 0.0);
+        for (k, v) in shape.vertices.iter().enumerate() {
+            let v = self.turn * v;
+            (0..3).for_each(|i| self.columns[i * self.vertex_pad + k] = v[i]);
+        }
+        for k in shape.vertices.len()..self.vertex_pad {
+            (0..3).for_each(|i| self.columns[i * self.vertex_pad + k] = self.columns[i * self.vertex_pad]);
+        }
+        let normals = &mut self.columns[3 * self.vertex_pad..];
+        for k in 0..self.normal_pad {
+            let n = shape.planes.get(k).map_or(Vec3::zeros(), |plane| self.turn * plane.normal);
+            (0..3).for_each(|i| normals[i * self.normal_pad + k] = n[i]);
+        }
+    }
+
+    pub(super) fn vertex(&self, k: u32) -> Vec3 {
+        let (k, pad) = (k as usize, self.vertex_pad);
+        Vec3::new(self.columns[k], self.columns[pad + k], self.columns[2 * pad + k])
+    }
+
+    pub(super) fn normal(&self, k: u32) -> Vec3 {
+        let (k, pad) = (3 * self.vertex_pad + k as usize, self.normal_pad);
+        Vec3::new(self.columns[k], self.columns[pad + k], self.columns[2 * pad + k])
+    }
+}

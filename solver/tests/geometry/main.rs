@@ -1,0 +1,46 @@
+//! Contact geometry against trying everything: random pairs, degenerate ones, symmetry, continuity.
+
+mod oracle;
+mod random;
+mod shapes;
+mod table;
+
+use cd_solve::geometry::{Manifold, Memory, Narrow, Posed, polyhedron_polyhedron};
+use cd_solve::math::{Quat, Vec3};
+
+use oracle::Solid;
+
+/// The contact of two solids, with nothing remembered.
+pub fn contact(a: &Solid, qa: &Quat, b: &Solid, qb: &Quat, c: &Vec3, alert: f64) -> Option<Manifold> {
+    remembered(a, qa, b, qb, c, alert, Narrow::Accurate, &mut Memory::default())
+}
+
+#[allow(clippy::too_many_arguments)]
+pub fn remembered(
+    a: &Solid,
+    qa: &Quat,
+    b: &Solid,
+    qb: &Quat,
+    c: &Vec3,
+    alert: f64,
+    narrow: Narrow,
+    memory: &mut Memory,
+) -> Option<Manifold> {
+    let (mut pa, mut pb) = (Posed::default(), Posed::default());
+    pa.pose(&a.shape, qa);
+    pb.pose(&b.shape, qb);
+    polyhedron_polyhedron((&a.shape, &pa), (&b.shape, &pb), c, alert, narrow, memory)
+}
+
+/// What holds for every contact, whatever the shapes.
+pub fn check(found: &Manifold, alert: f64, size: f64, what: &dyn Fn() -> String) {
+    assert!((1..=4).contains(&found.points.len()), "{}: {found:?}", what());
+    // A few roundings of components up to 1.
+    assert!((found.normal.norm() - 1.0).abs() < 1e-14, "{}: {found:?}", what());
+    assert!(found.area >= 0.0 && found.area <= 20.0 * size * size, "{}: {found:?}", what());
+    for (k, point) in found.points.iter().enumerate() {
+        assert!(point.gap <= alert && point.gap.is_finite(), "{}: {found:?}", what());
+        assert!(point.position.iter().all(|x| x.is_finite()), "{}: {found:?}", what());
+        assert!(found.points[..k].iter().all(|p| p.features < point.features), "{}: {found:?}", what());
+    }
+}
