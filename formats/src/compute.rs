@@ -36,6 +36,12 @@ pub enum Action {
     SetGravity([f64; 3]),
     /// Sets the option `quench`.
     SetQuench(f64),
+    /// Makes bonds of all contacts that touch and whose law knows bonds.
+    Bond,
+    /// Sets static and dynamic friction of the law of this nickname.
+    SetFriction(String, f64),
+    /// Sets the cohesion of the law of this nickname, N or Pa.
+    SetCohesion(String, f64),
 }
 
 /// How self-gravity is summed.
@@ -209,14 +215,19 @@ impl Compute {
         for (k, event) in self.events.iter().enumerate() {
             let values = match &event.action {
                 Action::AddSpin(v) | Action::AddVelocity(v) | Action::SetGravity(v) => v.to_vec(),
-                Action::SetQuench(q) => vec![*q],
+                Action::SetQuench(x) | Action::SetFriction(_, x) | Action::SetCohesion(_, x) => vec![*x],
+                Action::Bond => vec![],
             };
-            let in_range = !matches!(event.action, Action::SetQuench(q) if !(0.0..=1.0).contains(&q));
+            let in_range = match event.action {
+                Action::SetQuench(q) => (0.0..=1.0).contains(&q),
+                Action::SetFriction(_, x) | Action::SetCohesion(_, x) => x >= 0.0,
+                _ => true,
+            };
             expect(
                 event.time.is_finite() && values.iter().all(|v| v.is_finite()) && in_range,
                 &format!("events, number {}", k + 1),
                 format!("{event:?}"),
-                "a finite time and finite values, quench from 0 to 1",
+                "a finite time and finite values, quench from 0 to 1, friction and cohesion >= 0",
             );
         }
         faults.into_result(())

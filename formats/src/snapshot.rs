@@ -39,6 +39,8 @@ pub struct Snapshot {
     pub meta: Meta,
     pub bodies: BodyArrays,
     pub contacts: ContactArrays,
+    /// Only where a law remembers.
+    pub memory: Option<MemoryArrays>,
 }
 
 /// The JSON text `meta`.
@@ -256,6 +258,16 @@ arrays! {
     }
 }
 
+arrays! {
+    /// What laws remember of a contact, one row each.
+    MemoryArrays {
+        /// 1 where a bond or a liquid bridge holds, else 0
+        contact_bonded: u8,
+        /// Gap at which the contact was bonded, m; 0 without a bond
+        contact_bond_gap: f64,
+    }
+}
+
 struct Archive(ZipWriter<Cursor<Vec<u8>>>);
 
 impl Archive {
@@ -341,6 +353,7 @@ impl Snapshot {
             archive.put("meta", &meta)?;
             self.bodies.write(&mut archive)?;
             self.contacts.write(&mut archive)?;
+            self.memory.as_ref().map_or(Ok(()), |memory| memory.write(&mut archive))?;
             Ok::<_, zip::result::ZipError>(archive.0.finish()?.into_inner())
         })()
         .expect("writing to memory")
@@ -367,15 +380,20 @@ impl Snapshot {
         let meta: Meta = serde_json::from_slice(&meta_text).map_err(|error| refuse(format!("meta: {error}")))?;
         let bodies = BodyArrays::read(&mut entries);
         let contacts = ContactArrays::read(&mut entries);
+        let remembers = entries.archive.index_for_name("contact_bonded.npy").is_some();
+        let memory = remembers.then(|| MemoryArrays::read(&mut entries));
         entries.faults.into_result(())?;
-        let snapshot = Snapshot { meta, bodies, contacts };
+        let snapshot = Snapshot { meta, bodies, contacts, memory };
         snapshot.check_indices().map_err(refuse)?;
         Ok(snapshot)
     }
 
     fn check_indices(&self) -> Result<(), String> {
-        let Snapshot { meta, bodies, contacts } = self;
+        let Snapshot { meta, bodies, contacts, memory } = self;
         let bodies_count = bodies.body_id.len();
+        if memory.as_ref().is_some_and(|memory| memory.contact_bonded.len() != contacts.contact_body.len()) {
+            return Err("the arrays of contacts have different numbers of rows".into());
+        }
         let in_range = contacts.contact_body.iter().flatten().all(|&b| (b as usize) < bodies_count)
             && contacts.contact_law.iter().all(|&l| (l as usize) < meta.laws.len())
             && bodies.body_colour.iter().all(|&c| (c as usize) < meta.colours.len())
@@ -443,7 +461,14 @@ mod tests {
         let read = Snapshot::read(&path).unwrap();
         assert_eq!(read, snapshot);
         assert_eq!(read.to_bytes(), snapshot.to_bytes()); // -0.0 == 0.0, so compare bytes too
-        assert_eq!(list(folder.path()), vec![(12, path)]);
+        assert_eq!(list(folder.path()), vec![(12, path.clone())]);
+        let mut remembering = sample();
+        remembering.memory = Some(MemoryArrays::default());
+        remembering.write(&path).unwrap();
+        assert_eq!(Snapshot::read(&path).unwrap(), remembering);
+        remembering.memory = Some(MemoryArrays { contact_bonded: vec![1], contact_bond_gap: vec![0.1] });
+        remembering.write(&path).unwrap();
+        Snapshot::read(&path).unwrap_err();
     }
 
     #[test]

@@ -143,7 +143,7 @@ impl Frame {
 
     /// Takes a sound snapshot apart.
     pub fn of(snapshot: Snapshot) -> Frame {
-        let Snapshot { meta, bodies, contacts } = snapshot;
+        let Snapshot { meta, bodies, contacts, .. } = snapshot;
         let to_contact = -meta.parameters.theta * meta.h;
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
         let sides: Vec<Side> = (0..bodies.body_id.len())
@@ -234,7 +234,7 @@ fn wall(bodies: &BodyArrays, row: usize) -> Wall {
 
 /// What keeps a snapshot from being measured: object, found, expected.
 fn unsound(snapshot: &Snapshot) -> Vec<(String, String, &'static str)> {
-    let Snapshot { meta, bodies, contacts } = snapshot;
+    let Snapshot { meta, bodies, contacts, .. } = snapshot;
     let mut faults = Vec::new();
     let mut refuse = |object: String, found: String, expected| faults.push((object, found, expected));
     for (name, value) in [("time", meta.time), ("h", meta.h), ("parameters.theta", meta.parameters.theta)] {

@@ -98,6 +98,7 @@ pub(crate) fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
             "normal_restitution" | "tangential_restitution" => ((0.0..=1.0).contains(&x), "0 to 1"),
             "cohesion" => (x >= 0.0, "a force >= 0 N"),
             "range" => (x >= 0.0, "a distance >= 0 m"),
+            "normal_cohesion" | "tangential_cohesion" => (x >= 0.0, "a stress >= 0 Pa"),
             _ => (x >= 0.0, "a finite number >= 0"),
         };
         value(report, path, name, x, holds, expected);
@@ -111,6 +112,11 @@ pub(crate) fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
             format!("dynamic_friction {dynamic:?} is larger than static_friction {fixed:?}"),
             "dynamic_friction <= static_friction",
         );
+    }
+    if let (Some(0.0), Some(shear)) = (of("normal_cohesion"), of("tangential_cohesion"))
+        && shear > 0.0
+    {
+        report.fault(path, format!("tangential_cohesion {shear:?} without normal_cohesion"), "both, or none");
     }
 }
 
@@ -457,7 +463,7 @@ impl LawKind {
     /// Largest gap at which the law acts, m; 0 without cohesion.
     pub fn range(&self) -> f64 {
         match *self {
-            LawKind::IqsWetDsClb { range, .. } => range,
+            LawKind::IqsWetDsClb { range, .. } | LawKind::XqsWetDsClb { range, .. } => range,
             _ => 0.0,
         }
     }

@@ -59,6 +59,12 @@ pub enum LawKind {
     /// Inelastic quasi-shock with an attraction `cohesion`, N, while the gap is at most `range`, m.
     #[serde(rename = "IQS_WET_DS_CLB")]
     IqsWetDsClb { cohesion: f64, range: f64, dynamic_friction: f64, static_friction: f64 },
+    /// The same, for good only until the gap was larger than `range` once.
+    #[serde(rename = "xQS_WET_DS_CLB")]
+    XqsWetDsClb { cohesion: f64, range: f64, dynamic_friction: f64, static_friction: f64 },
+    /// Inelastic quasi-shock with bonds that carry stresses up to the cohesions, Pa, until they break.
+    #[serde(rename = "IQS_MOHR_DS_CLB")]
+    IqsMohrDsClb { normal_cohesion: f64, tangential_cohesion: f64, dynamic_friction: f64, static_friction: f64 },
     /// Newton's restitution.
     #[serde(rename = "RST_CLB")]
     RstClb { normal_restitution: f64, tangential_restitution: f64, friction: f64 },
@@ -402,12 +408,22 @@ impl LawKind {
                 ("IQS_DS_CLB", vec![(DYNAMIC, dynamic_friction), (STATIC, static_friction)])
             }
             // LMGC90 has a second, tangential cohesion here, which its 3D solver does not use.
-            LawKind::IqsWetDsClb { cohesion, range, dynamic_friction, static_friction } => (
-                "IQS_WET_DS_CLB",
+            LawKind::IqsWetDsClb { cohesion, range, dynamic_friction, static_friction }
+            | LawKind::XqsWetDsClb { cohesion, range, dynamic_friction, static_friction } => (
+                if matches!(self, LawKind::IqsWetDsClb { .. }) { "IQS_WET_DS_CLB" } else { "xQS_WET_DS_CLB" },
                 vec![
                     ("cohesion", cohesion),
                     ("tangential cohesion", 0.0),
                     ("range", range),
+                    (DYNAMIC, dynamic_friction),
+                    (STATIC, static_friction),
+                ],
+            ),
+            LawKind::IqsMohrDsClb { normal_cohesion, tangential_cohesion, dynamic_friction, static_friction } => (
+                "IQS_MOHR_DS_CLB",
+                vec![
+                    ("normal_cohesion", normal_cohesion),
+                    ("tangential_cohesion", tangential_cohesion),
                     (DYNAMIC, dynamic_friction),
                     (STATIC, static_friction),
                 ],

@@ -53,6 +53,7 @@ fn packing(side: usize, friction: f64) -> System {
                 can_close: true,
                 start: Vec3::zeros(),
                 u_before: Vec3::zeros(),
+                bond: None,
             });
         }
     }

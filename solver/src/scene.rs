@@ -116,6 +116,15 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// R of 1/R = 1/R_a + 1/R_b, the plates being flat, m.
+    pub fn effective_radius(&self, a: u32, b: u32) -> f64 {
+        let curvature = |i: u32| match self.bodies[i as usize].shape {
+            Shape::Sphere { radius } => 1.0 / radius,
+            Shape::Plane { .. } => 0.0,
+        };
+        1.0 / (curvature(a) + curvature(b))
+    }
+
     /// How self-gravity is summed.
     pub fn gravity(&self) -> Gravity {
         let method = match self.options.gravity {

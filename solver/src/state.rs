@@ -3,7 +3,9 @@
 use cd_formats::compute::Action;
 use cd_formats::snapshot::Ledger;
 
+use crate::laws::Law;
 use crate::math::{Quat, Vec3};
+use crate::scene::Scene;
 
 /// A contact found in the contact configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,6 +39,15 @@ pub enum Status {
     Slide,
 }
 
+/// Which contacts a step bonds if they touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bonding {
+    No,
+    /// Those without a history: the first step.
+    New,
+    All,
+}
+
 /// A contact with what the solver found for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolvedContact {
@@ -46,6 +57,8 @@ pub struct SolvedContact {
     /// Relative velocity along n, t, s at the step's end, m/s.
     pub velocity: Vec3,
     pub status: Status,
+    /// Gap at which the contact was bonded, m; none without a bond.
+    pub bond: Option<f64>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -69,6 +82,11 @@ pub struct State {
     pub gravity: Vec3,
     /// Share of velocity taken away at each step's start.
     pub quench: f64,
+    /// Laws now in force, as `Scene::laws`.
+    pub laws: Vec<Law>,
+    /// Whether the next step makes bonds of what touches: of everything as an event asks, or of contacts that no
+    /// file knows at the start.
+    pub bonding: Bonding,
     /// Events that have happened.
     pub events_done: usize,
     pub ledger: Ledger,
@@ -76,11 +94,18 @@ pub struct State {
 
 impl State {
     /// Takes over a setting that an event changes; motion is left alone.
-    pub fn set_by(&mut self, action: &Action) {
-        match *action {
-            Action::SetGravity(gravity) => self.gravity = Vec3::from(gravity),
-            Action::SetQuench(quench) => self.quench = quench,
-            Action::AddSpin(_) | Action::AddVelocity(_) => {}
+    pub fn set_by(&mut self, action: &Action, scene: &Scene) {
+        let law = |name: &String| scene.law_names.iter().position(|law| law.nickname == *name);
+        match action {
+            Action::SetGravity(gravity) => self.gravity = Vec3::from(*gravity),
+            Action::SetQuench(quench) => self.quench = *quench,
+            Action::SetFriction(name, friction) => {
+                law(name).into_iter().for_each(|k| self.laws[k].set_friction(*friction));
+            }
+            Action::SetCohesion(name, value) => {
+                law(name).into_iter().for_each(|k| _ = self.laws[k].set_cohesion(*value));
+            }
+            Action::AddSpin(_) | Action::AddVelocity(_) | Action::Bond => {}
         }
     }
 

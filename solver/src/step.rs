@@ -9,7 +9,7 @@ use crate::math::lanes::Width;
 use crate::math::{Vec3, to_local};
 use crate::scene::Scene;
 use crate::solve::{self, Solution};
-use crate::state::{Contact, SolvedContact, State, Status};
+use crate::state::{Bonding, Contact, SolvedContact, State, Status};
 
 /// Time spent in each room.
 #[derive(Debug, Clone, Copy, Default)]
@@ -77,6 +77,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     let report = book(scene, state, &q_c, &free, &system, &solution, &solved);
     integrate::advance(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     state.contacts = solved.contacts;
+    state.bonding = Bonding::No;
     lap.stop(&mut clock.integration);
     report
 }
@@ -117,6 +118,7 @@ fn end_of_contacts(
         impulse: Vec3::zeros(),
         velocity: to_local(&contact.frame, &relative_velocity(&contact, &q_c.x, &v, &w)),
         status: Status::NoContact,
+        bond: None,
     };
     let mut contacts: Vec<SolvedContact> = contacts.into_iter().map(solved).collect();
     for (row, r) in system.rows.iter().zip(&solution.impulses) {
@@ -130,6 +132,9 @@ fn end_of_contacts(
             true if local.y.hypot(local.z) >= bound => Status::Slide,
             true => Status::Stick,
         };
+        let law = &scene.laws[solved.contact.law as usize];
+        let (parted, slid) = (solved.status == Status::NoContact, solved.status == Status::Slide);
+        solved.bond = row.bond.filter(|_| law.keeps_bond(solved.contact.gap, parted, slid));
     }
     Solved { v, w, contacts }
 }

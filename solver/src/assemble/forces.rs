@@ -6,7 +6,7 @@ use crate::gravity::{Field, Gravity, Method};
 use crate::integrate::Configuration;
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::State;
+use crate::state::{Bonding, State};
 
 /// Velocities at the step's end if nothing touched, and what the forces bring into the ledger.
 pub struct Free {
@@ -32,7 +32,7 @@ pub fn interventions(scene: &Scene, state: &mut State) {
     let now = state.time + 1e-3 * scene.options.dt;
     while let Some(event) = scene.events.get(state.events_done).filter(|event| event.time <= now) {
         let gravity = state.gravity;
-        state.set_by(&event.action);
+        state.set_by(&event.action, scene);
         book_potential(scene, state, state.gravity - gravity);
         match event.action {
             Action::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
@@ -41,7 +41,8 @@ pub fn interventions(scene: &Scene, state: &mut State) {
                 let x = state.x.clone();
                 change_motion(scene, state, |i, v, w| (v + spin.cross(&(x[i] - centre)), w + spin));
             }
-            Action::SetGravity(_) | Action::SetQuench(_) => {}
+            Action::Bond => state.bonding = Bonding::All,
+            Action::SetGravity(_) | Action::SetQuench(_) | Action::SetFriction(..) | Action::SetCohesion(..) => {}
         }
         state.events_done += 1;
     }

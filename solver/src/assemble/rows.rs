@@ -5,10 +5,11 @@
 //! that the solver works on r̂ = r - c n alone (see [`crate::laws`]).
 
 use crate::integrate::Configuration;
+use crate::laws::Approach;
 use crate::math::lanes::Line;
 use crate::math::{Vec3, to_local};
 use crate::scene::{Scene, Shape};
-use crate::state::{Contact, State, Status};
+use crate::state::{Bonding, Contact, State, Status};
 
 /// What a sweep reads and writes of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,6 +50,8 @@ pub struct Row {
     pub start: Vec3,
     /// u at the step's start along n, t, s, m/s.
     pub u_before: Vec3,
+    /// Gap at which the contact is bonded, m.
+    pub bond: Option<f64>,
 }
 
 pub struct System {
@@ -102,8 +105,12 @@ pub fn contact_problem(
 
         let [n, ..] = contact.frame;
         let u_before = relative_velocity(contact, &q_c.x, &state.v, &state.w);
-        let law = &scene.laws[contact.law as usize];
-        let Some(shift) = law.shift(contact.gap, h, n.dot(&u_before), slid_before) else { continue };
+        let law = &state.laws[contact.law as usize];
+        let radius = scene.effective_radius(contact.candidate, contact.antagonist);
+        let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
+        let bond = previous.and_then(|old| old.bond).or(if bonds_now { law.bond(contact.gap, radius) } else { None });
+        let at = Approach { gap: contact.gap, h, u_n: n.dot(&u_before), radius, slid_before, bond };
+        let Some(shift) = law.shift(&at) else { continue };
 
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i as usize);
@@ -128,6 +135,7 @@ pub fn contact_problem(
             can_close: contact.gap <= travel || shift.impulse != 0.0,
             start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, shift.impulse, h / state.h)),
             u_before: to_local(&contact.frame, &u_before),
+            bond,
         });
     }
     for row in &rows {

@@ -98,6 +98,7 @@ mod tests {
             can_close: true,
             start: Vec3::zeros(),
             u_before: Vec3::zeros(),
+            bond: None,
         };
         let contacts: Vec<Contact> = (0..4).map(contact).collect();
         let system = System { rows: (0..4).map(row).collect(), records, order: vec![0, 1, 2, 3] };

@@ -76,7 +76,14 @@ fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<Contac
 fn list(scene: &Scene, candidate: u32, antagonist: u32, found: narrow::Found, travel: f64) -> Option<Contact> {
     let (a, b) = (&scene.bodies[candidate as usize], &scene.bodies[antagonist as usize]);
     let see = scene.visibility.see(a, b)?;
-    let range = see.alert.max(scene.laws[see.law as usize].range()).max(travel);
+    let range = see.alert.max(travel);
+    // The range of a bond needs the radii, which a near pair is not asked for.
+    let law = &scene.laws[see.law as usize];
+    let range = if found.gap > range && law.cohesion.is_some() {
+        law.range(scene.effective_radius(candidate, antagonist))
+    } else {
+        range
+    };
     if found.gap > range || (a.driven && b.driven) {
         return None;
     }

@@ -2,14 +2,15 @@
 
 use std::path::Path;
 
+use cd_formats::compute::Action;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::LawName;
 use cd_formats::tact_behav::{Side, TactBehav};
 use cd_formats::vloc_rloc::VlocRloc;
 
-use crate::laws::{KINDS, Law};
+use crate::laws::{Cohesion, KINDS, Law};
 use crate::math::{Quat, Vec3};
-use crate::scene::{Body, Scene, See, Visibility};
+use crate::scene::{Body, Scene, See, Shape, Visibility};
 use crate::state::{Contact, SolvedContact, Status};
 
 /// Puts laws and visibility into the scene.
@@ -73,9 +74,33 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
         table[a * classes + b] = Some(see);
         table[b * classes + a] = Some(see);
     }
-    let range = |see: &See| see.alert.max(scene.laws[see.law as usize].range());
+    let radius = |body: &Body| if let Shape::Sphere { radius } = body.shape { radius } else { 0.0 };
+    let largest = scene.bodies.iter().map(radius).fold(0.0, f64::max);
+    let range = |see: &See| see.alert.max(scene.laws[see.law as usize].range(largest));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
     scene.visibility = Visibility { classes, table };
+}
+
+/// Refuses events about laws that no contact has, or about a cohesion that a law does not have.
+pub fn check_events(scene: &Scene, faults: &mut Faults) {
+    for (k, event) in scene.events.iter().enumerate() {
+        let (Action::SetFriction(name, _) | Action::SetCohesion(name, _)) = &event.action else { continue };
+        let mut refuse = |found: String, expected: String| {
+            faults.push(Fault::new("options".as_ref(), None, format!("events, number {}", k + 1), found, expected));
+        };
+        match scene.law_names.iter().position(|law| law.nickname == *name) {
+            None => {
+                let known: Vec<&str> = scene.law_names.iter().map(|law| law.nickname.as_str()).collect();
+                refuse(format!("law '{name}' is not in use"), format!("in use are {}", known.join(", ")));
+            }
+            Some(law)
+                if matches!(event.action, Action::SetCohesion(..)) && !scene.laws[law].clone().set_cohesion(0.0) =>
+            {
+                refuse(format!("law '{name}' has no cohesion"), "expected a law with cohesion".into());
+            }
+            Some(_) => {}
+        }
+    }
 }
 
 /// The contacts of Vloc_Rloc.INI that this scene can have, to start the first step from.
@@ -121,6 +146,11 @@ pub fn history(
             "noctc" | "nknow" => Status::NoContact,
             _ => Status::Stick,
         };
+        let bonded = match scene.laws[see.law as usize].cohesion {
+            Some(Cohesion::Bond { .. }) => record.status == "Mstck",
+            Some(Cohesion::Wet { remembers, .. }) => remembers && record.status.starts_with('W'),
+            None => false,
+        };
         let frame = record.frame.map(Vec3::from);
         // The file does not name a plate's face; the normal tells.
         let third_axis = orientations[record.antagonist.body] * Vec3::z();
@@ -138,6 +168,7 @@ pub fn history(
             impulse: Vec3::from(record.force) * h,
             velocity: Vec3::from(record.velocity),
             status,
+            bond: bonded.then_some(record.gap),
         });
     }
     contacts.sort_by_key(|solved| solved.contact.key());

@@ -19,7 +19,7 @@ use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::State;
+use crate::state::{Bonding, State};
 
 /// Name of the options' file in DATBOX.
 pub const COMPUTE: &str = "COMPUTE.RON";
@@ -45,6 +45,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     let mut scene = bodies::scene(&datbox, &bodies, &bulk, &driven, options, &mut faults);
     scene.start = (dof.step, dof.time);
     behaviour::laws(&datbox, &tact, &mut scene, &mut faults);
+    behaviour::check_events(&scene, &mut faults);
     let (x, q, v, w) = bodies::motion(&datbox, &bodies, &dof, &scene, &mut faults);
     let contacts = behaviour::history(&datbox, &history, &scene, &q, &mut faults);
     let mut state = State {
@@ -58,6 +59,8 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         contacts,
         gravity: Vec3::from(bulk.gravity),
         quench: scene.options.quench,
+        laws: scene.laws.clone(),
+        bonding: Bonding::New,
         events_done: 0,
         ledger: Ledger::default(),
     };

@@ -8,7 +8,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{Contact, SolvedContact, State, Status};
+use crate::state::{Bonding, Contact, SolvedContact, State, Status};
 
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
 /// A snapshot of other bodies or laws than the scene's is refused.
@@ -17,9 +17,12 @@ pub fn last(outbox: &Path, scene: &Scene, state: &mut State) -> Result<Option<u6
     let snapshot = Snapshot::read(&path)?;
     check(&path, scene, &snapshot)?;
     restore(snapshot, state);
+    if state.step > scene.start.0 {
+        state.bonding = Bonding::No;
+    }
     // What events have set follows from the events, so that flags may change the rest.
     for event in scene.events.iter().take(state.events_done) {
-        state.set_by(&event.action);
+        state.set_by(&event.action, scene);
     }
     Ok(Some(step))
 }
@@ -112,7 +115,7 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
 }
 
 fn restore(snapshot: Snapshot, state: &mut State) {
-    let Snapshot { meta, bodies, contacts } = snapshot;
+    let Snapshot { meta, bodies, contacts, memory } = snapshot;
     let vectors = |rows: Vec<[f64; 3]>| rows.into_iter().map(Vec3::from).collect::<Vec<_>>();
     state.step = meta.step;
     state.time = meta.time;
@@ -143,6 +146,7 @@ fn restore(snapshot: Snapshot, state: &mut State) {
                 STATUS_SLIDE => Status::Slide,
                 _ => Status::Stick,
             },
+            bond: memory.as_ref().filter(|m| m.contact_bonded[k] != 0).map(|m| m.contact_bond_gap[k]),
         })
         .collect();
 }

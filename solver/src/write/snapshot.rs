@@ -1,17 +1,19 @@
 //! The state as a snapshot.
 
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, Meta, Parameters, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT,
-    STATUS_SLIDE, STATUS_STICK, Snapshot,
+    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, MemoryArrays, Meta, Parameters, SHAPE_PLANE, SHAPE_SPHERE,
+    STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Snapshot,
 };
 
+use crate::laws::Law;
 use crate::math::Vec3;
 use crate::scene::{Body, Scene, Shape};
 use crate::state::{SolvedContact, State, Status};
 
 /// All of the state, with what of the scene its reader needs.
 pub fn of(scene: &Scene, state: &State) -> Snapshot {
-    Snapshot { meta: meta(scene, state), bodies: bodies(scene, state), contacts: contacts(state) }
+    let memory = state.laws.iter().any(Law::remembers).then(|| memory(state));
+    Snapshot { meta: meta(scene, state), bodies: bodies(scene, state), contacts: contacts(state), memory }
 }
 
 fn meta(scene: &Scene, state: &State) -> Meta {
@@ -95,5 +97,12 @@ fn contacts(state: &State) -> ContactArrays {
             })
             .collect(),
         contact_law: list.iter().map(|c| c.contact.law).collect(),
+    }
+}
+
+fn memory(state: &State) -> MemoryArrays {
+    MemoryArrays {
+        contact_bonded: state.contacts.iter().map(|c| c.bond.is_some().into()).collect(),
+        contact_bond_gap: state.contacts.iter().map(|c| c.bond.unwrap_or(0.0)).collect(),
     }
 }

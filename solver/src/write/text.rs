@@ -7,6 +7,7 @@ use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::error::Faults;
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
+use crate::laws::Cohesion;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{SolvedContact, State, Status};
@@ -45,7 +46,7 @@ fn contacts(scene: &Scene, state: &State) -> VlocRloc {
         let sphere = scene.bodies[body as usize].is_sphere();
         ContactSide { body: body as usize, contactor: if sphere { "SPHER" } else { "PLANx" }.into(), rank: 0 }
     };
-    let record = |SolvedContact { contact, impulse, velocity, status }: &SolvedContact| {
+    let record = |SolvedContact { contact, impulse, velocity, status, bond }: &SolvedContact| {
         let (candidate, antagonist) = (side(contact.candidate), side(contact.antagonist));
         ContactRecord {
             line: 0,
@@ -53,10 +54,14 @@ fn contacts(scene: &Scene, state: &State) -> VlocRloc {
             candidate,
             antagonist,
             law: scene.law_names[contact.law as usize].nickname.clone(),
-            status: match status {
-                Status::NoContact => "noctc",
-                Status::Stick => "stick",
-                Status::Slide => "slide",
+            status: match (status, bond, scene.laws[contact.law as usize].cohesion) {
+                (_, Some(_), Some(Cohesion::Bond { .. })) => "Mstck",
+                (Status::NoContact, Some(_), _) => "Wnctc",
+                (Status::Stick, Some(_), _) => "Wstck",
+                (Status::Slide, Some(_), _) => "Wslid",
+                (Status::NoContact, None, _) => "noctc",
+                (Status::Stick, None, _) => "stick",
+                (Status::Slide, None, _) => "slide",
             }
             .into(),
             force: (impulse / state.h).into(),

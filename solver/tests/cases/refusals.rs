@@ -169,7 +169,7 @@ fn laws() {
     assert!(text.starts_with(line) && text.lines().count() == 1, "{text}");
 
     case.law("ELASTIC_REPELL_CLB", &[1e6, 0.3]);
-    let computed = "computed are IQS_CLB, IQS_DS_CLB, GAP_SGR_CLB, VEL_SGR_CLB, RST_CLB, RST_DS_CLB, IQS_WET_DS_CLB";
+    let computed = "computed are IQS_CLB, IQS_DS_CLB, GAP_SGR_CLB, VEL_SGR_CLB, RST_CLB, RST_DS_CLB, IQS_WET_DS_CLB, xQS_WET_DS_CLB, IQS_MOHR_DS_CLB";
     let lines = [("2", "law00"), ("5", "law01")].map(|(line, name)| {
         format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': ELASTIC_REPELL_CLB with 2 parameters; {computed}")
     });
@@ -247,7 +247,7 @@ fn options_in_the_file() {
     let lines = [
         "CASE/DATBOX/COMPUTE.RON: dt: -1; expected a finite time step > 0 s",
         "CASE/DATBOX/COMPUTE.RON: events, number 1: Event { time: 1.0, action: SetQuench(3.0) }; \
-         expected a finite time and finite values, quench from 0 to 1",
+         expected a finite time and finite values, quench from 0 to 1, friction and cohesion >= 0",
     ];
     refused(&case, &[], &lines);
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use cd_formats::compute::Action;
 use cd_formats::drv_dof::Evolution;
+use cd_formats::snapshot::Snapshot;
 
 use crate::case::{Case, Figures, Vec3, equal, near, shaken_lattice, uniform};
 
@@ -35,6 +36,26 @@ fn scene(side: i64) -> Case {
     let options = &mut case.options;
     (options.self_gravity, options.gravity_constant) = (true, 0.01);
     (options.dt, options.tol, options.max_sweeps) = (0.01, 1e-4, 500);
+    (options.steps, options.output_every, options.text) = (Some(60), 15, true);
+    case
+}
+
+/// A slab of bonded spheres that falls on the floor and breaks, with events before and after step 30.
+fn slab() -> Case {
+    let mut case = Case::new();
+    case.law_with("SPHER", "IQS_MOHR_DS_CLB", &[300.0, 200.0, 0.3, 0.5]);
+    case.law_with("PLANx", "xQS_WET_DS_CLB", &[0.5, 0.0, 0.02, 0.3, 0.5]);
+    case.gravity = [0.3, 0.0, -8.0];
+    case.floor();
+    for (i, j) in (0..5).flat_map(|i| (0..4).map(move |j| (i, j))) {
+        let body = case.sphere(0.5, [f64::from(i), f64::from(j), 0.51 + 0.2 * f64::from(i)]);
+        case.launch(body, [0.0, 0.0, -2.0], [0.5, 0.1 * f64::from(j), 0.0]);
+    }
+    case.event(0.1, Action::SetFriction("law01".into(), 0.1));
+    case.event(0.15, Action::Bond);
+    case.event(0.35, Action::SetCohesion("law00".into(), 250.0));
+    let options = &mut case.options;
+    (options.dt, options.tol, options.max_sweeps) = (0.01, 1e-6, 500);
     (options.steps, options.output_every, options.text) = (Some(60), 15, true);
     case
 }
@@ -86,6 +107,22 @@ fn a_resumed_run_is_the_unbroken_one() {
     same(&unbroken, &resumed);
     // Resuming a finished run, or one that never began, is no fault.
     same(&unbroken, &files(&scene(4), &[&["--resume"], &["--resume"]]));
+}
+
+#[test]
+fn bonds_outlive_a_restart() {
+    let case = slab();
+    let unbroken = files(&case, &[&[]]);
+    let held = |state: &Snapshot| {
+        let memory = state.memory.as_ref().unwrap();
+        memory.contact_bonded.iter().map(|&b| usize::from(b)).sum::<usize>()
+    };
+    let held: Vec<usize> = case.written().iter().map(held).collect();
+    // Some of the 31 bonds break, some hold, and an event makes new ones.
+    assert!(held[1] < 31 && held[1] < held[2] && held[4] > 0, "{held:?}");
+    same(&unbroken, &files(&slab(), &[&["--steps", "0"], &["--resume", "--steps", "15"], &["--resume"]]));
+    let threads = files(&slab(), &[&["--threads", "1", "--steps", "30"], &["--resume", "--threads", "3"]]);
+    same(&unbroken, &threads);
 }
 
 #[test]

@@ -1,0 +1,205 @@
+//! Cohesion that is lost for good: bonds and liquid bridges.
+
+use std::f64::consts::PI;
+
+use cd_formats::compute::Action;
+use cd_formats::snapshot::Snapshot;
+
+use crate::case::{Case, Figures, near, solve};
+
+/// c_n, Pa, of the bonds below; c_t is half of it.
+const COHESION: f64 = 32.0;
+
+/// A ball of radius 1/2 that is bonded to a floor by c_n pi/4.
+fn on_floor(gravity: [f64; 3]) -> Case {
+    let mut case = Case::new();
+    case.law("IQS_MOHR_DS_CLB", &[COHESION, 0.5 * COHESION, 0.125, 0.25]);
+    case.gravity = gravity;
+    case.floor();
+    case.sphere(0.5, [0.0, 0.0, 0.5]);
+    case
+}
+
+/// Two touching balls of radius 1/2, bonded by c_n pi/16, pulled apart.
+fn pair(gap: f64, pull: f64) -> Case {
+    let mut case = Case::new();
+    case.law("IQS_MOHR_DS_CLB", &[COHESION, 0.5 * COHESION, 0.125, 0.25]);
+    case.sphere(0.5, [0.0; 3]);
+    case.sphere(0.5, [1.0 + gap, 0.0, 0.0]);
+    case.pull(0, 0, -pull);
+    case.pull(1, 0, pull);
+    case
+}
+
+fn bonded(state: &Snapshot) -> Vec<u8> {
+    state.memory.clone().expect("a law that remembers").contact_bonded
+}
+
+#[test]
+fn a_bond_holds_up_to_its_cohesion_and_no_further() {
+    let strength = COHESION * PI / 16.0;
+    let pull = 0.999 * strength;
+    let held = pair(0.0, pull).run(200);
+    // 8 digits of the force in the file; rounding of 200 steps.
+    near(held.force(0, 1).unwrap(), [-pull, 0.0, 0.0], 1e-7 * pull);
+    near(held.x(1) - held.x(0), [1.0, 0.0, 0.0], 1e-14);
+    assert_eq!(bonded(&held), [1]);
+
+    let mut case = pair(0.0, 1.001 * strength);
+    let h = case.options.dt;
+    let states = case.states(3, 1);
+    // It gives its all in the step in which it breaks, then nothing.
+    near(states[1].force(0, 1).unwrap(), [-strength, 0.0, 0.0], 1e-12 * strength);
+    assert_eq!((bonded(&states[1]), bonded(&states[2])), (vec![0], vec![0]));
+    near(states[2].force(0, 1).unwrap(), [0.0; 3], 0.0);
+    let v = (3.0 * 1.001 - 1.0) * strength * h / states[3].mass(1);
+    near(states[3].v(1), [v, 0.0, 0.0], 1e-7 * v);
+}
+
+#[test]
+fn what_has_broken_once_never_holds_again() {
+    let weight = COHESION * PI / 4.0 / (PI / 6.0); // the acceleration that the bond carries
+    let mut case = on_floor([0.0, 0.0, 1.01 * weight]);
+    // Torn off in the first step, thrown back onto the floor, and lifted gently.
+    case.event(0.01, Action::SetGravity([0.0, 0.0, -2.0 * weight]));
+    case.event(0.2, Action::SetGravity([0.0, 0.0, 0.01 * weight]));
+    let states = case.states(300, 100);
+    near(states[1].v(1), [0.0; 3], 1e-12);
+    let lying = states[1].force(1, 0).unwrap().x;
+    assert!((lying / (2.0 * weight * states[1].mass(1)) - 1.0).abs() < 1e-9, "{lying}");
+    assert_eq!(bonded(&states[2]), [0]);
+    near(states[3].v(1), [0.0, 0.0, 0.01 * weight * 0.1], 1e-9 * weight);
+    // With an event it does: the same as before, but for the last sentence.
+    case.event(0.199, Action::Bond);
+    case.options.output_every = 300;
+    case.write();
+    assert_eq!(case.solve(&["--force", "--steps", "300"]), 0);
+    assert_eq!(bonded(&case.last()), [1]);
+    near(case.last().v(1), [0.0; 3], 1e-12);
+}
+
+#[test]
+fn a_bond_shears_at_coulombs_limit_with_cohesion() {
+    // Pulled along the floor the ball grips with 2/7 of the pull: up to c_t S + (c_t/c_n) N.
+    let (weight, area) = (8.0 * PI / 6.0, PI / 4.0);
+    let limit = 0.5 * COHESION * area + 0.5 * weight;
+    let pulled = |share: f64| {
+        let mut case = on_floor([0.0, 0.0, -8.0]);
+        case.pull(1, 0, 3.5 * share * limit);
+        (case.options.dt, case.states(3, 1))
+    };
+    let (_, states) = pulled(0.999);
+    assert_eq!(bonded(&states[3]), [1]);
+    let tangential = |state: &Snapshot| state.force(1, 0).unwrap().yz().norm();
+    assert!((tangential(&states[3]) / (0.999 * limit) - 1.0).abs() < 1e-6); // 8 digits in the files
+    let (h, states) = pulled(1.01);
+    assert_eq!(bonded(&states[1]), [0]);
+    assert!((tangential(&states[1]) / limit - 1.0).abs() < 1e-6);
+    // Dynamic friction alone from then on.
+    assert!((tangential(&states[2]) / (0.125 * weight) - 1.0).abs() < 1e-9);
+    let v = (3.0 * 3.5 * 1.01 * limit - limit - 2.0 * 0.125 * weight) * h / states[3].mass(1);
+    near(states[3].v(1), [v, 0.0, 0.0], 1e-6 * v);
+}
+
+#[test]
+fn a_bond_keeps_the_gap_at_which_it_was_made() {
+    // A thousandth of the effective radius 1/4 is the limit of touching.
+    for pull in [3.0, -3.0] {
+        let mut case = pair(2e-4, pull);
+        let states = case.states(100, 100);
+        near(states[1].x(1) - states[1].x(0), states[0].x(1) - states[0].x(0), 1e-15);
+        assert_eq!(states[1].memory.as_ref().unwrap().contact_bond_gap.len(), 1);
+    }
+    let parted = pair(3e-4, 3.0).run(1);
+    assert_eq!(bonded(&parted), [0]);
+}
+
+#[test]
+fn a_liquid_bridge_that_was_too_long_once_is_gone() {
+    // Wet within 1/16 m: pulled at 4 N against 2 N until beyond, then pushed back gently.
+    let wet = |gap: f64| {
+        let mut case = Case::new();
+        case.law("xQS_WET_DS_CLB", &[2.0, 0.0, 0.0625, 0.3, 0.3]);
+        case.sphere(0.5, [0.0; 3]);
+        case.sphere(0.5, [1.0 + gap, 0.0, 0.0]);
+        case.run(10)
+    };
+    near(wet(0.03125).force(0, 1).unwrap(), [-2.0, 0.0, 0.0], 1e-12);
+    // Beyond the range at the start: never wet. A pair that comes into reach later is dry, too.
+    assert_eq!(wet(0.07).force(0, 1).unwrap_or_default().x, 0.0);
+    let mut case = Case::new();
+    case.law("xQS_WET_DS_CLB", &[2.0, 0.0, 0.0625, 0.3, 0.3]);
+    case.sphere(0.5, [0.0; 3]);
+    case.sphere(0.5, [1.125, 0.0, 0.0]);
+    case.launch(1, [-1.0, 0.0, 0.0], [0.0; 3]);
+    near(case.run(100).v(1), [-1.0, 0.0, 0.0], 0.0); // 0.1 m nearer, 0.025 m apart
+    // One that was wet, is torn apart and comes back.
+    let mut case = Case::new();
+    case.law("xQS_WET_DS_CLB", &[2.0, 0.0, 0.0625, 0.3, 0.3]);
+    case.options.theta = 0.5;
+    case.floor();
+    let ball = case.sphere(0.5, [0.0, 0.0, 0.5 + 0.03125]);
+    case.launch(ball, [0.0, 0.0, 4.0], [0.0; 3]);
+    case.event(0.1, Action::SetGravity([0.0, 0.0, -80.0]));
+    case.event(0.3, Action::SetGravity([0.0, 0.0, 0.5]));
+    let states = case.states(400, 300);
+    near(states[1].v(ball), [0.0; 3], 1e-12); // lies on the floor
+    near(states[2].v(ball), [0.0, 0.0, 0.5 * 0.1], 1e-12);
+}
+
+#[test]
+fn events_change_friction_and_cohesion_of_a_law() {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.25]);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.floor();
+    let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
+    case.launch(ball, [8.0, 0.0, 0.0], [0.0; 3]);
+    let plane_law = case.tact.laws[1].nickname.clone();
+    case.event(0.05, Action::SetFriction(plane_law, 0.125));
+    near(case.run(100).v(ball), [8.0 - 0.05 * 8.0 * (0.25 + 0.125), 0.0, 0.0], 1e-12);
+
+    let strength = COHESION * PI / 16.0;
+    let mut case = pair(0.0, 0.9 * strength);
+    let law = case.tact.laws[0].nickname.clone();
+    case.event(0.05, Action::SetCohesion(law, 0.8 * COHESION));
+    let states = case.states(60, 50);
+    assert_eq!((bonded(&states[1]), bonded(&states[2])), (vec![1], vec![0]));
+    let v = (10.0 * 0.9 - 0.8) * strength * 1e-3 / states[2].mass(1);
+    near(states[2].v(1), [v, 0.0, 0.0], 1e-7 * v);
+}
+
+#[test]
+fn a_restart_from_text_knows_what_is_bonded() {
+    for (share, holds) in [(0.9, true), (1.1, false)] {
+        let strength = COHESION * PI / 16.0;
+        let mut case = pair(0.0, share * strength);
+        case.options.text = true;
+        case.options.output_every = 2;
+        case.run(2);
+        let (datbox, outbox) = (case.path().join("DATBOX"), case.path().join("OUTBOX"));
+        for kind in ["DOF", "Vloc_Rloc"] {
+            std::fs::copy(outbox.join(format!("{kind}.OUT.1")), datbox.join(format!("{kind}.INI"))).unwrap();
+        }
+        assert_eq!(solve(case.path(), &["--force", "--steps", "2"]), 0);
+        assert_eq!(bonded(&case.last()), [u8::from(holds)]);
+    }
+}
+
+#[test]
+fn events_about_laws_that_are_not_there_are_refused() {
+    for action in [
+        Action::SetFriction("other".into(), 0.1),
+        Action::SetCohesion("other".into(), 0.1),
+        Action::SetCohesion("law00".into(), 0.1), // IQS_CLB has none
+        Action::SetFriction("law00".into(), -0.1),
+        Action::SetFriction("law00".into(), f64::INFINITY),
+    ] {
+        let mut case = Case::new();
+        case.law("IQS_CLB", &[0.25]);
+        case.sphere(0.5, [0.0; 3]);
+        case.event(0.0, action.clone());
+        case.write();
+        assert_eq!(case.solve(&["--steps", "1"]), 2, "{action:?}");
+    }
+}
