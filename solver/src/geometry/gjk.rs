@@ -3,14 +3,15 @@
 //! Source: E. G. Gilbert, D. W. Johnson, S. S. Keerthi, A fast procedure for computing the distance between complex
 //! objects in three-dimensional space, IEEE J. Robot. Autom. 4 (1988) 193-203.
 
+use super::patch::SAME;
 use super::search::{Pair, support};
-use super::{Manifold, Point, Points, Polyhedron, Posed, edge, face, vertex};
+use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
 use crate::math::Vec3;
 
 /// Gap between the bounds, over the distance, at which the search ends.
 const ENOUGH: f64 = 1e-15;
 /// Slope and angle up to which edges count as parallel, rad.
-const PARALLEL: f64 = 1e-9;
+const PARALLEL: f64 = 1e-11;
 /// More than any pair has needed; every step but the last brings the simplex nearer.
 const MOST_STEPS: usize = 64;
 
@@ -22,8 +23,17 @@ struct Apex {
     b: u32,
 }
 
+pub(super) struct Nearest {
+    /// Unit, from A to B.
+    pub n: Vec3,
+    /// Whether a face, or two edges that cross, is nearest: then there may be more points than this one.
+    pub on_faces: bool,
+    /// `None` beyond the alert distance.
+    pub manifold: Option<Manifold>,
+}
+
 /// The nearest points of two polyhedra that do not overlap, beginning with the direction `n` from A to B.
-pub(super) fn nearest(pair: &Pair, n: Vec3, alert: f64) -> Option<Manifold> {
+pub(super) fn nearest(pair: &Pair, n: Vec3, alert: f64) -> Nearest {
     let mut simplex = vec![apex(pair, &n)];
     let mut weights = vec![1.0];
     let mut v = simplex[0].w;
@@ -35,7 +45,7 @@ pub(super) fn nearest(pair: &Pair, n: Vec3, alert: f64) -> Option<Manifold> {
         let next = apex(pair, &(v / distance));
         let bound = next.w.dot(&v) / distance;
         if bound > alert {
-            return None;
+            return Nearest { n: v / distance, on_faces: false, manifold: None };
         }
         if distance - bound <= ENOUGH * distance || simplex.iter().any(|p| p.a == next.a && p.b == next.b) {
             break;
@@ -48,19 +58,20 @@ pub(super) fn nearest(pair: &Pair, n: Vec3, alert: f64) -> Option<Manifold> {
     }
     let distance = v.norm();
     if distance > alert {
-        return None;
+        return Nearest { n: v / distance, on_faces: false, manifold: None };
     }
     let n = if distance > 1e-15 * pair.sum { v / distance } else { n };
-    let points = match ridges(pair, &n, distance) {
-        Some(points) => points,
-        None => {
-            let on_a: Vec3 = simplex.iter().zip(&weights).map(|(p, w)| pair.pa.vertex(p.a) * *w).sum();
-            let on_b: Vec3 = simplex.iter().zip(&weights).map(|(p, w)| (pair.pb.vertex(p.b) + pair.c) * *w).sum();
-            let features = (spanned(pair.a, simplex.iter().map(|p| p.a)), spanned(pair.b, simplex.iter().map(|p| p.b)));
-            [Point { position: (on_a + on_b) * 0.5, gap: distance, features }].into_iter().collect()
-        }
-    };
-    Some(Manifold { normal: -n, points, area: 0.0 })
+    if let Some(ridges) = ridges(pair, &n, distance) {
+        return Nearest { n: -ridges.normal, on_faces: false, manifold: Some(ridges) };
+    }
+    let on_a: Vec3 = simplex.iter().zip(&weights).map(|(p, w)| pair.pa.vertex(p.a) * *w).sum();
+    let on_b: Vec3 = simplex.iter().zip(&weights).map(|(p, w)| (pair.pb.vertex(p.b) + pair.c) * *w).sum();
+    let features = (spanned(pair.a, simplex.iter().map(|p| p.a)), spanned(pair.b, simplex.iter().map(|p| p.b)));
+    let point = Point { position: (on_a + on_b) * 0.5, gap: distance, features };
+    let points = [point].into_iter().collect();
+    let kind = |feature: u32| feature >> 30;
+    let on_faces = kind(features.0) == 2 || kind(features.1) == 2 || (kind(features.0) == 1 && kind(features.1) == 1);
+    Nearest { n, on_faces, manifold: Some(Manifold { normal: -n, points, area: 0.0 }) }
 }
 
 /// The point of the difference that is least along `n`.
@@ -118,34 +129,47 @@ fn spanned(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
     }
 }
 
-/// The ends of the common part of two parallel edges across `n`.
-fn ridges(pair: &Pair, n: &Vec3, distance: f64) -> Option<Points> {
+/// The ends of the common part of two parallel edges across `n`, and the normal between them.
+pub(super) fn ridges(pair: &Pair, n: &Vec3, distance: f64) -> Option<Manifold> {
+    // As far as the direction between points that are `distance` apart is known.
+    let steep = PARALLEL + 1e-11 * pair.small / distance;
     let level = |shape: &Polyhedron, posed: &Posed, n: &Vec3| -> Vec<(u32, [u32; 2], Vec3)> {
         let top = support(shape, posed, n).0;
         let edges = shape.spokes(top as usize).iter().map(|&e| {
             let ends = shape.edges[e as usize].ends;
             (e, ends, (posed.vertex(ends[1]) - posed.vertex(ends[0])).normalize())
         });
-        edges.filter(|(_, _, along)| along.dot(n).abs() <= PARALLEL).collect()
+        edges.filter(|(_, _, along)| along.dot(n).abs() <= steep).collect()
     };
     for (ea, ends_a, along) in level(pair.a, pair.pa, n) {
         for (eb, ends_b, other) in level(pair.b, pair.pb, &-n) {
-            if along.cross(&other).norm() > PARALLEL {
+            let base = pair.pa.vertex(ends_a[0]);
+            let between = pair.pb.vertex(ends_b[0]) + pair.c - base;
+            let across = between - along * between.dot(&along);
+            let gap = across.norm();
+            if along.cross(&other).norm() > PARALLEL || gap <= 1e-15 * pair.sum || gap > distance + pair.tie() {
                 continue;
             }
             // Places along the edge, each with the feature that ends there.
             let of_a = ends_a.map(|v| (pair.pa.vertex(v).dot(&along), (vertex(v), edge(eb))));
             let mut of_b = ends_b.map(|v| ((pair.pb.vertex(v) + pair.c).dot(&along), (edge(ea), vertex(v))));
             of_b.sort_by(|p, q| p.0.total_cmp(&q.0));
-            let low = if of_a[0].0 >= of_b[0].0 { of_a[0] } else { of_b[0] };
-            let high = if of_a[1].0 <= of_b[1].0 { of_a[1] } else { of_b[1] };
+            let inner = |k: usize, of_a_is_inner: bool| {
+                if (of_a[k].0 - of_b[k].0).abs() <= SAME * pair.small {
+                    (of_a[k].0, (of_a[k].1.0, of_b[k].1.1))
+                } else {
+                    if of_a_is_inner { of_a[k] } else { of_b[k] }
+                }
+            };
+            let (low, high) = (inner(0, of_a[0].0 > of_b[0].0), inner(1, of_a[1].0 < of_b[1].0));
             if high.0 - low.0 <= PARALLEL * pair.small {
                 continue;
             }
-            let base = pair.pa.vertex(ends_a[0]);
-            let at = |place: f64| base + along * (place - base.dot(&along)) + n * (0.5 * distance);
-            let point = |(place, features)| Point { position: at(place), gap: distance, features };
-            return Some([point(low), point(high)].into_iter().collect());
+            let at = |place: f64| base + along * (place - base.dot(&along)) + across * 0.5;
+            let point = |(place, features)| Point { position: at(place), gap, features };
+            let mut ends = [point(low), point(high)];
+            ends.sort_by_key(|point| point.features);
+            return Some(Manifold { normal: -across / gap, points: ends.into_iter().collect(), area: 0.0 });
         }
     }
     None

@@ -8,17 +8,23 @@
 //! | [`polyhedron`] | the shape: polygon faces, edges, neighbours; turned as its body is |
 //! | [`search`] | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | [`gjk`] | distance and direction where vertices or edges are nearest to each other |
+//! | [`sphere`], [`plate`] | against other shapes |
 //! | [`patch`] | the common part of two faces seen along the normal: points of contact and area |
 
 mod gjk;
 mod patch;
+mod plate;
 mod polyhedron;
 mod search;
+mod sphere;
 
+pub use plate::polyhedron_plane;
 pub use polyhedron::{Polyhedron, Posed};
+pub use sphere::polyhedron_sphere;
 
 use crate::math::Vec3;
-use search::{Axis, Pair};
+use crate::math::lanes::Width;
+use search::{Axis, Feature, Pair, Start};
 
 /// A point of contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,6 +112,30 @@ pub struct Memory {
 }
 
 impl Memory {
+    fn of(axis: &Axis) -> Self {
+        let (kind, data) = match axis.feature {
+            Feature::FaceOfA(f) => (1, [f, 0, 0]),
+            Feature::FaceOfB(f) => (2, [f, 0, 0]),
+            Feature::Edges(ea, eb) => (3, [ea, eb, 0]),
+            Feature::None => (4, [axis.n.x, axis.n.y, axis.n.z].map(|x| (x as f32).to_bits())),
+        };
+        Memory { kind, data }
+    }
+
+    fn start(&self, pair: &Pair) -> Start {
+        let (a, b) = (pair.a, pair.b);
+        let [first, second, _] = self.data.map(|k| k as usize);
+        match self.kind {
+            1 if first < a.planes.len() => Start::Feature(Feature::FaceOfA(self.data[0])),
+            2 if first < b.planes.len() => Start::Feature(Feature::FaceOfB(self.data[0])),
+            3 if first < a.edges.len() && second < b.edges.len() => {
+                Start::Feature(Feature::Edges(self.data[0], self.data[1]))
+            }
+            4 => Start::Direction(Vec3::from(self.data.map(|bits| f64::from(f32::from_bits(bits))))),
+            _ => Start::Nothing,
+        }
+    }
+
     /// For a snapshot.
     pub fn words(&self) -> [u64; 2] {
         let [a, b, c] = self.data.map(u64::from);
@@ -140,26 +170,102 @@ pub fn polyhedron_polyhedron(
     narrow: Narrow,
     memory: &mut Memory,
 ) -> Option<Manifold> {
-    let pair = Pair::new(a, b, *c);
-    let _ = (narrow, &memory);
-    let axis = search::all(&pair, alert);
-    if axis.s > alert {
-        return None;
-    }
-    manifold(&pair, &axis, alert)
+    let pair = Pair::new(a, b, *c, Width::detect());
+    let (kept, manifold) = contact(&pair, memory.start(&pair), narrow, alert);
+    *memory = Memory::of(&kept);
+    manifold
 }
 
-/// Points of contact along an axis; by the nearest points where the patch of the axis's faces has none at the gap.
-fn manifold(pair: &Pair, axis: &Axis, alert: f64) -> Option<Manifold> {
-    let (face_a, face_b) = search::support_faces(pair, axis);
-    let patch = patch::Patch::new(pair, &axis.n, face_a, face_b);
-    if patch.holds(axis.s, pair) {
-        return patch.manifold(pair, alert);
+/// The direction to be remembered, and the contact along it.
+fn contact(pair: &Pair, start: Start, narrow: Narrow, alert: f64) -> (Axis, Option<Manifold>) {
+    let axis = search::search(pair, start, narrow, alert);
+    if axis.s > alert {
+        return (axis, None);
     }
-    if axis.s > 0.0 {
-        return gjk::nearest(pair, axis.n, alert);
+    if let (Feature::Edges(..), true) = (axis.feature, axis.s > 0.0)
+        && let Some(ridges) = gjk::ridges(pair, &axis.n, axis.s)
+    {
+        return (axis, Some(ridges));
     }
-    // Not at a proven least overlap: the axis's own features are one point of it.
-    let points = search::own_point(pair, axis).into_iter().collect();
-    Some(Manifold { normal: -axis.n, points, area: patch.area })
+    if axis.feature != Feature::None {
+        let (face_a, face_b) = search::support_faces(pair, &axis);
+        let patch = patch::Patch::new(pair, &axis, face_a, face_b);
+        if patch.holds(axis.s, pair) {
+            return (axis, patch.manifold(pair, alert));
+        }
+        if axis.s <= 0.0 {
+            // Not at a proven least overlap: the axis's own features are one point of it.
+            let points = search::own_point(pair, &axis).into_iter().collect();
+            return (axis, Some(Manifold { normal: -axis.n, points, area: patch.area }));
+        }
+    }
+    let nearest = gjk::nearest(pair, axis.n, alert);
+    if nearest.on_faces && matches!(start, Start::Direction(_)) {
+        return contact(pair, Start::Nothing, narrow, alert);
+    }
+    (Axis { n: nearest.n, s: axis.s, feature: Feature::None }, nearest.manifold)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Quat;
+
+    /// A rock: the hull of points on three rings and two poles.
+    fn rock(seed: f64) -> Polyhedron {
+        let point = |k: usize| {
+            let (ring, turn) = ((k / 6) as f64 - 1.0, k as f64 * 1.1 + seed);
+            let wide = 1.0 - 0.3 * ring.abs() + 0.1 * (7.0 * turn + seed).sin();
+            parry3d_f64::math::Vector::new(wide * turn.cos(), wide * turn.sin(), 0.7 * ring)
+        };
+        let points: Vec<_> = (0..18).map(point).collect();
+        let (vertices, triangles) = parry3d_f64::transformation::convex_hull(&points);
+        let vertices: Vec<Vec3> = vertices.iter().map(|v| Vec3::new(v.x, v.y, v.z)).collect();
+        Polyhedron::new(&vertices, &triangles).unwrap()
+    }
+
+    #[test]
+    fn all_widths_give_the_same_bits() {
+        let (a, b) = (rock(0.0), rock(1.0));
+        let (mut pa, mut pb) = (Posed::default(), Posed::default());
+        let mut contacts = 0;
+        for k in 0..500 {
+            let k = f64::from(k);
+            pa.pose(&a, &Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            pb.pose(&b, &Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * (1.2 + 0.002 * k);
+            for start in [Start::Nothing, Start::Feature(Feature::FaceOfA(3)), Start::Direction(Vec3::x())] {
+                let of = |width| contact(&Pair::new((&a, &pa), (&b, &pb), c, width), start, Narrow::Accurate, 0.05);
+                let found: Vec<_> = Width::all().into_iter().map(of).collect();
+                assert!(found.iter().all(|one| *one == found[0]), "{k}: {found:?}");
+                contacts += usize::from(found[0].1.is_some());
+            }
+        }
+        assert!((300..1300).contains(&contacts), "both apart and in contact: {contacts}");
+    }
+
+    #[test]
+    fn memory_goes_through_a_snapshot_and_foreign_words_do_no_harm() {
+        let (a, b) = (rock(0.0), Polyhedron::cuboid(&Vec3::new(1.0, 0.6, 0.4)));
+        let (mut pa, mut pb) = (Posed::default(), Posed::default());
+        pa.pose(&a, &Quat::identity());
+        pb.pose(&b, &Quat::from_euler_angles(0.1, 0.2, 0.3));
+        let run = |c: Vec3, memory: &mut Memory| {
+            polyhedron_polyhedron((&a, &pa), (&b, &pb), &c, 0.5, Narrow::Accurate, memory)
+        };
+        for far in [1.2, 1.6, 2.0, 4.0] {
+            let mut memory = Memory::default();
+            let first = run(Vec3::new(far, 0.1, 0.2), &mut memory);
+            let mut other = Memory::from_words(memory.words());
+            assert_eq!(memory, other);
+            assert_eq!(run(Vec3::new(far, 0.1, 0.2), &mut other).is_some(), first.is_some());
+            for words in
+                [[u64::MAX; 2], [1 << 32 | 999, 0], [3 << 32 | 2, 999 << 32], [4 << 32, 0], [4 << 32 | 0x7fc0_0000, 0]]
+            {
+                let again = run(Vec3::new(far, 0.1, 0.2), &mut Memory::from_words(words));
+                let gaps = (first.map(|m| m.gap()), again.map(|m| m.gap()));
+                assert!(gaps.0 == gaps.1 || (gaps.0.unwrap() - gaps.1.unwrap()).abs() < 1e-14, "{words:?}: {gaps:?}");
+            }
+        }
+    }
 }

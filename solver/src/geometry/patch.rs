@@ -5,7 +5,7 @@
 
 use smallvec::SmallVec;
 
-use super::search::{GAIN, Pair};
+use super::search::{Axis, Pair};
 use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
 use crate::math::{Vec3, local_frame};
 
@@ -13,7 +13,7 @@ use crate::math::{Vec3, local_frame};
 /// their vertices and have no crossings beside them.
 const ON_SIDE: f64 = 1e-11;
 /// Distance up to which two corners are one.
-const SAME: f64 = 1e-9;
+pub(super) const SAME: f64 = 1e-9;
 /// Cosine between a face's normal and the direction of view below which it is seen as a line.
 const EDGE_ON: f64 = 1e-9;
 /// A corner must be deeper, farther or span more by this, to be preferred to one before it.
@@ -103,11 +103,20 @@ impl Outline {
     fn height(&self, x: f64, y: f64) -> f64 {
         self.height - (self.slope[0] * x + self.slope[1] * y)
     }
+
+    /// Height of side `k` beside a place.
+    fn side_height(&self, k: usize, x: f64, y: f64) -> f64 {
+        let (from, to) = (self.corners[k], self.corners[if k + 1 == self.corners.len() { 0 } else { k + 1 }]);
+        let length = (to.x - from.x) * from.dx + (to.y - from.y) * from.dy;
+        let share = ((x - from.x) * from.dx + (y - from.y) * from.dy) / length;
+        from.z + (to.z - from.z) * share.clamp(0.0, 1.0)
+    }
 }
 
 impl Patch {
-    /// Faces `face_a` and `face_b` along `n`, from A to B.
-    pub fn new(pair: &Pair, n: &Vec3, face_a: u32, face_b: u32) -> Self {
+    /// Faces `face_a` and `face_b` seen along an axis.
+    pub fn new(pair: &Pair, axis: &Axis, face_a: u32, face_b: u32) -> Self {
+        let n = &axis.n;
         let frame = local_frame(*n);
         let tiny = ON_SIDE * pair.small;
         let a = Outline::new(pair.a, pair.pa, face_a, &Vec3::zeros(), &frame, false, tiny);
@@ -118,9 +127,17 @@ impl Patch {
         let inside = |distances: &[f64], sides: usize, stride: usize, k: usize| {
             (0..sides).all(|side| distances[side * stride + k] >= -tiny)
         };
+        // On a side, the side itself counts: beside a ridge as sharp as a knife its plane falls away within rounding.
+        let sides_at = |distances: &[f64], sides: usize, stride: usize, k: usize| {
+            let on: SmallVec<[usize; 4]> = (0..sides).filter(|side| distances[side * stride + k] <= tiny).collect();
+            on
+        };
         for (k, v) in a.corners.iter().enumerate() {
             if inside(&of_b, nb, na, k) {
-                let gap = b.height(v.x, v.y) - v.z;
+                let mut gap = b.height(v.x, v.y) - v.z;
+                for side in sides_at(&of_b, nb, na, k) {
+                    gap = gap.min(b.side_height(side, v.x, v.y) - v.z);
+                }
                 let point = Vec3::from(v.at) + n * (0.5 * gap);
                 let features = (vertex(v.vertex), face(face_b));
                 patch.corners.push(Corner { point: point.into(), flat: [v.x, v.y], gap, features });
@@ -140,7 +157,10 @@ impl Patch {
                 (same.gap, same.point, same.features.1) = (gap, point.into(), vertex(v.vertex));
                 continue;
             }
-            let gap = v.z - a.height(v.x, v.y);
+            let mut gap = v.z - a.height(v.x, v.y);
+            for side in sides_at(&of_a, na, nb, k) {
+                gap = gap.min(v.z - a.side_height(side, v.x, v.y));
+            }
             let point = Vec3::from(v.at) - n * (0.5 * gap);
             let features = (face(face_a), vertex(v.vertex));
             patch.corners.push(Corner { point: point.into(), flat: [v.x, v.y], gap, features });
@@ -161,20 +181,27 @@ impl Patch {
                     (on(v.at, a.corners[next_i].at, v0 / (v0 - v1)), on(w.at, b.corners[next_j].at, w0 / (w0 - w1)));
                 let point = (on_a + on_b) * 0.5;
                 let flat = [point.dot(&frame[1]), point.dot(&frame[2])];
-                if patch.corners[..of_vertices].iter().any(|corner| corner.is_near(flat, pair.small)) {
+                let gap = n.dot(&(on_b - on_a));
+                let near = |corner: &&mut Corner| corner.is_near(flat, pair.small);
+                if let Some(same) = patch.corners[..of_vertices].iter_mut().find(near) {
+                    same.gap = same.gap.min(gap);
                     continue;
                 }
                 let features = (edge(v.edge), edge(w.edge));
-                patch.corners.push(Corner { point: point.into(), flat, gap: n.dot(&(on_b - on_a)), features });
+                patch.corners.push(Corner { point: point.into(), flat, gap, features });
             }
         }
         patch.area = area(&patch.corners);
+        for corner in &mut patch.corners {
+            // Steep planes reach too far where a vertex on a side is outside by rounding.
+            corner.gap = corner.gap.max(axis.s);
+        }
         patch
     }
 
     /// Whether a corner has the gap of the axis: then two points of A and B are as near as the axis allows.
     pub fn holds(&self, s: f64, pair: &Pair) -> bool {
-        self.corners.iter().any(|corner| corner.gap <= s + GAIN * pair.sum)
+        self.corners.iter().any(|corner| corner.gap <= s + pair.tie())
     }
 
     /// The corners with gaps up to `alert`, at most four of them.

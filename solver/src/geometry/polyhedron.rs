@@ -21,8 +21,14 @@ pub struct Polyhedron {
     /// Edges that end at each vertex, likewise.
     spokes: Vec<u32>,
     spoke_starts: Vec<u32>,
+    /// Of each side of each face, the plane through it across the face, looking in.
+    walls: Vec<Plane>,
     /// Offsets of the faces, m, padded with infinity.
     pub(super) offsets: Vec<f64>,
+    /// Columns of the edges, each `arc_pad` long: x, y, z of the two normals and of the direction, and the cosine
+    /// between the normals.
+    pub(super) arcs: Vec<f64>,
+    pub(super) arc_pad: usize,
     inradius: f64,
     circumradius: f64,
 }
@@ -40,6 +46,8 @@ pub(super) struct Edge {
     /// Ends, so that the first face has them in this order: e points along n0 × n1.
     pub ends: [u32; 2],
     pub faces: [u32; 2],
+    /// Of its length, m^2.
+    pub square: f64,
 }
 
 impl Polyhedron {
@@ -73,8 +81,47 @@ impl Polyhedron {
             *number = kept.len() as u32;
             kept.push(vertices[v]);
         }
-        let mut shape = Polyhedron {
-            vertices: kept,
+        let mut shape = Polyhedron::bare(kept, circumradius);
+        for corners in &loops {
+            shape.corners.extend(corners.iter().map(|&v| number[v as usize]));
+            shape.starts.push(shape.corners.len() as u32);
+            shape.add_plane(flatness)?;
+        }
+        shape.finish()?;
+        Ok(shape)
+    }
+
+    /// A cuboid of these half lengths, m, along the body's axes.
+    ///
+    /// ```
+    /// # use cd_solve::{geometry::Polyhedron, math::Vec3};
+    /// let plate = Polyhedron::cuboid(&Vec3::new(3.0, 2.0, 0.5));
+    /// assert_eq!((plate.vertices().len(), plate.faces().count(), plate.inradius()), (8, 6, 0.5));
+    /// ```
+    pub fn cuboid(half_lengths: &Vec3) -> Self {
+        let corner = |k: usize| {
+            let side = |axis: usize| if k >> axis & 1 == 1 { half_lengths[axis] } else { -half_lengths[axis] };
+            Vec3::new(side(0), side(1), side(2))
+        };
+        // Bit k of a corner's number is its side along axis k. Faces are -x, +x, -y, +y, -z, +z.
+        let corners = [0, 4, 6, 2, 1, 3, 7, 5, 0, 1, 5, 4, 2, 6, 7, 3, 0, 2, 3, 1, 4, 5, 7, 6];
+        let normal = |f: usize| {
+            let mut n = Vec3::zeros();
+            n[f / 2] = if f % 2 == 1 { 1.0 } else { -1.0 };
+            n
+        };
+        let vertices = (0..8).map(corner).collect();
+        let mut shape = Polyhedron::bare(vertices, half_lengths.norm());
+        shape.corners = corners.to_vec();
+        shape.starts = (0..=6).map(|f| 4 * f).collect();
+        shape.planes = (0..6).map(|f| Plane { normal: normal(f), offset: half_lengths[f / 2] }).collect();
+        shape.finish().expect("a cuboid closes");
+        shape
+    }
+
+    fn bare(vertices: Vec<Vec3>, circumradius: f64) -> Self {
+        Polyhedron {
+            vertices,
             planes: Vec::new(),
             edges: Vec::new(),
             corners: Vec::new(),
@@ -82,20 +129,24 @@ impl Polyhedron {
             starts: vec![0],
             spokes: Vec::new(),
             spoke_starts: Vec::new(),
+            walls: Vec::new(),
             offsets: Vec::new(),
+            arcs: Vec::new(),
+            arc_pad: 0,
             inradius: f64::INFINITY,
             circumradius,
-        };
-        for corners in &loops {
-            shape.corners.extend(corners.iter().map(|&v| number[v as usize]));
-            shape.starts.push(shape.corners.len() as u32);
-            shape.add_plane(flatness)?;
         }
-        shape.add_edges()?;
-        shape.offsets = shape.planes.iter().map(|plane| plane.offset).collect();
-        shape.offsets.resize(shape.planes.len().next_multiple_of(PAD), f64::INFINITY);
-        shape.inradius = shape.planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);
-        Ok(shape)
+    }
+
+    /// Edges, columns and radii, when vertices and faces are there.
+    fn finish(&mut self) -> Result<(), String> {
+        self.add_edges()?;
+        self.add_walls();
+        self.add_arcs();
+        self.offsets = self.planes.iter().map(|plane| plane.offset).collect();
+        self.offsets.resize(self.planes.len().next_multiple_of(PAD), f64::INFINITY);
+        self.inradius = self.planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);
+        Ok(())
     }
 
     /// The plane of the last face.
@@ -133,7 +184,8 @@ impl Polyhedron {
             for (k, &a) in corners.iter().enumerate() {
                 let b = corners[(k + 1) % corners.len()];
                 let edge = *known.entry([a.min(b), a.max(b)]).or_insert_with(|| {
-                    self.edges.push(Edge { ends: [a, b], faces: [face as u32, u32::MAX] });
+                    let square = (self.vertices[b as usize] - self.vertices[a as usize]).norm_squared();
+                    self.edges.push(Edge { ends: [a, b], faces: [face as u32, u32::MAX], square });
                     self.edges.len() - 1
                 });
                 if self.edges[edge].faces[0] != face as u32 {
@@ -159,6 +211,30 @@ impl Polyhedron {
             self.spoke_starts.push(self.spokes.len() as u32);
         }
         Ok(())
+    }
+
+    fn add_walls(&mut self) {
+        for face in 0..self.planes.len() {
+            let corners = self.corners(face).to_vec();
+            for (k, &from) in corners.iter().enumerate() {
+                let to = corners[(k + 1) % corners.len()];
+                let (from, to) = (self.vertices[from as usize], self.vertices[to as usize]);
+                let normal = self.planes[face].normal.cross(&(to - from)).normalize();
+                self.walls.push(Plane { normal, offset: normal.dot(&from) });
+            }
+        }
+    }
+
+    fn add_arcs(&mut self) {
+        self.arc_pad = self.edges.len().next_multiple_of(PAD);
+        self.arcs = vec![0.0; 10 * self.arc_pad];
+        for (e, edge) in self.edges.iter().enumerate() {
+            let [n0, n1] = edge.faces.map(|f| self.planes[f as usize].normal);
+            let [from, to] = edge.ends.map(|v| self.vertices[v as usize]);
+            let along = (to - from).normalize();
+            let row = [n0.x, n0.y, n0.z, n1.x, n1.y, n1.z, along.x, along.y, along.z, n0.dot(&n1)];
+            row.iter().enumerate().for_each(|(column, x)| self.arcs[column * self.arc_pad + e] = *x);
+        }
     }
 
     /// Corners in the body's frame, m.
@@ -188,6 +264,11 @@ impl Polyhedron {
     /// The edges round a face; edge k goes from corner k to the next.
     pub(super) fn sides(&self, face: usize) -> &[u32] {
         &self.sides[self.starts[face] as usize..self.starts[face + 1] as usize]
+    }
+
+    /// The planes across a face through its sides, looking in.
+    pub(super) fn walls(&self, face: usize) -> &[Plane] {
+        &self.walls[self.starts[face] as usize..self.starts[face + 1] as usize]
     }
 
     /// The edges at a vertex.
@@ -331,11 +412,27 @@ impl Posed {
         }
     }
 
+    /// x, y and z of the vertices.
+    #[inline(always)]
+    pub(super) fn vertex_columns(&self) -> [&[f64]; 3] {
+        let pad = self.vertex_pad;
+        [&self.columns[..pad], &self.columns[pad..2 * pad], &self.columns[2 * pad..3 * pad]]
+    }
+
+    /// x, y and z of the normals.
+    #[inline(always)]
+    pub(super) fn normal_columns(&self) -> [&[f64]; 3] {
+        let (normals, pad) = (&self.columns[3 * self.vertex_pad..], self.normal_pad);
+        [&normals[..pad], &normals[pad..2 * pad], &normals[2 * pad..]]
+    }
+
+    #[inline(always)]
     pub(super) fn vertex(&self, k: u32) -> Vec3 {
         let (k, pad) = (k as usize, self.vertex_pad);
         Vec3::new(self.columns[k], self.columns[pad + k], self.columns[2 * pad + k])
     }
 
+    #[inline(always)]
     pub(super) fn normal(&self, k: u32) -> Vec3 {
         let (k, pad) = (3 * self.vertex_pad + k as usize, self.normal_pad);
         Vec3::new(self.columns[k], self.columns[pad + k], self.columns[2 * pad + k])

@@ -3,10 +3,19 @@
 //! s(n) = min_B n·(b + c) - max_A n·a for a unit n from A to B is a lower bound of the distance of A and B. Its
 //! maximum over the normals of the Minkowski difference's facets is the distance, unless two vertices, or a vertex and
 //! an edge, are nearest; where A and B overlap, -s is the least translation that parts them.
+//!
+//! Two bounds save most of the work. With the balls in A and B about their centres, s(n) <= n·c - r_A - r_B: once an s
+//! is known, only a cone of directions about c is left. And s(n) <= n·x for every point x of the difference B - A, such
+//! as those of the directions tried before.
+
+use nalgebra::Matrix3;
+use pulp::NullaryFnOnce;
+use smallvec::SmallVec;
 
 use super::patch::Corner;
-use super::{Point, Polyhedron, Posed, edge, face, vertex};
+use super::{Narrow, Point, Polyhedron, Posed, edge, face, vertex};
 use crate::math::Vec3;
+use crate::math::lanes::{Lanes, Width};
 
 /// Two posed polyhedra.
 pub(super) struct Pair<'a> {
@@ -20,13 +29,16 @@ pub(super) struct Pair<'a> {
     pub sum: f64,
     /// The smaller circumradius, m.
     pub small: f64,
+    pub width: Width,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Feature {
     FaceOfA(u32),
     FaceOfB(u32),
     Edges(u32, u32),
+    /// A direction as good as any.
+    None,
 }
 
 /// A direction with the separation along it.
@@ -39,18 +51,42 @@ pub(super) struct Axis {
     pub feature: Feature,
 }
 
-/// A direction must be better by this share of the size to be preferred to an earlier one: so rounding, and noise of
-/// 1e-12, do not decide between equals.
-pub(super) const GAIN: f64 = 5e-12;
-/// Products of the two dots of a Gauss-map test above which edges count as parallel: 1e-13 rad.
-const PARALLEL: f64 = -1e-26;
+/// Where a search begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Start {
+    Nothing,
+    Feature(Feature),
+    Direction(Vec3),
+}
+
+/// Products of the two dots of a Gauss-map test above which edges count as parallel, over the squared length of the
+/// edge: 4e-12 rad. To leave them out changes s by no more than [`Pair::tie`].
+const PARALLEL: f64 = 1.6e-23;
 /// A face must be better aligned by this to be preferred to its neighbour.
 const ALIGNED: f64 = 1e-9;
+/// Edges of B that are held in columns at a time; the same for all widths, so that the order is.
+const BLOCK: usize = 8;
 
 impl<'a> Pair<'a> {
-    pub fn new(a: (&'a Polyhedron, &'a Posed), b: (&'a Polyhedron, &'a Posed), c: Vec3) -> Self {
+    pub fn new(a: (&'a Polyhedron, &'a Posed), b: (&'a Polyhedron, &'a Posed), c: Vec3, width: Width) -> Self {
         let (ra, rb) = (a.0.circumradius(), b.0.circumradius());
-        Pair { a: a.0, pa: a.1, b: b.0, pb: b.1, c, sum: ra + rb, small: ra.min(rb) }
+        Pair { a: a.0, pa: a.1, b: b.0, pb: b.1, c, sum: ra + rb, small: ra.min(rb), width }
+    }
+
+    /// A direction must be better by this (m) to be preferred to an earlier one: so rounding, and noise of 1e-12 of the
+    /// smaller body, do not decide between equals.
+    pub fn tie(&self) -> f64 {
+        4e-12 * self.small + self.rounding()
+    }
+
+    /// Rounding of an s, m, with room.
+    fn rounding(&self) -> f64 {
+        32.0 * f64::EPSILON * self.sum
+    }
+
+    /// What s cannot be less than by this much for a direction of the cone to be worth a try.
+    fn inner(&self) -> f64 {
+        self.a.inradius() + self.b.inradius()
     }
 
     /// s(n) with the vertices that give it.
@@ -73,34 +109,485 @@ pub(super) fn support(shape: &Polyhedron, posed: &Posed, n: &Vec3) -> (u32, f64)
     best
 }
 
-/// Every face of A, every face of B, every pair of edges whose arcs on the Gauss map cross; stops above `enough`.
-pub(super) fn all(pair: &Pair, enough: f64) -> Axis {
-    let gain = GAIN * pair.sum;
-    let mut best = Axis { n: Vec3::x(), s: f64::NEG_INFINITY, feature: Feature::FaceOfA(0) };
-    let mut take = |n: Vec3, s: f64, feature: Feature| {
-        if s > best.s + gain || best.s == f64::NEG_INFINITY {
+/// The best direction, or the first found along which A and B are more than `enough` (m) apart.
+pub(super) fn search(pair: &Pair, start: Start, narrow: Narrow, enough: f64) -> Axis {
+    let best = match pair.width {
+        Width::One(l) => l.run(Search { l, pair, start, narrow, enough }),
+        #[cfg(target_arch = "x86_64")]
+        Width::Four(l) => l.run(Search { l, pair, start, narrow, enough }),
+        #[cfg(target_arch = "x86_64")]
+        Width::Eight(l) => l.run(Search { l, pair, start, narrow, enough }),
+    };
+    // Shapes rounded in files are convex to their digits alone: there a crossing of arcs may promise too much.
+    let promised =
+        matches!(best.feature, Feature::Edges(..)) && pair.separation(&best.n).0 < best.s - 1e-9 * pair.small;
+    let lost = best.feature == Feature::None && best.s <= 0.0;
+    if promised || lost { all(pair, enough) } else { best }
+}
+
+struct Search<'a, L> {
+    l: L,
+    pair: &'a Pair<'a>,
+    start: Start,
+    narrow: Narrow,
+    enough: f64,
+}
+
+impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
+    type Output = Axis;
+
+    #[inline(always)]
+    fn call(self) -> Axis {
+        let Search { l, pair, start, narrow, enough } = self;
+        let mut witnesses = Witnesses { points: [Vec3::zeros(); 3], count: 0 };
+        let mut best = begin(l, pair, start, &mut witnesses);
+        let from_direction = matches!(start, Start::Direction(_)) && best.s > 0.0;
+        if best.s > enough || from_direction || is_best(l, pair, &best, &witnesses.points[0], narrow) {
+            return best;
+        }
+        let (a, b) = ((pair.a, pair.pa), (pair.b, pair.pb));
+        if faces(l, pair, a, b, 1.0, &mut best, &mut witnesses, enough)
+            || faces(l, pair, b, a, -1.0, &mut best, &mut witnesses, enough)
+        {
+            return best;
+        }
+        edges(l, pair, &mut best, &witnesses, enough);
+        best
+    }
+}
+
+/// Points of the difference B - A, m.
+struct Witnesses {
+    points: [Vec3; 3],
+    count: usize,
+}
+
+impl Witnesses {
+    #[inline(always)]
+    fn add(&mut self, x: Vec3) {
+        if self.count < 3 {
+            self.points[self.count] = x;
+            self.count += 1;
+        }
+    }
+}
+
+/// What is remembered, at the new poses; or the direction between the centres.
+#[inline(always)]
+fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -> Axis {
+    let n = match start {
+        Start::Feature(Feature::FaceOfA(f)) => {
+            let n = pair.pa.normal(f);
+            let (v, low) = lowest(l, pair.pb, pair.b.vertices().len(), &n);
+            witnesses.add(pair.pb.vertex(v) + pair.c - pair.pa.vertex(pair.a.corners(f as usize)[0]));
+            let s = n.dot(&pair.c) - pair.a.offsets[f as usize] + low;
+            return Axis { n, s, feature: Feature::FaceOfA(f) };
+        }
+        Start::Feature(Feature::FaceOfB(f)) => {
+            let n = pair.pb.normal(f);
+            let (v, low) = lowest(l, pair.pa, pair.a.vertices().len(), &n);
+            witnesses.add(pair.pb.vertex(pair.b.corners(f as usize)[0]) + pair.c - pair.pa.vertex(v));
+            let s = -n.dot(&pair.c) - pair.b.offsets[f as usize] + low;
+            return Axis { n: -n, s, feature: Feature::FaceOfB(f) };
+        }
+        Start::Feature(Feature::Edges(ea, eb)) => {
+            let (n, s, crossed) = edge_axis(pair, ea, eb);
+            if crossed {
+                let [a, b] = [pair.a.edges[ea as usize].ends[0], pair.b.edges[eb as usize].ends[0]];
+                witnesses.add(pair.pb.vertex(b) + pair.c - pair.pa.vertex(a));
+                return Axis { n, s, feature: Feature::Edges(ea, eb) };
+            }
+            n
+        }
+        Start::Direction(n) => n,
+        _ => pair.c,
+    };
+    let length = n.norm();
+    let n = if length > 0.0 && length.is_finite() { n / length } else { Vec3::x() };
+    let (b, low) = lowest(l, pair.pb, pair.b.vertices().len(), &n);
+    let (a, high) = lowest(l, pair.pa, pair.a.vertices().len(), &-n);
+    witnesses.add(pair.pb.vertex(b) + pair.c - pair.pa.vertex(a));
+    Axis { n, s: n.dot(&pair.c) + low + high, feature: Feature::None }
+}
+
+/// The first vertex least along `n`, and its height.
+#[inline(always)]
+pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, count: usize, n: &Vec3) -> (u32, f64) {
+    let [x, y, z] = posed.vertex_columns();
+    let (nx, ny, nz) = (l.splat(n.x), l.splat(n.y), l.splat(n.z));
+    let mut least = l.splat(f64::INFINITY);
+    let mut at = l.splat(0.0);
+    let mut k = 0;
+    while k < count {
+        let height = l.mul_add(nz, l.load(&z[k..]), l.mul_add(ny, l.load(&y[k..]), l.mul(nx, l.load(&x[k..]))));
+        at = l.select_greater(least, height, l.splat(k as f64), at);
+        least = l.min(height, least);
+        k += L::WIDTH;
+    }
+    let (mut values, mut places) = ([f64::INFINITY; 8], [0.0; 8]);
+    l.store(&mut values, least);
+    l.store(&mut places, at);
+    let mut best = (places[0] as u32, values[0]);
+    for lane in 1..L::WIDTH {
+        let place = places[lane] as u32 + lane as u32;
+        if values[lane] < best.1 || (values[lane] == best.1 && place < best.0) {
+            best = (place, values[lane]);
+        }
+    }
+    best
+}
+
+/// Whether no direction is better than a feature's, told from the facet of the Minkowski difference that it makes.
+///
+/// If the facet has a disc of radius ρ about the origin's foot on it, every direction within 2 atan(ρ/|s|) of n is
+/// worse; when that reaches beyond the cone of directions that the inner balls leave, n is the best of all. Apart, a
+/// foot within the facet is enough: there are points at that distance.
+#[inline(always)]
+fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -> bool {
+    let rho = match axis.feature {
+        Feature::FaceOfA(f) => inside(pair.a, pair.pa, f, &(x + pair.pa.vertex(pair.a.corners(f as usize)[0]))),
+        Feature::FaceOfB(f) => inside(pair.b, pair.pb, f, &(pair.pb.vertex(pair.b.corners(f as usize)[0]) - x)),
+        Feature::Edges(ea, eb) => {
+            let ([a0, a1], [b0, b1]) = (ends(pair.a, pair.pa, ea), ends(pair.b, pair.pb, eb));
+            let (u, v, w) = (a1 - a0, b1 - b0, b0 + pair.c - a0);
+            let across = u.cross(&v);
+            let square = across.norm_squared();
+            let (p, q) = (w.cross(&v).dot(&across) / square, w.cross(&u).dot(&across) / square);
+            // Distances from the sides of the parallelogram.
+            let (along_u, along_v) = (p.min(1.0 - p) / v.norm(), q.min(1.0 - q) / u.norm());
+            along_u.min(along_v) * square.sqrt()
+        }
+        Feature::None => return false,
+    };
+    if rho.is_nan() || rho < 0.0 {
+        return false;
+    }
+    if axis.s >= 0.0 {
+        return true;
+    }
+    if narrow == Narrow::Fast {
+        // Unless the way between the centres tells that the bodies have left this side of each other.
+        let n = pair.c.normalize();
+        let (low, high) =
+            (lowest(l, pair.pb, pair.b.vertices().len(), &n).1, lowest(l, pair.pa, pair.a.vertices().len(), &-n).1);
+        return n.dot(&pair.c) + low + high <= axis.s;
+    }
+    let r = rho / -axis.s * (1.0 - 1e-9);
+    let cos_disc = (1.0 - r * r) / (1.0 + r * r);
+    let distance = pair.c.norm();
+    let (cos_cone, cos_n) = ((axis.s + pair.inner()) / distance, axis.n.dot(&pair.c) / distance);
+    if cos_cone.is_nan() || cos_cone.abs() >= 1.0 {
+        return cos_cone >= 1.0;
+    }
+    let (sin_cone, sin_n) = ((1.0 - cos_cone * cos_cone).sqrt(), (1.0 - cos_n * cos_n).max(0.0).sqrt());
+    // The sum of the two angles is below half a turn, and below that of the disc.
+    sin_n * cos_cone + cos_n * sin_cone > 0.0 && cos_n * cos_cone - sin_n * sin_cone > cos_disc
+}
+
+/// Distance of a point, seen along the normal, from the nearest side of a face; < 0 outside, m.
+#[inline(always)]
+fn inside(shape: &Polyhedron, posed: &Posed, f: u32, point: &Vec3) -> f64 {
+    let local = posed.turn.tr_mul(point);
+    let mut least = f64::INFINITY;
+    for wall in shape.walls(f as usize) {
+        least = least.min(wall.normal.dot(&local) - wall.offset);
+    }
+    least
+}
+
+/// The faces of `own` against the vertices of `other`; `sign` is -1 where `own` is B. Whether `enough` is reached.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn faces<L: Lanes>(
+    l: L,
+    pair: &Pair,
+    own: (&Polyhedron, &Posed),
+    other: (&Polyhedron, &Posed),
+    sign: f64,
+    best: &mut Axis,
+    witnesses: &mut Witnesses,
+    enough: f64,
+) -> bool {
+    let (tie, inner) = (pair.tie(), pair.inner());
+    let [x, y, z] = own.1.normal_columns();
+    let [vx, vy, vz] = other.1.vertex_columns();
+    let count = other.0.vertices().len();
+    let c = pair.c * sign;
+    let (cx, cy, cz) = (l.splat(c.x), l.splat(c.y), l.splat(c.z));
+    let mut changed = false;
+    let mut k = 0;
+    while k < own.0.planes.len() {
+        let (nx, ny, nz) = (l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]));
+        let along = l.mul_add(nz, cz, l.mul_add(ny, cy, l.mul(nx, cx)));
+        let mut mask = l.mask_greater(along, l.splat(best.s + inner - slack(pair, best)));
+        if mask != 0 {
+            let (mut even, mut odd) = (l.splat(f64::INFINITY), l.splat(f64::INFINITY));
+            let mut v = 0;
+            // The last vertex may be taken twice: columns are padded by the first.
+            while v < count {
+                let (px, py, pz) = (l.splat(vx[v]), l.splat(vy[v]), l.splat(vz[v]));
+                even = l.min(l.mul_add(nz, pz, l.mul_add(ny, py, l.mul(nx, px))), even);
+                let (px, py, pz) = (l.splat(vx[v + 1]), l.splat(vy[v + 1]), l.splat(vz[v + 1]));
+                odd = l.min(l.mul_add(nz, pz, l.mul_add(ny, py, l.mul(nx, px))), odd);
+                v += 2;
+            }
+            let s = l.add(l.sub(along, l.load(&own.0.offsets[k..])), l.min(even, odd));
+            mask &= l.mask_greater(s, l.splat(better_than(best, tie)));
+            if mask != 0 {
+                let mut values = [0.0; 8];
+                l.store(&mut values, s);
+                while mask != 0 {
+                    let lane = mask.trailing_zeros() as usize;
+                    mask &= mask - 1;
+                    if values[lane] > better_than(best, tie) {
+                        let f = (k + lane) as u32;
+                        let feature = if sign > 0.0 { Feature::FaceOfA(f) } else { Feature::FaceOfB(f) };
+                        *best = Axis { n: own.1.normal(f) * sign, s: values[lane], feature };
+                        changed = true;
+                        // At once, so that where it ends does not depend on the width.
+                        if best.s > enough {
+                            return true;
+                        }
+                    }
+                }
+            }
+        }
+        k += L::WIDTH;
+    }
+    if changed {
+        let (Feature::FaceOfA(f) | Feature::FaceOfB(f)) = best.feature else { return false };
+        let (v, _) = lowest(l, other.1, count, &(best.n * sign));
+        let corner = own.1.vertex(own.0.corners(f as usize)[0]);
+        witnesses.add((other.1.vertex(v) - corner) * sign + pair.c);
+    }
+    false
+}
+
+/// What an s must exceed to be taken for the best: a direction that is no feature gives way to a feature as good.
+#[inline(always)]
+fn better_than(best: &Axis, tie: f64) -> f64 {
+    if best.feature == Feature::None { best.s - tie } else { best.s + tie }
+}
+
+/// How far below the best s the bounds must still let directions through, m.
+#[inline(always)]
+fn slack(pair: &Pair, best: &Axis) -> f64 {
+    if best.feature == Feature::None { pair.tie() + pair.rounding() } else { pair.rounding() }
+}
+
+/// Pairs of edges whose arcs on the Gauss map cross.
+#[inline(always)]
+fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, enough: f64) {
+    let tie = pair.tie();
+    let of_a = arcs(l, pair, (pair.a, pair.pa), 1.0, best, witnesses);
+    if of_a.is_empty() {
+        return;
+    }
+    let of_b = arcs(l, pair, (pair.b, pair.pb), -1.0, best, witnesses);
+    let mut from = 0;
+    while from < of_b.len() {
+        // Columns: a point, the direction, the two normals, of up to eight edges of B; the rest can cross nothing.
+        let mut block = [[0.0; BLOCK]; 13];
+        let mut count = 0;
+        while count < BLOCK && from + count < of_b.len() {
+            let e = of_b[from + count];
+            let edge = &pair.b.edges[e as usize];
+            let [b0, b1] = ends(pair.b, pair.pb, e);
+            let (along, n0, n1) = (b1 - b0, pair.pb.normal(edge.faces[0]), pair.pb.normal(edge.faces[1]));
+            let b0 = b0 + pair.c;
+            let row = [b0.x, b0.y, b0.z, along.x, along.y, along.z, n0.x, n0.y, n0.z, n1.x, n1.y, n1.z];
+            let mut column = 0;
+            while column < 12 {
+                block[column][count] = row[column];
+                column += 1;
+            }
+            block[12][count] = PARALLEL * edge.square;
+            count += 1;
+        }
+        let mut i = 0;
+        while i < of_a.len() {
+            let ea = of_a[i];
+            let edge = &pair.a.edges[ea as usize];
+            let [a0, a1] = ends(pair.a, pair.pa, ea);
+            let (along, n0, n1) = (a1 - a0, pair.pa.normal(edge.faces[0]), pair.pa.normal(edge.faces[1]));
+            let mut k = 0;
+            while k < count {
+                let (mask, s) = cross(l, &block, k, &a0, &along, &n0, &n1, PARALLEL * edge.square);
+                let mut mask = mask & l.mask_greater(s, l.splat(better_than(best, tie)));
+                if mask != 0 {
+                    let mut values = [0.0; 8];
+                    l.store(&mut values, s);
+                    while mask != 0 {
+                        let lane = mask.trailing_zeros() as usize;
+                        mask &= mask - 1;
+                        if values[lane] > better_than(best, tie) {
+                            let eb = of_b[from + k + lane];
+                            let (n, s, _) = edge_axis(pair, ea, eb);
+                            *best = Axis { n, s, feature: Feature::Edges(ea, eb) };
+                            if best.s > enough {
+                                return;
+                            }
+                        }
+                    }
+                }
+                k += L::WIDTH;
+            }
+            i += 1;
+        }
+        from += BLOCK;
+    }
+}
+
+/// An edge of A against edges of B from column `k` on: which arcs cross, and the separations.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn cross<L: Lanes>(
+    l: L,
+    block: &[[f64; BLOCK]; 13],
+    k: usize,
+    a0: &Vec3,
+    along: &Vec3,
+    n0: &Vec3,
+    n1: &Vec3,
+    parallel: f64,
+) -> (u32, L::V) {
+    macro_rules! at {
+        ($column:expr) => {
+            l.load(&block[$column][k..])
+        };
+    }
+    macro_rules! dot {
+        ($v:expr, $column:expr) => {
+            l.mul_add(
+                l.splat($v.z),
+                at!($column + 2),
+                l.mul_add(l.splat($v.y), at!($column + 1), l.mul(l.splat($v.x), at!($column))),
+            )
+        };
+    }
+    let (p0, p1) = (dot!(along, 6), dot!(along, 9));
+    let (q0, q1) = (dot!(n0, 3), dot!(n1, 3));
+    let zero = l.splat(0.0);
+    let first = l.neg_mul_add(p0, p1, l.splat(-parallel));
+    let second = l.neg_mul_add(q0, q1, l.sub(zero, at!(12)));
+    let mask = l.mask_greater(l.min(l.min(first, second), l.mul(p0, q0)), zero);
+    if mask == 0 {
+        return (0, zero);
+    }
+    // |q1| n0 + |q0| n1: q0 and q1 have opposite signs.
+    let (w0, w1) = (l.select_greater(q1, zero, q1, l.sub(zero, q1)), l.select_greater(q0, zero, q0, l.sub(zero, q0)));
+    macro_rules! mix {
+        ($axis:ident) => {
+            l.mul_add(l.splat(n1.$axis), w1, l.mul(l.splat(n0.$axis), w0))
+        };
+    }
+    let (nx, ny, nz) = (mix!(x), mix!(y), mix!(z));
+    let (dx, dy, dz) = (l.sub(at!(0), l.splat(a0.x)), l.sub(at!(1), l.splat(a0.y)), l.sub(at!(2), l.splat(a0.z)));
+    let along = l.mul_add(nz, dz, l.mul_add(ny, dy, l.mul(nx, dx)));
+    let length = l.sqrt(l.mul_add(nz, nz, l.mul_add(ny, ny, l.mul(nx, nx))));
+    (mask, l.div(along, length))
+}
+
+/// The edges with a direction that the bounds leave on their arc of the Gauss map; `sign` is -1 for those of B.
+#[inline(always)]
+fn arcs<L: Lanes>(
+    l: L,
+    pair: &Pair,
+    (shape, posed): (&Polyhedron, &Posed),
+    sign: f64,
+    best: &Axis,
+    witnesses: &Witnesses,
+) -> SmallVec<[u32; 64]> {
+    let mut kept = SmallVec::new();
+    let slack = slack(pair, best);
+    let turn: &Matrix3<f64> = &posed.turn;
+    let c = turn.tr_mul(&pair.c) * sign;
+    let mut x = [Vec3::zeros(); 3];
+    let mut i = 0;
+    while i < witnesses.count {
+        x[i] = turn.tr_mul(&witnesses.points[i]) * sign;
+        i += 1;
+    }
+    let cone = l.splat(best.s + pair.inner() - slack);
+    let square = l.splat(c.norm_squared());
+    let limit = l.splat(best.s.min(0.0) - slack);
+    let count = shape.edges.len();
+    let pad = shape.arc_pad;
+    let columns = &shape.arcs;
+    let zero = l.splat(0.0);
+    let mut k = 0;
+    while k < count {
+        macro_rules! at {
+            ($column:expr) => {
+                l.load(&columns[$column * pad + k..])
+            };
+        }
+        macro_rules! dot {
+            ($v:expr, $column:expr) => {
+                l.mul_add(
+                    l.splat($v.z),
+                    at!($column + 2),
+                    l.mul_add(l.splat($v.y), at!($column + 1), l.mul(l.splat($v.x), at!($column))),
+                )
+            };
+        }
+        let (d0, d1, along) = (dot!(c, 0), dot!(c, 3), dot!(c, 6));
+        let cosine = at!(9);
+        // The foot of c on the arc's plane is between the normals: there n·c is largest.
+        let between = l.min(l.neg_mul_add(cosine, d0, d1), l.neg_mul_add(cosine, d1, d0));
+        let foot = l.sqrt(l.select_greater(
+            l.neg_mul_add(along, along, square),
+            zero,
+            l.neg_mul_add(along, along, square),
+            zero,
+        ));
+        let most = l.select_greater(d0, d1, d0, d1);
+        let most = l.select_greater(between, zero, foot, most);
+        let mut mask = l.mask_greater(most, cone);
+        let mut i = 0;
+        while i < witnesses.count {
+            // Where both ends are below, all between are: s <= 0 or, apart, no direction at all.
+            let (e0, e1) = (dot!(x[i], 0), dot!(x[i], 3));
+            mask &= l.mask_greater(l.select_greater(e0, e1, e0, e1), limit);
+            i += 1;
+        }
+        while mask != 0 {
+            let e = k + mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            if e < count {
+                kept.push(e as u32);
+            }
+        }
+        k += L::WIDTH;
+    }
+    kept
+}
+
+/// Every face of A, every face of B, every pair of edges, each by full support; stops above `enough`.
+fn all(pair: &Pair, enough: f64) -> Axis {
+    let gain = pair.tie();
+    let mut best = Axis { n: Vec3::x(), s: f64::NEG_INFINITY, feature: Feature::None };
+    let mut take = |n: Vec3, feature: Feature| {
+        let s = pair.separation(&n).0;
+        if s > best.s + gain || best.feature == Feature::None {
             best = Axis { n, s, feature };
         }
         best.s > enough
     };
-    for (f, plane) in pair.a.planes.iter().enumerate() {
-        let n = pair.pa.normal(f as u32);
-        let s = n.dot(&pair.c) - plane.offset - support(pair.b, pair.pb, &-n).1;
-        if take(n, s, Feature::FaceOfA(f as u32)) {
+    for f in 0..pair.a.planes.len() as u32 {
+        if take(pair.pa.normal(f), Feature::FaceOfA(f)) {
             return best;
         }
     }
-    for (f, plane) in pair.b.planes.iter().enumerate() {
-        let n = -pair.pb.normal(f as u32);
-        let s = n.dot(&pair.c) - plane.offset - support(pair.a, pair.pa, &n).1;
-        if take(n, s, Feature::FaceOfB(f as u32)) {
+    for f in 0..pair.b.planes.len() as u32 {
+        if take(-pair.pb.normal(f), Feature::FaceOfB(f)) {
             return best;
         }
     }
     for ea in 0..pair.a.edges.len() as u32 {
         for eb in 0..pair.b.edges.len() as u32 {
-            if let Some((n, s)) = edge_axis(pair, ea, eb)
-                && take(n, s, Feature::Edges(ea, eb))
+            if let (n, _, true) = edge_axis(pair, ea, eb)
+                && take(n, Feature::Edges(ea, eb))
             {
                 return best;
             }
@@ -109,24 +596,27 @@ pub(super) fn all(pair: &Pair, enough: f64) -> Axis {
     best
 }
 
-/// The common normal of two edges, from A to B, and the separation along it, if their arcs on the Gauss map cross.
+/// The common normal of two edges, from A to B, the separation along it, and whether their arcs on the Gauss map cross.
 ///
 /// From the normals beside the edges, not from the edges' cross product, which is lost where they are nearly parallel.
 /// Source of the test: D. Gregorius, The separating axis test between convex polyhedra, GDC (2013).
-pub(super) fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> Option<(Vec3, f64)> {
+fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     let (a, b) = (&pair.a.edges[ea as usize], &pair.b.edges[eb as usize]);
-    let (a0, a1) = (pair.pa.vertex(a.ends[0]), pair.pa.vertex(a.ends[1]));
-    let (b0, b1) = (pair.pb.vertex(b.ends[0]), pair.pb.vertex(b.ends[1]));
-    let (along_a, along_b) = ((a1 - a0).normalize(), (b1 - b0).normalize());
+    let ([a0, a1], [b0, b1]) = (ends(pair.a, pair.pa, ea), ends(pair.b, pair.pb, eb));
+    let (along_a, along_b) = (a1 - a0, b1 - b0);
     let [na0, na1] = a.faces.map(|f| pair.pa.normal(f));
     let [nb0, nb1] = b.faces.map(|f| pair.pb.normal(f));
     let (p0, p1) = (nb0.dot(&along_a), nb1.dot(&along_a));
     let (q0, q1) = (na0.dot(&along_b), na1.dot(&along_b));
-    if p0 * p1 > PARALLEL || q0 * q1 > PARALLEL || p0 * q0 <= 0.0 {
-        return None;
-    }
-    let n = (na0 * q1.abs() + na1 * q0.abs()).normalize();
-    Some((n, n.dot(&(b0 + pair.c - a0))))
+    let crossed = p0 * p1 < -PARALLEL * a.square && q0 * q1 < -PARALLEL * b.square && p0 * q0 > 0.0;
+    let n = na0 * q1.abs() + na1 * q0.abs();
+    let length = n.norm();
+    let n = if length > 0.0 { n / length } else { na0 };
+    (n, n.dot(&(b0 + pair.c - a0)), crossed)
+}
+
+pub(super) fn ends(shape: &Polyhedron, posed: &Posed, e: u32) -> [Vec3; 2] {
+    shape.edges[e as usize].ends.map(|v| posed.vertex(v))
 }
 
 /// The faces whose common part is looked at.
@@ -141,8 +631,8 @@ pub(super) fn support_faces(pair: &Pair, axis: &Axis) -> (u32, u32) {
         // The edge that falls least from there; a face along it has the next vertex.
         let (mut best, mut least) = (0, f64::INFINITY);
         for &e in shape.spokes(top as usize) {
-            let [v, w] = shape.edges[e as usize].ends.map(|v| posed.vertex(v));
-            let fall = ((v - w).dot(n) / (v - w).norm()).abs();
+            let [v, w] = ends(shape, posed, e);
+            let fall = (v - w).dot(n).powi(2) / shape.edges[e as usize].square;
             if fall < least {
                 (best, least) = (e, fall);
             }
@@ -153,6 +643,7 @@ pub(super) fn support_faces(pair: &Pair, axis: &Axis) -> (u32, u32) {
         Feature::FaceOfA(f) => (f, seen(pair.b, pair.pb, &-axis.n)),
         Feature::FaceOfB(f) => (seen(pair.a, pair.pa, &axis.n), f),
         Feature::Edges(ea, eb) => (better(pair.a, pair.pa, ea, &axis.n), better(pair.b, pair.pb, eb, &-axis.n)),
+        Feature::None => (seen(pair.a, pair.pa, &axis.n), seen(pair.b, pair.pb, &-axis.n)),
     }
 }
 
@@ -165,11 +656,10 @@ pub(super) fn own_point(pair: &Pair, axis: &Axis) -> Option<Point> {
         Feature::FaceOfA(f) => (b - half, (face(f), vertex(vb))),
         Feature::FaceOfB(f) => (a + half, (vertex(va), face(f))),
         Feature::Edges(ea, eb) => {
-            let ends =
-                |shape: &Polyhedron, posed: &Posed, e: u32| shape.edges[e as usize].ends.map(|v| posed.vertex(v));
             let ([a0, a1], [b0, b1]) = (ends(pair.a, pair.pa, ea), ends(pair.b, pair.pb, eb));
             (Corner::crossing([a0, a1], [b0 + pair.c, b1 + pair.c]), (edge(ea), edge(eb)))
         }
+        Feature::None => ((a + b) * 0.5, (vertex(va), vertex(vb))),
     };
     position.iter().all(|x| x.is_finite()).then_some(Point { position, gap: axis.s, features })
 }

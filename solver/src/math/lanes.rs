@@ -29,6 +29,10 @@ pub trait Lanes: Copy + Send + Sync {
     fn neg_mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// `a` where x > y, else `b`.
     fn select_greater(self, x: Self::V, y: Self::V, a: Self::V, b: Self::V) -> Self::V;
+    /// The smaller; `b` where they are equal.
+    fn min(self, a: Self::V, b: Self::V) -> Self::V;
+    /// Bit k is set where x > y in lane k.
+    fn mask_greater(self, x: Self::V, y: Self::V) -> u32;
     /// Component k of the `WIDTH` lines named by `index`, for each k.
     fn gather(self, lines: &[Line], index: &[u32]) -> [Self::V; 8];
     /// The reverse; two equal indices must bring equal lines.
@@ -147,6 +151,14 @@ impl Lanes for Scalar {
     #[inline(always)]
     fn select_greater(self, x: f64, y: f64, a: f64, b: f64) -> f64 {
         if x > y { a } else { b }
+    }
+    #[inline(always)]
+    fn min(self, a: f64, b: f64) -> f64 {
+        if a < b { a } else { b }
+    }
+    #[inline(always)]
+    fn mask_greater(self, x: f64, y: f64) -> u32 {
+        u32::from(x > y)
     }
     #[inline(always)]
     fn gather(self, lines: &[Line], index: &[u32]) -> [f64; 8] {
@@ -288,6 +300,14 @@ mod x86 {
         fn select_greater(self, x: __m512d, y: __m512d, a: __m512d, b: __m512d) -> __m512d {
             let mask = self.avx512f._mm512_cmp_pd_mask::<GREATER>(x, y);
             self.avx512f._mm512_mask_blend_pd(mask, b, a)
+        }
+        #[inline(always)]
+        fn min(self, a: __m512d, b: __m512d) -> __m512d {
+            self.avx512f._mm512_min_pd(a, b)
+        }
+        #[inline(always)]
+        fn mask_greater(self, x: __m512d, y: __m512d) -> u32 {
+            u32::from(self.avx512f._mm512_cmp_pd_mask::<GREATER>(x, y))
         }
         #[inline(always)]
         fn gather(self, lines: &[Line], index: &[u32]) -> [__m512d; 8] {
@@ -468,6 +488,15 @@ mod x86 {
             self.avx._mm256_blendv_pd(b, a, mask)
         }
         #[inline(always)]
+        fn min(self, a: __m256d, b: __m256d) -> __m256d {
+            self.avx._mm256_min_pd(a, b)
+        }
+        #[inline(always)]
+        fn mask_greater(self, x: __m256d, y: __m256d) -> u32 {
+            let mask = self.avx._mm256_cmp_pd::<GREATER>(x, y);
+            self.avx._mm256_movemask_pd(mask) as u32
+        }
+        #[inline(always)]
         fn gather(self, lines: &[Line], index: &[u32]) -> [__m256d; 8] {
             let (mut low, mut high) = ([self.splat(0.0); 4], [self.splat(0.0); 4]);
             for k in 0..4 {
@@ -585,6 +614,9 @@ mod tests {
                     let q = l.div(l.mul_add(c[0], c[1], c[2]), l.sqrt(l.mul(c[3], c[3])));
                     let q = l.sub(l.add(q, c[4]), l.neg_mul_add(c[5], c[6], c[7]));
                     let q = l.select_greater(q, l.splat(0.3), q, l.sub(l.splat(0.0), q));
+                    let mut mask = [0.0; 8];
+                    (0..L::WIDTH).for_each(|k| mask[k] = f64::from(l.mask_greater(q, c[1]) >> k & 1));
+                    let q = l.add(l.min(q, c[2]), l.load(&mask));
                     let mut out = c;
                     out[2] = q;
                     out[7] = c[0];

@@ -1,6 +1,8 @@
 //! Contact geometry against trying everything: random pairs, degenerate ones, symmetry, continuity.
 
+mod degenerate;
 mod oracle;
+mod other;
 mod random;
 mod shapes;
 mod table;

@@ -97,11 +97,11 @@ pub fn separation(a: &Solid, qa: &Quat, b: &Solid, qb: &Quat, c: &Vec3) -> (f64,
         return best;
     }
     // Apart: the least distance of features.
-    let mut nearest = (f64::INFINITY, Vec3::zeros());
+    let mut nearest = (f64::INFINITY, best.1);
     let mut take = |from: Vec3, to: Vec3| {
         let between = to - from;
         if between.norm() < nearest.0 {
-            nearest = (between.norm(), between.normalize());
+            nearest = (between.norm(), if between == Vec3::zeros() { best.1 } else { between.normalize() });
         }
     };
     for v in &vb {
@@ -117,6 +117,23 @@ pub fn separation(a: &Solid, qa: &Quat, b: &Solid, qb: &Quat, c: &Vec3) -> (f64,
         }
     }
     nearest
+}
+
+/// Signed distance of the point `c` from a solid and the direction to it; inside, through the nearest face.
+pub fn nearest_to(a: &Solid, q: &Quat, c: &Vec3) -> (f64, Vec3) {
+    let v = a.turned(q);
+    let planes = a.triangles.iter().map(|t| {
+        let [p, r, s] = t.map(|k| v[k as usize]);
+        let n = cross(&p, &r, &p, &s).normalize();
+        (n.dot(&(c - p)), n)
+    });
+    let inside = planes.max_by(|x, y| x.0.total_cmp(&y.0)).unwrap();
+    if inside.0 <= 0.0 {
+        return inside;
+    }
+    let points = a.triangles.iter().map(|t| on_triangle(c, &t.map(|k| v[k as usize])));
+    let point = points.min_by(|x, y| (x - c).norm().total_cmp(&(y - c).norm())).unwrap();
+    ((c - point).norm(), (c - point).normalize())
 }
 
 fn on_segment(p: &Vec3, a: &Vec3, b: &Vec3) -> Vec3 {

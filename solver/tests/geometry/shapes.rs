@@ -45,11 +45,13 @@ pub fn rock(random: &mut Random, count: usize, half_axes: Vec3) -> Solid {
     loop {
         let point = |random: &mut Random| {
             let p = random.direction() * random.between(0.8, 1.0);
-            Vector::new(p.x * half_axes.x, p.y * half_axes.y, p.z * half_axes.z)
+            Vector::new(p.x, p.y, p.z)
         };
         let points: Vec<Vector> = (0..count).map(|_| point(random)).collect();
         let (vertices, triangles) = parry3d_f64::transformation::convex_hull(&points);
-        let mut vertices: Vec<Vec3> = vertices.iter().map(|v| Vec3::new(v.x, v.y, v.z)).collect();
+        // Flattened afterwards: hulls of thin sets of points come out wrong.
+        let mut vertices: Vec<Vec3> =
+            vertices.iter().map(|v| Vec3::new(v.x, v.y, v.z).component_mul(&half_axes)).collect();
         let centre = vertices.iter().sum::<Vec3>() / vertices.len() as f64;
         vertices.iter_mut().for_each(|v| *v -= centre);
         // Sheets and needles of almost no volume come out of few points; the next draw is better.

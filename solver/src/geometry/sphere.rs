@@ -1,0 +1,82 @@
+//! A polyhedron against a sphere: the point of the polyhedron that is nearest to the centre.
+
+use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
+use crate::math::Vec3;
+
+/// Polyhedron A against a sphere of `radius` (m) at `c` = x_B - x_A, m; `None` where they are more than `alert` apart.
+///
+/// From a centre inside, through the nearest face. The sphere's feature is 0.
+///
+/// ```
+/// # use cd_solve::geometry::{Polyhedron, Posed, polyhedron_sphere, face};
+/// # use cd_solve::math::{Quat, Vec3};
+/// let cube = Polyhedron::cuboid(&Vec3::repeat(1.0));
+/// let mut posed = Posed::default();
+/// posed.pose(&cube, &Quat::identity());
+/// let found = polyhedron_sphere((&cube, &posed), &Vec3::new(0.2, 0.1, 1.75), 0.5, 1.0).unwrap();
+/// assert_eq!((found.normal, found.gap()), (-Vec3::z(), 0.25));
+/// assert_eq!(found.points[0].position, Vec3::new(0.2, 0.1, 1.125));
+/// ```
+pub fn polyhedron_sphere(a: (&Polyhedron, &Posed), c: &Vec3, radius: f64, alert: f64) -> Option<Manifold> {
+    let (shape, posed) = a;
+    let (mut nearest, mut height) = (0, f64::NEG_INFINITY);
+    for (f, plane) in shape.planes.iter().enumerate() {
+        let above = posed.normal(f as u32).dot(c) - plane.offset;
+        if above > height {
+            (nearest, height) = (f as u32, above);
+        }
+    }
+    if height - radius > alert {
+        return None;
+    }
+    let n = posed.normal(nearest);
+    let (n, distance, on_a, feature) = match nearest_beside_faces(shape, posed, c) {
+        Some((point, feature)) if height > 0.0 => {
+            let between = c - point;
+            let distance = between.norm();
+            (between / distance, distance, point, feature)
+        }
+        _ => (n, height, c - n * height, face(nearest)),
+    };
+    let gap = distance - radius;
+    let point = Point { position: on_a + n * (0.5 * gap), gap, features: (feature, 0) };
+    (gap <= alert).then(|| Manifold { normal: -n, points: [point].into_iter().collect(), area: 0.0 })
+}
+
+/// The nearest point on an edge or vertex, unless the centre is right above or below a face that it is in front of.
+fn nearest_beside_faces(shape: &Polyhedron, posed: &Posed, c: &Vec3) -> Option<(Vec3, u32)> {
+    let mut best: Option<(f64, Vec3, u32)> = None;
+    for (f, plane) in shape.planes.iter().enumerate() {
+        let n = posed.normal(f as u32);
+        if n.dot(c) - plane.offset <= 0.0 {
+            continue;
+        }
+        let (corners, sides) = (shape.corners(f), shape.sides(f));
+        let mut above = true;
+        for (k, &side) in sides.iter().enumerate() {
+            let from = posed.vertex(corners[k]);
+            let along = posed.vertex(corners[if k + 1 == corners.len() { 0 } else { k + 1 }]) - from;
+            // Outside of this side, seen along the normal: the nearest point may be on it.
+            if n.cross(&along).dot(&(c - from)) >= 0.0 {
+                continue;
+            }
+            above = false;
+            let share = (c - from).dot(&along) / along.norm_squared();
+            let (point, feature) = if share <= 0.0 {
+                (from, vertex(corners[k]))
+            } else if share >= 1.0 {
+                (from + along, vertex(corners[if k + 1 == corners.len() { 0 } else { k + 1 }]))
+            } else {
+                (from + along * share, edge(side))
+            };
+            let far = (c - point).norm_squared();
+            if best.is_none_or(|(least, ..)| far < least) {
+                best = Some((far, point, feature));
+            }
+        }
+        if above {
+            return None;
+        }
+    }
+    best.filter(|(far, ..)| *far > 0.0).map(|(_, point, feature)| (point, feature))
+}

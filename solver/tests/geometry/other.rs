@@ -1,0 +1,77 @@
+//! Spheres and plates against the nearest points by trying everything.
+
+use cd_solve::geometry::{Posed, polyhedron_plane, polyhedron_sphere};
+use cd_solve::math::Vec3;
+
+use crate::check;
+use crate::oracle::{nearest_to, separation};
+use crate::shapes::{Random, cuboid, regular, rock};
+
+#[test]
+fn spheres_touch_the_nearest_point() {
+    let mut random = Random(11);
+    for k in 0..10_000 {
+        let count = 4 + random.index(16);
+        let thin = [1.0, 0.3, 1e-3][random.index(3)];
+        let a = match k % 3 {
+            0 => cuboid(1.0, 0.7, thin),
+            1 => regular(7, thin),
+            _ => rock(&mut random, count, Vec3::new(1.0, 1.0, thin)),
+        };
+        let (q, radius) = (random.turn(), random.between(0.01, 2.0));
+        // Also right above vertices and edges, on the surface and inside.
+        let mut c = match random.index(4) {
+            0 => a.turned(&q)[random.index(a.vertices.len())] * [1.0, 1.0 + 1e-9, 1.3][random.index(3)],
+            1 => (a.turned(&q)[0] + a.turned(&q)[1]) * [0.5, 0.7][random.index(2)],
+            _ => random.direction() * random.between(0.0, 2.0),
+        };
+        if random.index(10) == 0 {
+            c *= 0.0;
+        }
+        let mut posed = Posed::default();
+        posed.pose(&a.shape, &q);
+        let alert = 0.1;
+        let (expected, n) = nearest_to(&a, &q, &c);
+        let Some(found) = polyhedron_sphere((&a.shape, &posed), &c, radius, alert) else {
+            assert!(expected - radius > alert - 1e-14, "{k}: {expected}");
+            continue;
+        };
+        check(&found, alert, 1.0 + radius, &|| format!("{k}"));
+        assert!((found.gap() - (expected - radius)).abs() < 1e-14, "{k}: {found:?}, expected {}", expected - radius);
+        // The direction between points that are that far apart.
+        if expected > 1e-6 {
+            assert!((found.normal + n).norm() < 1e-14 / expected, "{k}: {found:?} {n}");
+        }
+        let sphere_side = found.points[0].position - found.normal * (0.5 * found.points[0].gap);
+        assert!(((sphere_side - c).norm() - radius).abs() < 1e-14, "{k}: {found:?}");
+    }
+}
+
+#[test]
+fn plates_touch_as_cuboids_do() {
+    let mut random = Random(12);
+    for k in 0..2_000 {
+        let count = 4 + random.index(16);
+        let a = rock(&mut random, count, Vec3::new(1.0, 1.0, 0.6));
+        let half = Vec3::new(random.between(1.0, 20.0), random.between(1.0, 20.0), random.between(0.05, 2.0));
+        let plate = cuboid(half.x, half.y, half.z);
+        let (q, turn) = (random.turn(), random.turn());
+        let local = Vec3::new(
+            random.between(-1.1, 1.1) * half.x,
+            random.between(-1.1, 1.1) * half.y,
+            half.z + random.between(-0.5, 1.0),
+        );
+        let c = -(turn * local);
+        let mut posed = Posed::default();
+        posed.pose(&a.shape, &q);
+        let alert = 0.1;
+        let (expected, _) = separation(&a, &q, &plate, &turn, &c);
+        match polyhedron_plane((&a.shape, &posed), &c, &turn, &half, alert) {
+            None => assert!(expected > alert, "{k}: {expected}"),
+            Some(found) => {
+                check(&found, alert, 1.0 + half.norm(), &|| format!("{k}"));
+                assert!((found.gap() - expected).abs() < 1e-13, "{k}: {found:?}, expected {expected}");
+            }
+        }
+    }
+}
