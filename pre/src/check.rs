@@ -6,7 +6,8 @@ use nalgebra::Vector3;
 
 use crate::report::Report;
 use crate::scene::{
-    Envelope, Evolution, Grains, LawKind, Place, Radius, Rotation, Scene, Shape, Sizes, Standing, Wall,
+    ContactSurface, Envelope, Evolution, Grains, LawKind, Place, Radius, Rotation, Scaled, Scene, Shape, Sizes,
+    Standing, Wall,
 };
 use crate::sizes::{MOST_BODIES, normal_share};
 
@@ -125,8 +126,10 @@ fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
     match &grains.sizes {
         Some(sizes) => check_sizes(report, &format!("{path}.sizes"), sizes),
         None => {
-            let own = matches!(grains.shape, Shape::Box { .. } | Shape::Vertices(_));
-            report.expect(own, path, "no sizes", "sizes, or a shape with a size of its own (Box, Vertices)");
+            let own = matches!(grains.shape, Shape::Box { .. } | Shape::Vertices(_) | Shape::Model { .. });
+            let fragments = matches!(grains.place, Place::Fragments { .. });
+            let expected = "sizes, or a shape with a size of its own (Box, Vertices, Model)";
+            report.expect(own || fragments, path, "no sizes", expected);
         }
     }
     check_place(report, &format!("{path}.place"), &grains.place);
@@ -185,6 +188,20 @@ fn check_shape(report: &mut Report, path: &str, grains: &Grains) {
             let expected = format!("4 to {}", CORNERS.end());
             report.expect(fits, &shape, format!("{} vertices", vertices.len()), &expected);
         }
+        Shape::Model { file: _, scaled, contact } => {
+            check_scaled(report, &shape, scaled);
+            if let &ContactSurface::Pieces { most, concavity, vertices } = contact {
+                value(report, &shape, "concavity", concavity, (0.0..=1.0).contains(&concavity), "0 to 1");
+                let expected = format!("1 to {MOST_PIECES}");
+                report.expect((1..=MOST_PIECES).contains(&most), &shape, format!("most {most}"), &expected);
+                let expected = format!("8 to {}", CORNERS.end());
+                let fits = (8..=*CORNERS.end()).contains(&vertices);
+                report.expect(fits, &shape, format!("vertices {vertices}"), &expected);
+            }
+            if let ContactSurface::Files(files) = contact {
+                report.expect(!files.is_empty(), &shape, "no files of pieces", "at least one");
+            }
+        }
         Shape::Sphere => {
             let plain = grains.standing == Standing::default() && grains.radius == Radius::default();
             report.expect(plain, path, "standing or radius given for spheres", "neither: they are for polyhedra");
@@ -204,6 +221,19 @@ fn check_shape(report: &mut Report, path: &str, grains: &Grains) {
             report.expect(turns.len() == positions, &standing, found, "one for each listed position");
         }
     }
+}
+
+/// Voxels along a side are 64: more pieces would be dust.
+const MOST_PIECES: u32 = 1024;
+
+fn check_scaled(report: &mut Report, path: &str, scaled: &Scaled) {
+    let (name, x, expected) = match *scaled {
+        Scaled::Factor(x) => ("Factor", x, "a number > 0"),
+        Scaled::Volume(x) => ("Volume", x, "a volume > 0 m^3"),
+        Scaled::Radius(x) => ("Radius", x, "a radius > 0 m"),
+        Scaled::Length(x) => ("Length", x, "a length > 0 m"),
+    };
+    value(report, path, &format!("scaled {name}"), x, x > 0.0, expected);
 }
 
 fn check_sizes(report: &mut Report, path: &str, sizes: &Sizes) {
@@ -241,6 +271,9 @@ fn check_sizes(report: &mut Report, path: &str, sizes: &Sizes) {
     }
 }
 
+/// Cells hardly change after so many moves of their seeds.
+const MOST_MOVES: usize = 100;
+
 fn check_place(report: &mut Report, path: &str, place: &Place) {
     let (envelope, jitter) = match place {
         Place::List { positions, .. } => {
@@ -252,6 +285,11 @@ fn check_place(report: &mut Report, path: &str, place: &Place) {
         }
         Place::JitteredLattice { envelope, jitter } => (envelope, *jitter),
         Place::RandomSequential { envelope } => (envelope, 0.0),
+        Place::Fragments { envelope, relaxation } => {
+            let found = format!("relaxation {relaxation}");
+            report.expect(*relaxation <= MOST_MOVES, path, found, &format!("0 to {MOST_MOVES}"));
+            (envelope, 0.0)
+        }
     };
     value(report, path, "jitter", jitter, (0.0..=1.0).contains(&jitter), "0 to 1");
     let (lengths, name) = match *envelope {
@@ -260,6 +298,12 @@ fn check_place(report: &mut Report, path: &str, place: &Place) {
             (semi_axes.or(ratios), if semi_axes.is_some() { "semi_axes" } else { "ratios" })
         }
         Envelope::Box { lengths, ratios } => (lengths.or(ratios), if lengths.is_some() { "lengths" } else { "ratios" }),
+        Envelope::Model { ref scaled, .. } => {
+            if let Some(scaled) = scaled {
+                check_scaled(report, &format!("{path}.envelope"), scaled);
+            }
+            (None, "scaled")
+        }
     };
     if let Some(lengths) = lengths {
         let found = if name == "radius" { format!("{:?}", lengths[0]) } else { format!("{lengths:?}") };
@@ -272,6 +316,9 @@ fn check_place(report: &mut Report, path: &str, place: &Place) {
         report.fault(&format!("{path}.envelope"), "both its size and ratios", "one of them");
     }
 }
+
+/// Each fragment looks at the seeds of all others.
+const MOST_FRAGMENTS: usize = 20_000;
 
 /// Number, solid fraction and size of the envelope: two determine the third.
 fn check_amount(report: &mut Report, path: &str, grains: &Grains) {
@@ -314,10 +361,16 @@ fn check_amount(report: &mut Report, path: &str, grains: &Grains) {
     {
         report.fault(&format!("{path}.number"), format!("{number} for {count} listed radii"), "their number, or none");
     }
-    let sized = match &grains.place {
-        Place::JitteredLattice { envelope, .. } | Place::RandomSequential { envelope } => envelope.room().1,
-        Place::List { .. } => true,
-    };
+    let sized = grains.place.envelope().is_none_or(Envelope::sized);
+    if let Place::Fragments { .. } = grains.place {
+        let plain = grains.shape == Shape::Sphere && grains.sizes.is_none() && grains.solid_fraction.is_none();
+        let others = "shape, sizes or solid_fraction given for fragments";
+        report.expect(plain, path, others, "none of them: fragments fill the envelope");
+        let both = grains.number.is_some_and(|number| number <= MOST_FRAGMENTS) && sized;
+        let expected = format!("both, and at most {MOST_FRAGMENTS} fragments");
+        report.expect(both, path, "fragments without number or size of the envelope, or too many", &expected);
+        return;
+    }
     let given = [
         (grains.number.is_some() || listed.is_some(), "number"),
         (grains.solid_fraction.is_some(), "solid_fraction"),

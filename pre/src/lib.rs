@@ -138,7 +138,7 @@ pub fn read(source: &Path, text: &str) -> Result<(Scene, Population), Faults> {
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
-    let population = population::populate(&scene, &mut report);
+    let population = population::populate(&scene, source.parent().unwrap_or(Path::new("")), &mut report);
     report.faults.into_result((scene, population))
 }
 
@@ -161,6 +161,9 @@ fn summary(scene: &Scene, population: &Population) -> String {
     for (group, room) in population.rooms.iter().enumerate() {
         let grains: Vec<_> = population.grains.iter().filter(|grain| grain.group == group).collect();
         text += &line(format!("grains {}", group + 1), &grains);
+        if !population.told[group].is_empty() {
+            text += &format!(", {}", population.told[group]);
+        }
         if let Some(polyhedron) = grains.first().and_then(|grain| grain.polyhedron.as_ref())
             && scene.grains[group].shape.has_axes()
         {

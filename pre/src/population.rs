@@ -1,5 +1,7 @@
 //! The bodies that a scene asks for: grains and plates with their initial motion.
 
+use std::path::Path;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::place::cells::Cells;
@@ -9,7 +11,7 @@ use crate::random::{Purpose, Random};
 use crate::report::Report;
 use crate::scene::{Grains, Place, Scene};
 use crate::shapes::overlap::{Convex, depth};
-use crate::shapes::{Drawn, Polyhedron, Shapes};
+use crate::shapes::{Drawn, Polyhedron, Shapes, Wrong};
 use crate::sizes::MOST_BODIES;
 use crate::walls::{Plate, plates};
 use crate::{motion, sizes};
@@ -28,6 +30,8 @@ pub struct Population {
     pub plates: Vec<Plate>,
     /// The envelope of each body of grains.
     pub rooms: Vec<Option<Room>>,
+    /// What is to be told of the file of each body of grains, empty without one.
+    pub told: Vec<String>,
 }
 
 /// One sphere or polyhedron; numbers have the digits of the files.
@@ -77,18 +81,25 @@ impl Grain {
 }
 
 /// The bodies of a (checked) scene; what does not fit or overlaps goes into the report.
-pub fn populate(scene: &Scene, report: &mut Report) -> Population {
-    let mut population = Population { grains: Vec::new(), plates: plates(&scene.walls), rooms: Vec::new() };
+///
+/// Paths of files begin at `folder`.
+pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population {
+    let plates = plates(&scene.walls);
+    let mut population = Population { grains: Vec::new(), plates, rooms: Vec::new(), told: Vec::new() };
     for (group, grains) in scene.grains.iter().enumerate() {
-        let mut shapes = match Shapes::of(grains, scene.seed, group) {
-            Ok(shapes) => shapes,
-            Err(found) => {
-                report.fault(&format!("grains.{group}.shape"), found, "a shape that can be made");
-                continue;
+        let shapes = Shapes::of(grains, folder, scene.seed, group);
+        let shapes = shapes.map_err(|wrong| match wrong {
+            Wrong::File(faults) => report.faults.0.extend(faults.0),
+            Wrong::Shape(misfit) => {
+                report.fault(&format!("grains.{group}.shape"), misfit.to_string(), "a shape that can be made");
             }
-        };
-        match place::place(grains, &mut shapes, scene.seed, group) {
+        });
+        let room = grains.place.envelope().map(|envelope| envelope.room(folder)).transpose();
+        let room = room.map_err(|faults| report.faults.0.extend(faults.0));
+        let (Ok(mut shapes), Ok(room)) = (shapes, room) else { continue };
+        match place::place(grains, &mut shapes, room, scene.seed, group) {
             Ok(placed) => {
+                population.told.push(shapes.told().to_string());
                 population.rooms.push(placed.room.clone());
                 population.grains.extend(in_motion(scene, group, grains, placed));
             }

@@ -114,7 +114,7 @@ pub struct Grains {
     pub solid_fraction: Option<f64>,
     #[serde(default)]
     pub shape: Shape,
-    /// Left out for grains with a size of their own: `Box`, `Vertices`.
+    /// Left out for grains with a size of their own: `Box`, `Vertices`, `Model`, and `Fragments`.
     #[serde(default)]
     pub sizes: Option<Sizes>,
     /// Which radius of a polyhedron the sizes are.
@@ -178,6 +178,15 @@ pub enum Shape {
     },
     /// The convex hull of these points, m.
     Vertices(Vec<[f64; 3]>),
+    /// A surface from a file.
+    Model {
+        /// .obj, .stl, .vtk or .vtp; beside the scene if the path is not absolute.
+        file: String,
+        #[serde(default)]
+        scaled: Scaled,
+        #[serde(default)]
+        contact: ContactSurface,
+    },
 }
 
 fn equal() -> [f64; 3] {
@@ -186,6 +195,57 @@ fn equal() -> [f64; 3] {
 
 fn half() -> f64 {
     0.5
+}
+
+/// The size of a model.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Scaled {
+    /// So many times as large as in the file; 1000 for a file in km.
+    Factor(f64),
+    /// m^3
+    Volume(f64),
+    /// Of the sphere of equal volume, m.
+    Radius(f64),
+    /// The longest side of the box around it, along the axes of the file, m.
+    Length(f64),
+}
+
+impl Default for Scaled {
+    fn default() -> Self {
+        Scaled::Factor(1.0)
+    }
+}
+
+/// With what a model touches others.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum ContactSurface {
+    /// Its own surface, which must be convex.
+    #[default]
+    Whole,
+    /// Its convex hull, which is its solid too.
+    Hull,
+    /// Convex pieces that approximate it; mass and inertia are those of the surface itself.
+    Pieces {
+        most: u32,
+        /// How far pieces may be from convex, 0 to 1.
+        #[serde(default = "hundredth")]
+        concavity: f64,
+        /// Of each piece, at most.
+        #[serde(default = "sixty_four")]
+        vertices: usize,
+    },
+    /// Convex pieces in files of their own, in the axes of the model; mass and inertia as for `Pieces`.
+    Files(Vec<String>),
+}
+
+fn hundredth() -> f64 {
+    0.01
+}
+
+fn sixty_four() -> usize {
+    64
 }
 
 /// Which radius of a polyhedron a size is.
@@ -241,6 +301,13 @@ pub enum Place {
     },
     /// One after the other, largest first, anywhere in the envelope where there is room.
     RandomSequential { envelope: Envelope },
+    /// Convex fragments that fill a solid without gaps: the cells of points at random (Voronoi).
+    Fragments {
+        envelope: Envelope,
+        /// How often each point is moved to the centre of its cell, which makes fragments more alike.
+        #[serde(default)]
+        relaxation: usize,
+    },
     /// Positions relative to `centre`, m.
     List {
         positions: Vec<[f64; 3]>,
@@ -278,6 +345,13 @@ pub enum Envelope {
         /// Lengths to each other.
         #[serde(default)]
         ratios: Option<[f64; 3]>,
+    },
+    /// A closed surface from a file, its centre of mass at `centre`.
+    Model {
+        /// As in `Shape::Model`.
+        file: String,
+        #[serde(default)]
+        scaled: Option<Scaled>,
     },
 }
 
@@ -378,20 +452,6 @@ impl Default for Evolution {
     }
 }
 
-impl Shape {
-    /// Whether it is given in axes of its own, which need not be the principal ones.
-    pub fn has_axes(&self) -> bool {
-        matches!(self, Shape::Vertices(_))
-    }
-}
-
-impl Grains {
-    /// Whether they are polyhedra and no spheres.
-    pub fn polyhedral(&self) -> bool {
-        self.shape != Shape::Sphere
-    }
-}
-
 impl LawKind {
     /// LMGC90's name, and the parameters by name in the order of TACT_BEHAV.DAT.
     pub fn row(&self) -> (&'static str, Vec<(&'static str, f64)>) {
@@ -442,5 +502,30 @@ impl LawKind {
                 ],
             ),
         }
+    }
+}
+
+impl Shape {
+    /// Whether it is given in axes of its own, which need not be the principal ones.
+    pub fn has_axes(&self) -> bool {
+        matches!(self, Shape::Vertices(_) | Shape::Model { .. })
+    }
+}
+
+impl Place {
+    pub fn envelope(&self) -> Option<&Envelope> {
+        match self {
+            Place::JitteredLattice { envelope, .. }
+            | Place::RandomSequential { envelope }
+            | Place::Fragments { envelope, .. } => Some(envelope),
+            Place::List { .. } => None,
+        }
+    }
+}
+
+impl Grains {
+    /// Whether they are polyhedra and no spheres.
+    pub fn polyhedral(&self) -> bool {
+        self.shape != Shape::Sphere || matches!(self.place, Place::Fragments { .. })
     }
 }

@@ -259,9 +259,9 @@ fn shapes_and_how_they_stand() {
     at(
         shape,
         "shape: Cube,",
-        "6: grains 1: no sizes; expected sizes, or a shape with a size of its own (Box, Vertices)",
+        "6: grains 1: no sizes; expected sizes, or a shape with a size of its own (Box, Vertices, Model)",
     );
-    at(shape, "", "6: grains 1: no sizes; expected sizes, or a shape with a size of its own (Box, Vertices)");
+    at(shape, "", "6: grains 1: no sizes; expected sizes, or a shape with a size of its own (Box, Vertices, Model)");
     at(
         shape,
         "shape: Vertices([(0, 0, 0), (1, 0, 0), (0, NaN, 0)]),",

@@ -3,22 +3,29 @@
 //! | module | |
 //! |---|---|
 //! | [`room`] | ball, ellipsoid, box: volume, and what lies inside |
+//! | [`inside`] | a closed surface as a room |
 //! | [`lattice`] | sites of a face-centred cubic lattice |
 //! | [`sequential`] | one grain after the other at random |
+//! | [`fragments`] | a solid broken without gaps |
 //! | [`cells`] | neighbours, for grains of any mixture of sizes |
 
 pub mod cells;
+pub mod fragments;
+pub mod inside;
 pub mod lattice;
 pub mod room;
 pub mod sequential;
+
+use std::rc::Rc;
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::random::{Purpose, Random};
 use crate::scene::{Grains, Place, Rotation, Sizes};
-use crate::shapes::{Drawn, Shapes};
+use crate::shapes::{Drawn, Polyhedron, Shapes, Solid};
 use crate::sizes::{MOST_BODIES, Until};
 use crate::{round_point, round14, scene};
+use inside::Inside;
 use room::Room;
 
 /// Grains at rest; positions and radii have the digits of the files.
@@ -48,7 +55,14 @@ impl Misfit {
 ///
 /// Polyhedra are placed as the balls around them. Grains in an envelope come in Z-order, so that neighbours in space
 /// are near in number too. Errors: the envelope has no room for them.
-pub fn place(grains: &Grains, shapes: &mut Shapes, seed: u64, group: usize) -> Result<Placed, Misfit> {
+/// `room` is that of the envelope, if there is one.
+pub fn place(
+    grains: &Grains,
+    shapes: &mut Shapes,
+    room: Option<Room>,
+    seed: u64,
+    group: usize,
+) -> Result<Placed, Misfit> {
     let mut random = Random::new(seed, group, Purpose::Place);
     let turn = rotation(&grains.orientation);
     let centre = Vector3::from(grains.centre);
@@ -59,16 +73,21 @@ pub fn place(grains: &Grains, shapes: &mut Shapes, seed: u64, group: usize) -> R
         let in_order = matches!(grains.place, Place::List { .. });
         draw(grains.sizes.as_ref(), until, in_order, shapes, &mut Random::new(seed, group, Purpose::Sizes))
     };
-    let envelope = match &grains.place {
-        Place::List { positions, .. } => {
+    let (mut room, sized) = match (&grains.place, room) {
+        (Place::List { positions, .. }, _) => {
             let points = positions.iter().map(|&p| p.into()).collect();
             let grains = draw(Until::Number(positions.len()))?;
             return Ok(Placed { grains, positions: to_fixed_axes(points), room: None });
         }
-        Place::JitteredLattice { envelope, .. } | Place::RandomSequential { envelope } => envelope,
+        (Place::Fragments { relaxation, .. }, Some(room)) => {
+            return broken(&room, grains.number.unwrap_or(0), *relaxation, &turn, &centre, &mut random);
+        }
+        (Place::JitteredLattice { envelope, .. } | Place::RandomSequential { envelope }, Some(room)) => {
+            (room, envelope.sized())
+        }
+        (_, None) => return Err(Misfit { found: "no room".to_string(), expected: "an envelope" }),
     };
 
-    let (mut room, sized) = envelope.room();
     let until = match (grains.number, grains.solid_fraction) {
         (None, Some(share)) => Until::Volume(share * room.volume()),
         (number, _) => Until::Number(number.unwrap_or(0)),
@@ -90,6 +109,31 @@ pub fn place(grains: &Grains, shapes: &mut Shapes, seed: u64, group: usize) -> R
         _ => random_sequential(&room, &mut drawn, margin, &mut random)?,
     };
     Ok(Placed { grains: drawn, positions: to_fixed_axes(in_envelope), room: Some(room) })
+}
+
+/// The fragments of a solid where they are in it, the solid turned about its middle and moved to `centre`.
+fn broken(
+    room: &Room,
+    number: usize,
+    relaxation: usize,
+    turn: &Matrix3<f64>,
+    centre: &Vector3<f64>,
+    random: &mut Random,
+) -> Result<Placed, Misfit> {
+    let solid = fragments::solid(room, number).map_err(|misfit| Misfit::shape(misfit.to_string()))?;
+    let cells = fragments::fragments(&solid, number, relaxation, random).map_err(Misfit::shape)?;
+    let solids: Vec<Solid> = cells.iter().map(Solid::convex).collect();
+    let centres: Vec<Vector3<f64>> = solids.iter().map(|solid| solid.shift).collect();
+    let order = z_order(room, &centres);
+    let positions = order.iter().map(|&k| (turn * centres[k] + centre).map(round14)).collect();
+    let drawn = |k: usize| Drawn::of(Polyhedron::new(Rc::new(solids[k].clone()), 1.0, turn));
+    let grains = order.iter().map(|&k| drawn(k)).collect();
+    let room = if let Room::Inside(_) = room {
+        Room::Inside(Inside::new(&solid).map_err(Misfit::shape)?)
+    } else {
+        room.clone()
+    };
+    Ok(Placed { grains, positions, room: Some(room) })
 }
 
 /// Grains with their sizes, drawn one after the other; without `sizes` all of the shape's own.
@@ -216,7 +260,9 @@ mod tests {
     }
 
     fn spot(grains: &Grains, seed: u64, group: usize) -> Result<Placed, Misfit> {
-        place(grains, &mut Shapes::of(grains, seed, group).unwrap(), seed, group)
+        let folder = std::path::Path::new("");
+        let room = grains.place.envelope().map(|envelope| envelope.room(folder).unwrap());
+        place(grains, &mut Shapes::of(grains, folder, seed, group).unwrap(), room, seed, group)
     }
 
     fn filled(placed: &Placed) -> f64 {

@@ -1,8 +1,13 @@
 //! The room that a body of grains is put in, centred on the origin, its axes along the coordinates.
 
+use std::path::Path;
+
+use cd_formats::error::{Fault, Faults};
 use nalgebra::Vector3;
 
-use crate::scene::Envelope;
+use super::inside::Inside;
+use crate::scene::{Envelope, Scaled};
+use crate::shapes::model;
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum Room {
@@ -12,21 +17,36 @@ pub enum Room {
     Ellipsoid([f64; 3]),
     /// Half lengths, m.
     Box([f64; 3]),
+    Inside(Inside),
 }
 
 impl Envelope {
-    /// The room and whether its size is given; without one it has the right proportions only.
-    pub fn room(&self) -> (Room, bool) {
-        let half = |lengths: [f64; 3]| lengths.map(|length| 0.5 * length);
-        match *self {
-            Envelope::Ball { radius } => (Room::Ball(radius.unwrap_or(1.0)), radius.is_some()),
-            Envelope::Ellipsoid { semi_axes, ratios } => {
-                (Room::Ellipsoid(semi_axes.or(ratios).unwrap_or([1.0; 3])), semi_axes.is_some())
-            }
-            Envelope::Box { lengths, ratios } => {
-                (Room::Box(half(lengths.or(ratios).unwrap_or([2.0; 3]))), lengths.is_some())
-            }
+    /// Whether the size is given.
+    pub fn sized(&self) -> bool {
+        match self {
+            Envelope::Ball { radius } => radius.is_some(),
+            Envelope::Ellipsoid { semi_axes: lengths, .. } | Envelope::Box { lengths, .. } => lengths.is_some(),
+            Envelope::Model { scaled, .. } => scaled.is_some(),
         }
+    }
+
+    /// The room; without a size it has the right proportions only. `folder` is where paths of models begin.
+    ///
+    /// Errors: those of a model's file.
+    pub fn room(&self, folder: &Path) -> Result<Room, Faults> {
+        let half = |lengths: [f64; 3]| lengths.map(|length| 0.5 * length);
+        Ok(match self {
+            Envelope::Ball { radius } => Room::Ball(radius.unwrap_or(1.0)),
+            Envelope::Ellipsoid { semi_axes, ratios } => Room::Ellipsoid(semi_axes.or(*ratios).unwrap_or([1.0; 3])),
+            Envelope::Box { lengths, ratios } => Room::Box(half(lengths.or(*ratios).unwrap_or([2.0; 3]))),
+            Envelope::Model { file, scaled } => {
+                let read = model::surface(folder, file, scaled.unwrap_or(Scaled::Factor(1.0)))?;
+                let inside = Inside::new(&read.surface).map_err(|found| {
+                    Fault::new(&folder.join(file), None, "surface", found, "expected one with an inside")
+                })?;
+                Room::Inside(inside)
+            }
+        })
     }
 }
 
@@ -34,10 +54,11 @@ impl Room {
     /// m^3
     pub fn volume(&self) -> f64 {
         let product = |[a, b, c]: [f64; 3]| a * b * c;
-        match *self {
-            Room::Ball(radius) => crate::sizes::volume(radius),
-            Room::Ellipsoid(axes) => 4.0 / 3.0 * std::f64::consts::PI * product(axes),
-            Room::Box(halves) => 8.0 * product(halves),
+        match self {
+            Room::Ball(radius) => crate::sizes::volume(*radius),
+            Room::Ellipsoid(axes) => 4.0 / 3.0 * std::f64::consts::PI * product(*axes),
+            Room::Box(halves) => 8.0 * product(*halves),
+            Room::Inside(inside) => inside.volume(),
         }
     }
 
@@ -45,18 +66,20 @@ impl Room {
     pub fn scaled_to(&self, volume: f64) -> Room {
         let factor = libm::cbrt(volume / self.volume());
         let scaled = |lengths: [f64; 3]| lengths.map(|length| factor * length);
-        match *self {
+        match self {
             Room::Ball(radius) => Room::Ball(factor * radius),
-            Room::Ellipsoid(axes) => Room::Ellipsoid(scaled(axes)),
-            Room::Box(halves) => Room::Box(scaled(halves)),
+            Room::Ellipsoid(axes) => Room::Ellipsoid(scaled(*axes)),
+            Room::Box(halves) => Room::Box(scaled(*halves)),
+            Room::Inside(inside) => Room::Inside(inside.times(factor)),
         }
     }
 
     /// Half the lengths of the smallest box around the room, m.
     pub fn halves(&self) -> Vector3<f64> {
-        match *self {
-            Room::Ball(radius) => Vector3::repeat(radius),
-            Room::Ellipsoid(lengths) | Room::Box(lengths) => lengths.into(),
+        match self {
+            Room::Ball(radius) => Vector3::repeat(*radius),
+            Room::Ellipsoid(lengths) | Room::Box(lengths) => (*lengths).into(),
+            Room::Inside(inside) => inside.halves(),
         }
     }
 
@@ -66,6 +89,7 @@ impl Room {
             Room::Ball(room) => centre.norm() + radius <= *room,
             Room::Ellipsoid(axes) => ellipsoid_holds(axes, centre, radius),
             Room::Box(halves) => (0..3).all(|k| centre[k].abs() + radius <= halves[k]),
+            Room::Inside(inside) => inside.holds(centre, radius),
         }
     }
 }
@@ -73,10 +97,11 @@ impl Room {
 impl std::fmt::Display for Room {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let three = |[a, b, c]: [f64; 3]| format!("({a:.5}, {b:.5}, {c:.5})");
-        match *self {
+        match self {
             Room::Ball(radius) => write!(f, "a ball of radius {radius:.5} m"),
-            Room::Ellipsoid(axes) => write!(f, "an ellipsoid of semi-axes {} m", three(axes)),
+            Room::Ellipsoid(axes) => write!(f, "an ellipsoid of semi-axes {} m", three(*axes)),
             Room::Box(halves) => write!(f, "a box of lengths {} m", three(halves.map(|half| 2.0 * half))),
+            Room::Inside(inside) => write!(f, "a surface around {:.6e} m^3", inside.volume()),
         }
     }
 }

@@ -5,15 +5,20 @@
 //! | [`hull`] | convex hulls |
 //! | [`regular`] | regular solids, boxes, prisms |
 //! | [`rocks`] | convex polyhedra at random |
+//! | [`read`], [`model`] | surfaces from files: reading, size, convex pieces |
 //! | [`overlap`] | how deep convex solids are in each other |
 
 pub mod hull;
+pub mod model;
 pub mod overlap;
+pub mod read;
 pub mod regular;
 pub mod rocks;
 
+use std::path::Path;
 use std::rc::Rc;
 
+use cd_formats::error::Faults;
 use cd_formats::surface::Surface;
 use nalgebra::{Matrix3, Vector3};
 
@@ -176,29 +181,46 @@ pub struct Shapes {
     drawn: usize,
 }
 
+/// What is wrong with a shape: its points, or its file.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Wrong {
+    Shape(hull::Misfit),
+    File(Faults),
+}
+
 enum Source {
     Sphere,
-    Same(Rc<Solid>),
+    /// The solid, and what is to be told about it.
+    Same(Rc<Solid>, String),
     Rocks(rocks::Rocks),
 }
 
 impl Shapes {
-    /// Of a (checked) body of grains, the `group`-th of the scene. Errors: what is wrong with the shape.
-    pub fn of(grains: &Grains, seed: u64, group: usize) -> Result<Shapes, String> {
+    /// Of a (checked) body of grains, the `group`-th of the scene; paths of files begin at `folder`.
+    ///
+    /// Errors: what is wrong with the shape or its file.
+    pub fn of(grains: &Grains, folder: &Path, seed: u64, group: usize) -> Result<Shapes, Wrong> {
         let source = match &grains.shape {
             Shape::Sphere => Source::Sphere,
             &Shape::Random { vertices, ratios, angularity } => {
                 Source::Rocks(rocks::Rocks { vertices, ratios: ratios.into(), angularity })
             }
-            other => Source::Same(Rc::new(Solid::convex(&hull::convex(&regular::vertices(other))?))),
+            Shape::Model { file, scaled, contact } => {
+                let (solid, told) = model::solid(folder, file, *scaled, contact).map_err(Wrong::File)?;
+                Source::Same(Rc::new(solid), told)
+            }
+            other => {
+                let hull = hull::convex(&regular::vertices(other)).map_err(Wrong::Shape)?;
+                Source::Same(Rc::new(Solid::convex(&hull)), String::new())
+            }
         };
         let random = Random::new(seed, group, Purpose::Shape);
         Ok(Shapes { source, radius: grains.radius, standing: grains.standing.clone(), random, drawn: 0 })
     }
 
-    /// The solid that all grains are, if they are all the same.
-    pub fn solid(&self) -> Option<&Rc<Solid>> {
-        if let Source::Same(solid) = &self.source { Some(solid) } else { None }
+    /// What is to be told about the shape's file.
+    pub fn told(&self) -> &str {
+        if let Source::Same(_, told) = &self.source { told } else { "" }
     }
 
     /// The next grain, of the radius `size`, m, or of the shape's own size.
@@ -210,7 +232,7 @@ impl Shapes {
                 let radius = size.unwrap_or(1.0);
                 return Ok(Drawn { radius, reach: radius, polyhedron: None });
             }
-            Source::Same(solid) => solid.clone(),
+            Source::Same(solid, _) => solid.clone(),
             Source::Rocks(rocks) => Rc::new(rocks.draw(&mut self.random)?),
         };
         let turn = match &self.standing {

@@ -20,7 +20,7 @@ pub fn vertices(shape: &Shape) -> Vec<[f64; 3]> {
             ring(-slenderness).chain(ring(slenderness)).collect()
         }
         Shape::Vertices(vertices) => vertices.clone(),
-        Shape::Sphere | Shape::Random { .. } => Vec::new(),
+        Shape::Sphere | Shape::Random { .. } | Shape::Model { .. } => Vec::new(),
     }
 }
 

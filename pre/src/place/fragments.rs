@@ -1,0 +1,300 @@
+//! A solid broken into convex fragments without gaps: the cells of points at random (Voronoi 1908).
+
+use cd_formats::surface::Surface;
+use nalgebra::Vector3;
+use rustc_hash::FxHashMap;
+
+use super::room::Room;
+use crate::random::Random;
+use crate::shapes::hull::{self, Misfit};
+
+/// Vertices nearer to each other than this share of the solid's extent are one.
+const SAME: f64 = 1e-12;
+
+/// Points that are tried for one that lies in the solid.
+const ATTEMPTS: usize = 100_000;
+
+/// The solid that is to be broken, about its centre of mass in the axes of the room; a ball or an ellipsoid as a polyhedron of equal volume
+/// with faces enough for `number` fragments, a surface as its convex hull.
+pub fn solid(room: &Room, number: usize) -> Result<Surface, Misfit> {
+    let solid = match room {
+        Room::Ball(radius) => round([*radius; 3], number)?,
+        Room::Ellipsoid(axes) => round(*axes, number)?,
+        Room::Box(halves) => {
+            let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -halves[axis] } else { halves[axis] });
+            hull::convex(&(0..8).map(corner).collect::<Vec<_>>())?
+        }
+        Room::Inside(inside) => hull::convex(&inside.vertices())?,
+    };
+    let centre = Vector3::from(solid.mass_properties().centre);
+    let centred: Vec<[f64; 3]> = solid.vertices().iter().map(|&v| (Vector3::from(v) - centre).into()).collect();
+    surface(&centred, solid.triangles())
+}
+
+fn surface(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surface, Misfit> {
+    Surface::new(vertices, triangles).map_err(|faults| Misfit::Unsound(faults.join("; ")))
+}
+
+/// An ellipsoid: the points of a spiral on the sphere, about two for each fragment at the surface and at least 100.
+fn round(axes: [f64; 3], number: usize) -> Result<Surface, Misfit> {
+    // Of n cells in a ball about 4.8 n^(2/3) lie at the surface.
+    let count = (2.0 * 4.8 * libm::pow(number as f64, 2.0 / 3.0)).clamp(100.0, 20_000.0) as usize;
+    let unit = hull::convex(&spiral(count))?;
+    let factor = libm::cbrt(4.0 / 3.0 * std::f64::consts::PI / unit.volume());
+    let stretched: Vec<[f64; 3]> = unit.vertices().iter().map(|v| [0, 1, 2].map(|k| factor * axes[k] * v[k])).collect();
+    surface(&stretched, unit.triangles())
+}
+
+/// Points evenly spread on the sphere of radius 1: a spiral from pole to pole, turned by the golden angle
+/// (A. Gonzalez, Math. Geosci. 42, 2010).
+pub fn spiral(count: usize) -> Vec<[f64; 3]> {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let point = |k: usize| {
+        let z = 1.0 - (2.0 * k as f64 + 1.0) / count as f64;
+        let (sin, cos) = libm::sincos(golden * k as f64);
+        let ring = (1.0 - z * z).sqrt();
+        [ring * cos, ring * sin, z]
+    };
+    (0..count).map(point).collect()
+}
+
+/// `number` convex fragments that fill the convex `solid`: every point belongs to the seed that is nearest.
+///
+/// Seeds are drawn anywhere in the solid and then moved `relaxation` times to the centres of their cells (Lloyd 1982).
+///
+/// Errors: a cell that is no body.
+pub fn fragments(
+    solid: &Surface,
+    number: usize,
+    relaxation: usize,
+    random: &mut Random,
+) -> Result<Vec<Surface>, String> {
+    let extent = solid.vertices().iter().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
+    let planes: Vec<Plane> = solid
+        .triangles()
+        .iter()
+        .map(|t| {
+            let [a, b, c] = t.map(|k| Vector3::from(solid.vertices()[k as usize]));
+            let normal = (b - a).cross(&(c - a)).normalize();
+            Plane { normal, offset: normal.dot(&a) }
+        })
+        .collect();
+    let inside = |p: &Vector3<f64>| planes.iter().all(|plane| plane.above(p) < 0.0);
+    let mut seeds = Vec::with_capacity(number);
+    for _ in 0..number {
+        let seed = (0..ATTEMPTS).map(|_| extent * random.in_cube()).find(inside);
+        seeds.push(seed.ok_or("a body in which a million points at random find no place")?);
+    }
+    for _ in 0..relaxation {
+        let cells = cells(&planes, extent, &seeds)?;
+        seeds = cells.iter().map(|cell| cell.mass_properties().centre.into()).collect();
+    }
+    cells(&planes, extent, &seeds)
+}
+
+fn cells(planes: &[Plane], extent: f64, seeds: &[Vector3<f64>]) -> Result<Vec<Surface>, String> {
+    (0..seeds.len()).map(|k| cell(planes, extent, seeds, k)).collect()
+}
+
+/// What of the solid is nearer to seed `k` than to all others.
+fn cell(planes: &[Plane], extent: f64, seeds: &[Vector3<f64>], k: usize) -> Result<Surface, String> {
+    let seed = seeds[k];
+    let mut others: Vec<(f64, usize)> =
+        (0..seeds.len()).filter(|&j| j != k).map(|j| ((seeds[j] - seed).norm(), j)).collect();
+    others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    // Relative to the seed, so that small cells keep their digits.
+    let mut cell = Cell::cube(2.0 * extent);
+    for (distance, other) in others {
+        if 0.5 * distance > cell.reach() {
+            break; // nor do those farther away cut it
+        }
+        let normal = (seeds[other] - seed) / distance;
+        cell.cut(&Plane { normal, offset: 0.5 * distance }, SAME * extent);
+    }
+    for plane in planes {
+        cell.cut(&Plane { normal: plane.normal, offset: -plane.above(&seed) }, SAME * extent);
+    }
+    cell.surface(&seed)
+}
+
+/// Points x with normal.x < offset lie behind it.
+struct Plane {
+    normal: Vector3<f64>,
+    offset: f64,
+}
+
+impl Plane {
+    fn above(&self, point: &Vector3<f64>) -> f64 {
+        self.normal.dot(point) - self.offset
+    }
+}
+
+/// A convex polyhedron that is cut smaller and smaller.
+struct Cell {
+    vertices: Vec<Vector3<f64>>,
+    /// Vertices of each face, counter-clockwise seen from outside.
+    faces: Vec<Vec<usize>>,
+}
+
+impl Cell {
+    /// Half sides `half`, about the origin.
+    fn cube(half: f64) -> Cell {
+        let corner = |k: usize| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half } else { half });
+        let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        Cell { vertices: (0..8).map(corner).collect(), faces: faces.map(|face| face.to_vec()).into() }
+    }
+
+    fn reach(&self) -> f64 {
+        self.faces.iter().flatten().map(|&k| self.vertices[k].norm()).fold(0.0, f64::max)
+    }
+
+    /// Takes away what is above the plane; vertices within `same` of it stay.
+    fn cut(&mut self, plane: &Plane, same: f64) {
+        let heights: Vec<f64> = self.vertices.iter().map(|v| plane.above(v)).collect();
+        if self.faces.iter().flatten().all(|&k| heights[k] <= same) {
+            return;
+        }
+        // Where an edge crosses the plane, by its ends: both of its faces then have the same vertex there.
+        let mut crossings: FxHashMap<[usize; 2], usize> = FxHashMap::default();
+        let vertices = &mut self.vertices;
+        let mut crossing = |low: usize, high: usize| {
+            *crossings.entry([low, high]).or_insert_with(|| {
+                if heights[low].abs() <= same {
+                    return low;
+                }
+                let share = heights[low] / (heights[low] - heights[high]);
+                vertices.push(vertices[low] + (vertices[high] - vertices[low]) * share);
+                vertices.len() - 1
+            })
+        };
+        let mut cap: FxHashMap<usize, usize> = FxHashMap::default();
+        let mut faces = Vec::with_capacity(self.faces.len() + 1);
+        for face in &self.faces {
+            let mut kept = Vec::with_capacity(face.len() + 1);
+            let (mut leaves, mut enters) = (None, None);
+            for (i, &from) in face.iter().enumerate() {
+                let to = face[(i + 1) % face.len()];
+                match (heights[from] <= same, heights[to] <= same) {
+                    (true, true) => kept.push(from),
+                    (true, false) => {
+                        kept.push(from);
+                        let at = crossing(from, to);
+                        kept.push(at);
+                        leaves = Some(at);
+                    }
+                    (false, true) => {
+                        let at = crossing(to, from);
+                        kept.push(at);
+                        enters = Some(at);
+                    }
+                    (false, false) => {}
+                }
+            }
+            kept.dedup();
+            if kept.len() > 1 && kept.first() == kept.last() {
+                kept.pop();
+            }
+            // The face goes from `leaves` to `enters` along the plane, the cap the other way.
+            if let (Some(leaves), Some(enters)) = (leaves, enters)
+                && leaves != enters
+            {
+                cap.insert(enters, leaves);
+            }
+            if kept.len() > 2 {
+                faces.push(kept);
+            }
+        }
+        if let Some(&first) = cap.keys().min() {
+            let mut face = vec![first];
+            while let Some(&next) = cap.get(&face[face.len() - 1])
+                && next != first
+                && face.len() <= cap.len()
+            {
+                face.push(next);
+            }
+            if face.len() > 2 {
+                faces.push(face);
+            }
+        }
+        self.faces = faces;
+    }
+
+    /// Its surface, moved by `seed`.
+    fn surface(&self, seed: &Vector3<f64>) -> Result<Surface, String> {
+        let mut numbers: FxHashMap<usize, u32> = FxHashMap::default();
+        let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+        for face in &self.faces {
+            let face: Vec<u32> = face
+                .iter()
+                .map(|&k| {
+                    *numbers.entry(k).or_insert_with(|| {
+                        vertices.push((self.vertices[k] + seed).into());
+                        vertices.len() as u32 - 1
+                    })
+                })
+                .collect();
+            triangles.extend(face[1..].windows(2).map(|pair| [face[0], pair[0], pair[1]]));
+        }
+        Surface::new(&vertices, &triangles)
+            .map_err(|faults| format!("a fragment that is no body: {}", faults.join("; ")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Purpose;
+
+    fn broken(room: &Room, number: usize, relaxation: usize, seed: u64) -> (Surface, Vec<Surface>) {
+        let solid = solid(room, number).unwrap();
+        let fragments = fragments(&solid, number, relaxation, &mut Random::new(seed, 0, Purpose::Place)).unwrap();
+        (solid, fragments)
+    }
+
+    #[test]
+    fn fragments_fill_the_solid_and_are_convex() {
+        let rooms = [Room::Ball(100.0), Room::Ellipsoid([3.0, 2.0, 1.0]), Room::Box([0.5, 1.0, 0.01])];
+        for (k, room) in rooms.iter().enumerate() {
+            for (number, relaxation) in [(1, 0), (2, 0), (50, 0), (300, 0), (60, 5)] {
+                let (solid, fragments) = broken(room, number, relaxation, k as u64);
+                assert_eq!(fragments.len(), number);
+                let sum: f64 = fragments.iter().map(Surface::volume).sum();
+                // Round-off of a few hundred sums of some hundred terms.
+                assert!((sum / solid.volume() - 1.0).abs() < 1e-12, "{room}, {number}: {sum} {}", solid.volume());
+                assert!((solid.volume() / room.volume() - 1.0).abs() < 1e-12, "{room}");
+                assert!(fragments.iter().all(|fragment| fragment.is_convex(1e-11)), "{room}, {number}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_point_lies_in_the_fragment_of_its_nearest_seed() {
+        // Two seeds: a box cut in two by the plane half-way between them.
+        let solid = solid(&Room::Box([1.0, 1.0, 1.0]), 2).unwrap();
+        let planes: Vec<Plane> = (0..6)
+            .map(|k| Plane {
+                normal: Vector3::from_fn(
+                    |axis, _| if axis == k / 2 { if k % 2 == 0 { 1.0 } else { -1.0 } } else { 0.0 },
+                ),
+                offset: 1.0,
+            })
+            .collect();
+        let seeds = [Vector3::new(-0.5, 0.0, 0.0), Vector3::new(0.9, 0.0, 0.0)];
+        let cells = cells(&planes, 3f64.sqrt(), &seeds).unwrap();
+        // The plane x = 0.2.
+        assert!((cells[0].volume() - 4.8).abs() < 1e-14 && (cells[1].volume() - 3.2).abs() < 1e-14);
+        assert!((cells[0].mass_properties().centre[0] + 0.4).abs() < 1e-15);
+        assert!((solid.volume() - 8.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn relaxed_fragments_are_more_alike() {
+        let spread = |relaxation| {
+            let (solid, fragments) = broken(&Room::Ball(1.0), 100, relaxation, 4);
+            let mean = solid.volume() / 100.0;
+            (fragments.iter().map(|f| (f.volume() / mean - 1.0).powi(2)).sum::<f64>() / 100.0).sqrt()
+        };
+        // Cells of points at random: 0.42 (E. N. Gilbert, Ann. Math. Stat. 33, 1962); after a few moves far less.
+        assert!(spread(0) > 0.3 && spread(5) < 0.5 * spread(0), "{} {}", spread(0), spread(5));
+    }
+}

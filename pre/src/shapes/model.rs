@@ -1,0 +1,166 @@
+//! Models: surfaces from files at their size, as grains and as rooms.
+
+use std::path::Path;
+
+use cd_formats::error::{Fault, Faults};
+use cd_formats::surface::Surface;
+use parry3d_f64::math::Vector as Point;
+use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
+use parry3d_f64::transformation::voxelization::FillMode;
+
+use crate::place::fragments::spiral;
+use crate::scene::{ContactSurface, Scaled};
+use crate::shapes::hull::Misfit;
+use crate::shapes::read::{self, Read};
+use crate::shapes::{Solid, hull};
+
+/// A surface counts as convex if its vertices may move by this share of its extent: files have seven digits.
+const CONVEX: f64 = 1e-6;
+
+/// Voxels along the longest side on which pieces are found.
+const RESOLUTION: u32 = 64;
+
+/// Pieces below this share of the volume are left out: shavings.
+const SHAVING: f64 = 1e-6;
+
+/// The surface of a file at its size. Errors: those of [`read::surface`].
+pub fn surface(folder: &Path, file: &str, scaled: Scaled) -> Result<Read, Faults> {
+    let Read { surface, turned } = read::surface(&folder.join(file))?;
+    let factor = factor(&surface, scaled);
+    Ok(Read { surface: times(&surface, factor), turned })
+}
+
+/// How many times as large as in the file.
+fn factor(surface: &Surface, scaled: Scaled) -> f64 {
+    match scaled {
+        Scaled::Factor(factor) => factor,
+        Scaled::Volume(volume) => libm::cbrt(volume / surface.volume()),
+        Scaled::Radius(radius) => radius / Solid::convex(surface).radius(),
+        Scaled::Length(length) => {
+            let side = |k: usize| {
+                let of = |start: f64, choose: fn(f64, f64) -> f64| {
+                    surface.vertices().iter().map(|v| v[k]).fold(start, choose)
+                };
+                of(f64::NEG_INFINITY, f64::max) - of(f64::INFINITY, f64::min)
+            };
+            length / side(0).max(side(1)).max(side(2))
+        }
+    }
+}
+
+fn times(surface: &Surface, factor: f64) -> Surface {
+    if factor == 1.0 {
+        return surface.clone();
+    }
+    let vertices: Vec<[f64; 3]> = surface.vertices().iter().map(|v| v.map(|x| factor * x)).collect();
+    Surface::new(&vertices, surface.triangles()).expect("a sound surface stays so at another size")
+}
+
+/// The solid of a model, and what is to be told about it.
+pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface) -> Result<(Solid, String), Faults> {
+    let path = folder.join(file);
+    let refuse =
+        |object: &str, found: String, expected: &str| Faults::from(Fault::new(&path, None, object, found, expected));
+    let read = read::surface(&path)?;
+    let factor = factor(&read.surface, scaled);
+    let whole = times(&read.surface, factor);
+    let mut told = told(file, &whole, read.turned);
+    let solid = match contact {
+        ContactSurface::Whole => {
+            if !whole.is_convex(CONVEX) {
+                let expected = "expected a convex one, or contact: Hull, Pieces(...) or Files([...])";
+                return Err(refuse("surface", "it is not convex".to_string(), expected));
+            }
+            Solid::convex(&whole)
+        }
+        ContactSurface::Hull => {
+            let hull = hull::convex(whole.vertices());
+            let hull = hull.map_err(|misfit| refuse("hull", misfit.to_string(), "expected a body"))?;
+            told += &format!(", of which the hull has {:.4} times the volume", hull.volume() / whole.volume());
+            Solid::convex(&hull)
+        }
+        &ContactSurface::Pieces { most, concavity, vertices } => {
+            let pieces = decompose(&whole, most, concavity, vertices);
+            let pieces = pieces.map_err(|misfit| refuse("pieces", misfit.to_string(), "expected a body"))?;
+            if pieces.is_empty() {
+                return Err(refuse("pieces", "none was found".to_string(), "expected a body that has convex pieces"));
+            }
+            told += &covered(&whole, &pieces);
+            Solid::new(&whole, &pieces)
+        }
+        ContactSurface::Files(files) => {
+            let mut faults = Faults::default();
+            let mut pieces = Vec::new();
+            for file in files {
+                let path = folder.join(file);
+                if let Some(read) = faults.gather(read::surface(&path)) {
+                    if !read.surface.is_convex(CONVEX) {
+                        faults.push(Fault::new(&path, None, "surface", "it is not convex", "expected convex pieces"));
+                    }
+                    pieces.push(times(&read.surface, factor));
+                }
+            }
+            faults.into_result(())?;
+            told += &covered(&whole, &pieces);
+            Solid::new(&whole, &pieces)
+        }
+    };
+    Ok((solid, told))
+}
+
+fn told(file: &str, whole: &Surface, turned: usize) -> String {
+    let (vertices, triangles) = (whole.vertices().len(), whole.triangles().len());
+    let turned = if turned == 0 { String::new() } else { format!(", {turned} of them turned to point outward") };
+    format!("{file}: {vertices} vertices, {triangles} triangles{turned}, {:.6e} m^3", whole.volume())
+}
+
+fn covered(whole: &Surface, pieces: &[Surface]) -> String {
+    let sum: f64 = pieces.iter().map(Surface::volume).sum();
+    format!(", {} convex pieces, together {:.4} of its volume", pieces.len(), sum / whole.volume())
+}
+
+/// At most `most` convex pieces that approximate the inside of `whole` (K. Mamou, Volumetric hierarchical approximate
+/// convex decomposition, 2016, by parry): hulls of what of the surface lies in each, of at most `vertices` vertices.
+fn decompose(whole: &Surface, most: u32, concavity: f64, vertices: usize) -> Result<Vec<Surface>, Misfit> {
+    // In a frame in which the surface has size 1 about its centre.
+    let properties = whole.mass_properties();
+    let [x, y, z] = properties.centre;
+    let size = libm::cbrt(properties.volume);
+    let point = |v: &[f64; 3]| Point::new((v[0] - x) / size, (v[1] - y) / size, (v[2] - z) / size);
+    let points: Vec<Point> = whole.vertices().iter().map(point).collect();
+    let parameters = VHACDParameters {
+        concavity,
+        max_convex_hulls: most,
+        resolution: RESOLUTION,
+        fill_mode: FillMode::FloodFill { detect_cavities: false },
+        ..VHACDParameters::default()
+    };
+    let parts = VHACD::decompose(&parameters, &points, whole.triangles(), true);
+    let mut pieces = Vec::new();
+    for part in parts.compute_primitive_intersections(&points, whole.triangles()) {
+        let part: Vec<[f64; 3]> = part.iter().map(|p| [x + size * p.x, y + size * p.y, z + size * p.z]).collect();
+        match hull::convex(&part).and_then(|piece| fewer(piece, vertices)) {
+            Ok(piece) if piece.volume() > SHAVING * properties.volume => pieces.push(piece),
+            Ok(_) | Err(Misfit::Flat) => {}
+            Err(misfit) => return Err(misfit),
+        }
+    }
+    Ok(pieces)
+}
+
+/// The hull of the vertices that reach farthest along so many directions, evenly spread, if it has more.
+fn fewer(piece: Surface, vertices: usize) -> Result<Surface, Misfit> {
+    if piece.vertices().len() <= vertices {
+        return Ok(piece);
+    }
+    let mut kept: Vec<[f64; 3]> = Vec::with_capacity(vertices);
+    for [x, y, z] in spiral(vertices) {
+        let along = |v: &&[f64; 3]| x * v[0] + y * v[1] + z * v[2];
+        if let Some(&farthest) = piece.vertices().iter().max_by(|a, b| along(a).total_cmp(&along(b)))
+            && !kept.contains(&farthest)
+        {
+            kept.push(farthest);
+        }
+    }
+    hull::convex(&kept)
+}
