@@ -17,7 +17,7 @@ import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-DRIVEN_ALL, PLANE = 63, 1
+DRIVEN_ALL, PLANE, POLYHEDRON = 63, 1, 2
 ROUNDING = 1e-13  # of the largest sum of absolute terms: a few hundred roundings
 
 faults = []
@@ -60,6 +60,12 @@ class Polydata:
             for a in (data.GetPointData(), data.GetCellData())
         )
 
+    def polygons(self):
+        """Point numbers of each polygon."""
+        cells = self.data.GetPolys()
+        ends = vtk_to_numpy(cells.GetOffsetsArray())
+        return np.split(vtk_to_numpy(cells.GetConnectivityArray()), ends[1:-1]) if cells.GetNumberOfCells() else []
+
     def cells(self, kind, size):
         """Point numbers of the cells of one kind, all of `size` points."""
         cells = getattr(self.data, f"Get{kind}")()
@@ -78,12 +84,30 @@ def rotation(q):
     ])
 
 
+def polyhedra(path):
+    """The vertices of the polyhedra of each body in BODIES.DAT, one array for all its contactors."""
+    vertices, number = {}, 0
+    for line in path.read_text().splitlines():
+        if line.startswith("$bdyty"):
+            number += 1
+        elif line[1:6] == "POLYR":
+            left = int(line[39:47])
+            vertices.setdefault(number, [])
+        elif number in vertices and left and "coo1=" in line:
+            vertices[number].append([float(line[k:k + 14].replace("D", "E")) for k in (34, 55, 76)])
+            left -= 1
+    return {number: np.array(rows) for number, rows in vertices.items()}
+
+
 class Snapshot:
     """The arrays of a snapshot, bodies split into grains and walls as cd-post does."""
 
     def __init__(self, path):
         self.all = {name: array for name, array in np.load(path).items()}
         self.meta = json.loads(self.all.pop("meta").tobytes())
+        bodies = path.parent.parent / "DATBOX" / "BODIES.DAT"
+        counts = [body.count(" POLYR ") for body in bodies.read_text().split("$bdyty")]
+        self.single = [count == 1 for count in counts]  # by number of the body
         self.wall = (self["body_driven"] == DRIVEN_ALL) | (self["body_shape"] == PLANE)
         self.rows = np.flatnonzero(~self.wall)  # row of each grain
         self.number = np.full(len(self.wall), -1)
@@ -105,15 +129,44 @@ class Snapshot:
 
 def check_grains(path, snapshot):
     file, s = Polydata(path), snapshot
+    check(f"{path.name} points", file.points, s.grain("x"))
+    check(f"{path.name} vertices", file.cells("Verts", 1)[:, 0], np.arange(len(s.rows)))
+    check_arrays(path, s, file.point, np.arange(len(s.rows)))
+
+
+def check_polyhedra(path, snapshot):
+    """Vertices from BODIES.DAT where the snapshot has their bodies; closed surfaces around the bodies' volumes."""
+    file, s = Polydata(path), snapshot
+    solids = polyhedra(path.parent.parent / "DATBOX" / "BODIES.DAT")
+    grains = np.flatnonzero(s.grain("shape") == POLYHEDRON)
+    placed = [s.grain("x")[k] + solids[s.grain("id")[k]] @ rotation(s.grain("q")[k]).T for k in grains]
+    # The digits of BODIES.DAT, in which the vertices are centred.
+    scale = 1e4 * max(np.abs(p).max() for p in placed)
+    check(f"{path.name} points", file.points, np.concatenate(placed), scale)
+    ends = np.cumsum([len(p) for p in placed])
+    owner, volume = [], np.zeros(len(grains))
+    for polygon in file.polygons():
+        k = np.searchsorted(ends, polygon[0], side="right")
+        corners = file.points[polygon] - s.grain("x")[grains[k]]
+        for a, b in zip(corners[1:-1], corners[2:]):
+            volume[k] += np.dot(corners[0], np.cross(a, b)) / 6
+        owner.append(k)
+    single = np.array([1.0 if s.single[s.grain("id")[grains[k]]] else 0.0 for k in range(len(grains))])
+    expected = 4 / 3 * np.pi * s.grain("radius")[grains] ** 3
+    check(f"{path.name} volumes", volume * single, expected * single, 1e6 * expected)
+    check_arrays(path, s, file.cell, grains[owner])
+
+
+def check_arrays(path, s, found, rows):
+    """What is known of grains: the arrays `found` have the grains `rows`, once for each."""
     count = len(s.rows)
+    find = lambda name: found.get(name, [])
     exact = {
         "radius": "radius", "id": "id", "velocity": "v", "spin": "w_world", "material": "material", "colour": "colour",
         "mass": "mass",
     }
     for name, array in exact.items():
-        check(f"{path.name} {name}", file.point.get(name, []), s.grain(array))
-    check(f"{path.name} points", file.points, s.grain("x"))
-    check(f"{path.name} vertices", file.cells("Verts", 1)[:, 0], np.arange(count))
+        check(f"{path.name} {name}", find(name), s.grain(array)[rows])
 
     contacts, stress, scale = np.zeros(count, int), np.zeros((count, 3, 3)), np.zeros(count)
     half_way = s.grain("x") - s.meta["parameters"]["theta"] * s.meta["h"] * s.grain("v")
@@ -125,15 +178,32 @@ def check_grains(path, snapshot):
             contacts[i] += 1
             stress[i] += sign * np.outer(s.force[k], arm) / volume[i]
             scale[i] += np.linalg.norm(s.force[k]) * np.linalg.norm(arm) / volume[i]
-    check(f"{path.name} contacts", file.point.get("contacts", []), contacts)
-    check(f"{path.name} stress", file.point.get("stress", []), stress.reshape(count, 9), scale)
-    check(f"{path.name} pressure", file.point.get("pressure", []), np.trace(stress, axis1=1, axis2=2) / 3, scale)
+    check(f"{path.name} contacts", find("contacts"), contacts[rows])
+    check(f"{path.name} stress", find("stress"), stress.reshape(count, 9)[rows], scale)
+    check(f"{path.name} pressure", find("pressure"), np.trace(stress, axis1=1, axis2=2)[rows] / 3, scale)
+    pairs = {tuple(sorted(pair)) for pair in s["contact_body"][s.active]}
+    neighbours = np.array([sum(row in pair for pair in pairs) for row in s.rows], int).reshape(count)
+    check(f"{path.name} neighbours", find("neighbours"), neighbours[rows])
+    # Grains that touch with force are in one fragment, and heavier fragments have lower numbers.
+    fragment = np.full(count, -1)
+    fragment[rows] = find("fragment")
+    drawn = set(rows)
+    for a, b in pairs:
+        a, b = s.number[a], s.number[b]
+        if a in drawn and b in drawn and fragment[a] != fragment[b]:
+            faults.append(f"{path.name} fragment: grains {a} and {b} touch, but are in {fragment[a]} and {fragment[b]}")
+    if len(drawn) == count:
+        masses = np.bincount(fragment, s.grain("mass")) if count else np.zeros(0)
+        check(f"{path.name} fragment", masses, np.sort(masses)[::-1])
+    turns = find("orientation")
+    check(f"{path.name} orientation", turns, s.grain("q")[rows], np.ones(1))
 
     # Angular velocity to the body's frame, where the inertia is diagonal.
     spin = np.array([rotation(q).T @ w for q, w in zip(s.grain("q"), s.grain("w_world"))]).reshape(count, 3)
     energy = 0.5 * (s.grain("mass") * (s.grain("v") ** 2).sum(1) + (s.grain("inertia") * spin**2).sum(1))
-    check(f"{path.name} kinetic_energy", file.point.get("kinetic_energy", []), energy, energy)
-    unknown = set(file.point) - set(exact) - {"contacts", "stress", "pressure", "kinetic_energy"}
+    check(f"{path.name} kinetic_energy", find("kinetic_energy"), energy[rows], energy)
+    sums = {"contacts", "stress", "pressure", "kinetic_energy", "neighbours", "fragment", "orientation"}
+    unknown = set(found) - set(exact) - sums
     if unknown:
         faults.append(f"{path.name}: arrays that are not checked: {sorted(unknown)}")
 
@@ -173,7 +243,7 @@ def check_walls(path, snapshot):
     check(f"{path.name} id", file.cell.get("id", []), [s["body_id"][r] for r in balls + [p for p in plates for _ in range(6)]])
     check(f"{path.name} balls", file.points[file.cells("Verts", 1)[:, 0]], s["body_x"][balls])
     check(f"{path.name} radius", file.point["radius"][file.cells("Verts", 1)[:, 0]], s["body_radius"][balls])
-    faces = file.points[file.cells("Polys", 4)].reshape(-1, 6, 4, 3)
+    faces = file.points[file.cells("Polys", 4)].reshape(-1, 6, 4, 3)  # driven polyhedra are not among these cases
     for row, plate in zip(plates, faces):
         half = s["body_half_lengths"][row]
         local = (plate - s["body_x"][row]) @ rotation(s["body_q"][row])
@@ -193,9 +263,9 @@ def main():
         sys.exit(__doc__)
     case = Path(sys.argv[1])
     checked = 0
-    for kind, compare in (("grains", check_grains), ("contacts", check_contacts), ("walls", check_walls)):
+    for kind, compare in (("grains", check_grains), ("polyhedra", check_polyhedra), ("contacts", check_contacts), ("walls", check_walls)):
         pvd = case / "DISPLAY" / f"{kind}.pvd"
-        if kind == "walls" and not pvd.exists():
+        if kind in ("walls", "polyhedra") and not pvd.exists():
             continue
         for time, path in collection(pvd):
             snapshot = Snapshot(case / "OUTBOX" / f"snapshot-{path.stem.split('-')[1]}.npz")

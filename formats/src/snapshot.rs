@@ -25,6 +25,8 @@ pub const FORMAT: u32 = 1;
 /// What [`BodyArrays::body_shape`] holds.
 pub const SHAPE_SPHERE: u8 = 0;
 pub const SHAPE_PLANE: u8 = 1;
+/// One or more polyhedra; BODIES.DAT has the vertices.
+pub const SHAPE_PARTS: u8 = 2;
 
 /// [`BodyArrays::body_driven`] of a body with all six components of its velocity imposed: a wall.
 pub const DRIVEN_ALL: u8 = 0b11_1111;
@@ -221,7 +223,7 @@ arrays! {
         body_radius: f64,
         /// Half lengths of a plane along its axes, m; of a sphere, its radius three times
         body_half_lengths: [f64; 3],
-        /// 0 sphere, 1 plane
+        /// 0 sphere, 1 plane, 2 one or more polyhedra
         body_shape: u8,
         /// Bit k set: velocity component k is imposed; 63 is a wall
         body_driven: u8,

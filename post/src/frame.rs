@@ -1,10 +1,13 @@
 //! A snapshot as the observables see it: grains and walls apart, contacts in the world's frame.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, Meta, SHAPE_PLANE, Snapshot};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+
+use crate::shapes::{self, Solid};
 
 pub type Vec3 = Vector3<f64>;
 pub type Mat3 = Matrix3<f64>;
@@ -37,18 +40,33 @@ pub struct Grain {
     pub mass: f64,
     /// Tensor of inertia about the centre of mass in the world's frame, kg m^2.
     pub inertia: Mat3,
-    /// Radius of the sphere of equal volume, m.
+    /// Radius of the sphere of equal volume, m: the sphere's own.
     pub radius: f64,
     /// Index into [`Meta::colours`].
     pub colour: u16,
     /// Index into [`Meta::materials`].
     pub material: u16,
+    /// From the body's frame to the world's.
+    pub rotation: UnitQuaternion<f64>,
+    /// None for a sphere.
+    pub solid: Option<Arc<Solid>>,
 }
 
 impl Grain {
     /// m^3
     pub fn volume(&self) -> f64 {
         4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3)
+    }
+
+    /// Of the ball about the centre of mass that holds the grain, m.
+    pub fn reach(&self) -> f64 {
+        self.solid.as_ref().map_or(self.radius, |solid| solid.reach())
+    }
+
+    /// The vertices of a polyhedron where they are, m; none of a sphere.
+    pub fn vertices(&self) -> impl Iterator<Item = Vec3> {
+        let solid = self.solid.as_deref();
+        solid.into_iter().flat_map(|solid| &solid.vertices).map(|v| self.x + self.rotation * v)
     }
 }
 
@@ -65,16 +83,17 @@ pub struct Wall {
     pub shape: WallShape,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum WallShape {
     /// Half lengths along the body's axes, m.
     Plate(Vec3),
     /// Radius, m.
     Ball(f64),
+    Polyhedron(Arc<Solid>),
 }
 
 /// One side of a contact: index into [`Frame::grains`] or [`Frame::walls`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Side {
     Grain(usize),
     Wall(usize),
@@ -118,6 +137,11 @@ impl Contact {
         Some((self.candidate.grain()?, self.antagonist.grain()?))
     }
 
+    /// Candidate and antagonist.
+    pub fn sides(&self) -> impl Iterator<Item = Side> {
+        [self.candidate, self.antagonist].into_iter()
+    }
+
     /// Each grain of the contact with the force on it, N.
     pub fn forces_on_grains(&self) -> impl Iterator<Item = (usize, Vec3)> {
         [(self.candidate, self.force), (self.antagonist, -self.force)]
@@ -129,8 +153,8 @@ impl Contact {
 impl Frame {
     /// Reads a snapshot and takes it apart.
     ///
-    /// Errors: those of [`Snapshot::read`], and each body or contact with a number that is not
-    /// finite or a mass, radius or step that is out of range.
+    /// Errors: those of [`Snapshot::read`], each body or contact with a number that is not
+    /// finite or a mass, radius or step that is out of range, and polyhedra that BODIES.DAT has not.
     pub fn read(path: &Path) -> Result<Frame, Faults> {
         let snapshot = Snapshot::read(path)?;
         let mut faults = Faults::default();
@@ -138,21 +162,30 @@ impl Frame {
             faults.push(Fault::new(path, None, object, found, expected));
         }
         faults.into_result(())?;
-        Ok(Frame::of(snapshot))
+        let solids = shapes::of(path, &snapshot.bodies)?;
+        Ok(Frame::with(snapshot, solids))
     }
 
-    /// Takes a sound snapshot apart.
+    /// Takes a sound snapshot without polyhedra apart.
     pub fn of(snapshot: Snapshot) -> Frame {
+        Frame::with(snapshot, Vec::new())
+    }
+
+    /// Takes a sound snapshot apart; `solids` has the polyhedron of each body, the rest are none.
+    pub fn with(snapshot: Snapshot, mut solids: Vec<Option<Arc<Solid>>>) -> Frame {
+        solids.resize(snapshot.bodies.body_id.len(), None);
         let Snapshot { meta, bodies, contacts, .. } = snapshot;
         let to_contact = -meta.parameters.theta * meta.h;
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
-        let sides: Vec<Side> = (0..bodies.body_id.len())
-            .map(|row| {
+        let sides: Vec<Side> = solids
+            .into_iter()
+            .enumerate()
+            .map(|(row, solid)| {
                 if is_wall(&bodies, row) {
-                    walls.push(wall(&bodies, row));
+                    walls.push(wall(&bodies, row, solid));
                     Side::Wall(walls.len() - 1)
                 } else {
-                    grains.push(grain(&bodies, row, to_contact));
+                    grains.push(grain(&bodies, row, to_contact, solid));
                     Side::Grain(grains.len() - 1)
                 }
             })
@@ -200,7 +233,7 @@ fn rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
 }
 
-fn grain(bodies: &BodyArrays, row: usize, to_contact: f64) -> Grain {
+fn grain(bodies: &BodyArrays, row: usize, to_contact: f64, solid: Option<Arc<Solid>>) -> Grain {
     let (x, v) = (Vec3::from(bodies.body_x[row]), Vec3::from(bodies.body_v[row]));
     let [j1, j2, j3] = bodies.body_inertia[row];
     // Equal moments need no rotation, and keep their digits without one.
@@ -221,13 +254,16 @@ fn grain(bodies: &BodyArrays, row: usize, to_contact: f64) -> Grain {
         radius: bodies.body_radius[row],
         colour: bodies.body_colour[row],
         material: bodies.body_material[row],
+        rotation: rotation(bodies, row),
+        solid,
     }
 }
 
-fn wall(bodies: &BodyArrays, row: usize) -> Wall {
-    let shape = match bodies.body_shape[row] {
-        SHAPE_PLANE => WallShape::Plate(bodies.body_half_lengths[row].into()),
-        _ => WallShape::Ball(bodies.body_radius[row]),
+fn wall(bodies: &BodyArrays, row: usize, solid: Option<Arc<Solid>>) -> Wall {
+    let shape = match (solid, bodies.body_shape[row]) {
+        (Some(solid), _) => WallShape::Polyhedron(solid),
+        (None, SHAPE_PLANE) => WallShape::Plate(bodies.body_half_lengths[row].into()),
+        (None, _) => WallShape::Ball(bodies.body_radius[row]),
     };
     Wall { id: bodies.body_id[row], x: bodies.body_x[row].into(), rotation: rotation(bodies, row), shape }
 }

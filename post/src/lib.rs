@@ -18,6 +18,7 @@ use rayon::prelude::*;
 
 pub mod derive;
 pub mod frame;
+pub mod shapes;
 pub mod write;
 
 use derive::Row;
@@ -27,7 +28,8 @@ use write::display;
 /// Measures the snapshots of a case and draws them.
 ///
 /// Reads DIR/OUTBOX/snapshot-*.npz; writes DIR/POSTPRO (series.csv, plots, a picture) and
-/// DIR/DISPLAY (ParaView files: open grains.pvd, contacts.pvd, walls.pvd).
+/// DIR/DISPLAY (ParaView files: open grains.pvd, polyhedra.pvd, contacts.pvd,
+/// walls.pvd). The shapes of polyhedra are read from DIR/DATBOX/BODIES.DAT.
 #[derive(Debug, Clone, Parser)]
 #[command(name = "cd-post", version)]
 pub struct Options {
@@ -127,7 +129,7 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
         println!("  plots    {}", postpro.join("*.svg").display());
     }
     if !options.no_vtk {
-        finish_display(&options.dir, &rows, !last.walls.is_empty())?;
+        finish_display(&options.dir, &rows, &last)?;
         println!("  ParaView {}", options.dir.join("DISPLAY").join("grains.pvd").display());
     }
     Ok(notes(&rows))
@@ -155,23 +157,35 @@ fn progress(count: usize) -> ProgressBar {
     ProgressBar::new(count as u64).with_style(style.expect("a fixed template"))
 }
 
+/// Whether there is anything of this kind to draw.
+fn has(frame: &Frame, kind: &str) -> bool {
+    match kind {
+        "walls" => !frame.walls.is_empty(),
+        "polyhedra" => frame.grains.iter().any(|grain| grain.solid.is_some()),
+        _ => true,
+    }
+}
+
 /// Writes the ParaView files of one frame.
 fn draw(dir: &Path, frame: &Frame) -> Result<(), Faults> {
     let path = |kind| dir.join("DISPLAY").join(display::file_name(kind, frame.meta.step));
     atomic::write(&path("grains"), &display::grains(frame))?;
     atomic::write(&path("contacts"), &display::contacts(frame))?;
-    if !frame.walls.is_empty() {
+    if has(frame, "polyhedra") {
+        atomic::write(&path("polyhedra"), &display::polyhedra(frame))?;
+    }
+    if has(frame, "walls") {
         atomic::write(&path("walls"), &display::walls(frame))?;
     }
     Ok(())
 }
 
 /// Writes the collections, and takes away the files of an earlier run that they do not name.
-fn finish_display(dir: &Path, rows: &[Row], with_walls: bool) -> Result<(), Faults> {
+fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<(), Faults> {
     let display = dir.join("DISPLAY");
     let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
     let mut current = HashSet::new();
-    for kind in display::KINDS.into_iter().filter(|kind| *kind != "walls" || with_walls) {
+    for kind in display::KINDS.into_iter().filter(|kind| has(last, kind)) {
         let name = format!("{kind}.pvd");
         atomic::write(&display.join(&name), display::collection(kind, &times).as_bytes())?;
         current.insert(name);
@@ -203,6 +217,7 @@ mod samples;
 #[cfg(test)]
 impl samples::Scene {
     fn frame(&self) -> Frame {
-        Frame::of(self.snapshot.clone())
+        let solid = |body| shapes::solid(body).expect("a cube").map(std::sync::Arc::new);
+        Frame::with(self.snapshot.clone(), self.records().0.iter().map(solid).collect())
     }
 }

@@ -5,6 +5,7 @@ mod samples;
 use std::fs;
 use std::path::Path;
 
+use cd_formats::{atomic, snapshot};
 use cd_post::derive::Row;
 use cd_post::frame::Frame;
 use cd_post::write::{display, plots};
@@ -38,10 +39,18 @@ fn arrays_of_the_paraview_files() {
     let mut scene = Scene::default();
     scene.grain([0.0; 3], 1.0);
     scene.plate([0.0, 0.0, -1.1], [1.0, 1.0, 0.1]);
-    let frame = Frame::of(scene.snapshot);
+    let cube = scene.cube([0.0, 0.0, 3.0], 1.0);
+    let case = tempfile::tempdir().unwrap();
+    let path = snapshot::path(&case.path().join("OUTBOX"), 0);
+    scene.snapshot.write(&path).unwrap();
+    let bodies = scene.records().to_text();
+    atomic::write(&case.path().join("DATBOX").join("BODIES.DAT"), bodies.as_bytes()).unwrap();
+    let frame = Frame::read(&path).unwrap();
+    assert!(frame.grains[1].solid.is_some() && frame.grains[1].id == cube as u64 + 1);
     let types = [("Float64", "f64"), ("UInt64", "u64"), ("UInt32", "u32"), ("UInt16", "u16"), ("UInt8", "u8")];
     for (kind, bytes) in [
         ("grains", display::grains(&frame)),
+        ("polyhedra", display::polyhedra(&frame)),
         ("contacts", display::contacts(&frame)),
         ("walls", display::walls(&frame)),
     ] {

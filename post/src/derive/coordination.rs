@@ -1,18 +1,80 @@
 //! How many contacts hold a grain.
 
-use crate::frame::Frame;
+use std::collections::HashMap;
+
+use crate::derive::fragments::TOUCHING_GAP;
+use crate::frame::{Contact, Frame, Side};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coordination {
-    /// Mean number of contacts that carry force per grain.
+    /// Mean number of neighbours per grain that it touches with force.
     pub z: f64,
     /// The same among the grains that are no rattlers, their contacts with rattlers left out.
     pub z_no_rattlers: f64,
+    /// Mean number of constraints per grain, see [`Touch::constraints`].
+    pub z_constraints: f64,
     /// Rattlers over grains.
     pub rattler_fraction: f64,
+    /// Share of the touching pairs that touch in a face, in an edge, in a point.
+    pub shares: [f64; 3],
 }
 
-/// Number of contacts that carry force of each grain; those with walls count too.
+/// Two bodies that touch with force, in one or more points; at least one is a grain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Touch {
+    pub sides: [Side; 2],
+    /// Points of contact that carry force or whose gap is at most [`TOUCHING_GAP`] of the smaller radius.
+    pub points: u32,
+}
+
+impl Touch {
+    /// Directions in which the two are held together: a point holds 1, an edge 2, a face 3.
+    ///
+    /// Source: Azema, Radjai & Dubois (2013), "Packings of irregular polyhedral particles".
+    pub fn constraints(&self) -> u32 {
+        self.points.min(3)
+    }
+
+    fn grains(&self) -> impl Iterator<Item = usize> {
+        self.sides.into_iter().filter_map(Side::grain)
+    }
+}
+
+/// The pairs of bodies that touch with force, each once, in the order of their first contact.
+pub fn touches(frame: &Frame) -> Vec<Touch> {
+    let mut places: HashMap<[Side; 2], usize> = HashMap::new();
+    let mut touches: Vec<Touch> = Vec::new();
+    let key = |contact: &Contact| {
+        let sides = [contact.candidate, contact.antagonist];
+        if sides[0] <= sides[1] { sides } else { [sides[1], sides[0]] }
+    };
+    for contact in frame.active() {
+        let sides = key(contact);
+        places.entry(sides).or_insert_with(|| {
+            touches.push(Touch { sides, points: 0 });
+            touches.len() - 1
+        });
+    }
+    for contact in &frame.contacts {
+        let near = TOUCHING_GAP
+            * contact.sides().filter_map(Side::grain).map(|i| frame.grains[i].radius).fold(f64::INFINITY, f64::min);
+        if let Some(&place) = places.get(&key(contact))
+            && (contact.active || contact.gap <= near)
+        {
+            touches[place].points += 1;
+        }
+    }
+    touches
+}
+
+/// Number of neighbours that each grain touches with force; walls count too.
+pub fn neighbour_counts(frame: &Frame) -> Vec<u32> {
+    let mut counts = vec![0; frame.grains.len()];
+    touches(frame).iter().flat_map(Touch::grains).for_each(|grain| counts[grain] += 1);
+    counts
+}
+
+/// Number of points of contact that carry force of each grain; those with walls count too.
 pub fn contact_counts(frame: &Frame) -> Vec<u32> {
     let mut counts = vec![0; frame.grains.len()];
     for contact in frame.active() {
@@ -23,7 +85,7 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
     counts
 }
 
-/// The number of contacts below which a grain is not held.
+/// The number of constraints below which a grain is not held; a contact of spheres is one.
 ///
 /// | | free of load | under gravity |
 /// |---|---|---|
@@ -46,20 +108,23 @@ pub fn stable_number(frame: &Frame) -> u32 {
     }
 }
 
-/// Which grains are rattlers: those with fewer than `stable` contacts that carry force, then those
+/// Which grains are rattlers: those with fewer than `stable` constraints of `touches`, then those
 /// that have fewer once these are taken away, and so on.
-pub fn rattlers(frame: &Frame, stable: u32) -> Vec<bool> {
-    let mut counts = contact_counts(frame);
+pub fn rattlers(frame: &Frame, touches: &[Touch], stable: u32) -> Vec<bool> {
+    let mut counts = vec![0; frame.grains.len()];
     let mut neighbours = vec![Vec::new(); frame.grains.len()];
-    for (i, j) in frame.active().filter_map(|contact| contact.pair()) {
-        neighbours[i].push(j);
-        neighbours[j].push(i);
+    for touch in touches {
+        touch.grains().for_each(|i| counts[i] += touch.constraints());
+        if let [Side::Grain(i), Side::Grain(j)] = touch.sides {
+            neighbours[i].push((j, touch.constraints()));
+            neighbours[j].push((i, touch.constraints()));
+        }
     }
     let mut rattler: Vec<bool> = counts.iter().map(|&count| count < stable).collect();
     let mut removed: Vec<usize> = (0..rattler.len()).filter(|&i| rattler[i]).collect();
     while let Some(i) = removed.pop() {
-        for &j in &neighbours[i] {
-            counts[j] -= 1;
+        for &(j, constraints) in &neighbours[i] {
+            counts[j] -= constraints;
             if counts[j] < stable && !rattler[j] {
                 rattler[j] = true;
                 removed.push(j);
@@ -71,24 +136,34 @@ pub fn rattlers(frame: &Frame, stable: u32) -> Vec<bool> {
 
 /// Mean contact numbers with and without rattlers.
 ///
-/// Z = (2 N_gg + N_gw) / N with N grains, N_gg contacts between grains, N_gw between a grain and a
-/// wall, of those that carry force. Without rattlers: the same of the remaining grains and of the
-/// contacts whose grains all remain; NaN if none remains.
+/// Z = (2 N_gg + N_gw) / N with N grains, N_gg pairs of grains, N_gw pairs of a grain and a wall, of those that touch
+/// with force. Without rattlers: the same of the remaining grains and of the pairs whose grains all remain; NaN if none
+/// remains. With constraints: each pair counts as often as it has constraints.
 ///
 /// Three equal spheres that push each other: Z = 2.
 pub fn coordination(frame: &Frame) -> Coordination {
     let total = frame.grains.len() as f64;
-    let rattler = rattlers(frame, stable_number(frame));
+    let touches = touches(frame);
+    let rattler = rattlers(frame, &touches, stable_number(frame));
     let held = rattler.iter().filter(|&&rattles| !rattles).count() as f64;
-    let (mut ends, mut ends_held) = (0.0, 0.0);
-    for contact in frame.active() {
-        let grains = contact.forces_on_grains().count() as f64;
+    let (mut ends, mut ends_held, mut constraints) = (0.0, 0.0, 0.0);
+    let mut kinds = [0.0; 3];
+    for touch in &touches {
+        let grains = touch.grains().count() as f64;
         ends += grains;
-        if contact.forces_on_grains().all(|(grain, _)| !rattler[grain]) {
+        constraints += grains * f64::from(touch.constraints());
+        kinds[3 - touch.constraints() as usize] += 1.0;
+        if touch.grains().all(|grain| !rattler[grain]) {
             ends_held += grains;
         }
     }
-    Coordination { z: ends / total, z_no_rattlers: ends_held / held, rattler_fraction: (total - held) / total }
+    Coordination {
+        z: ends / total,
+        z_no_rattlers: ends_held / held,
+        z_constraints: constraints / total,
+        rattler_fraction: (total - held) / total,
+        shares: kinds.map(|count| count / touches.len() as f64),
+    }
 }
 
 #[cfg(test)]
@@ -147,8 +222,43 @@ mod tests {
     }
 
     #[test]
+    fn polyhedra_are_neighbours_once_and_held_by_every_direction() {
+        // A cube on the floor by four points, two of them without force, another on it by an edge, and a
+        // sphere at its side; one more point of the edge is far off.
+        let mut scene = Scene::default();
+        let floor = scene.plate([0.0, 0.0, -1.1], [5.0, 5.0, 0.1]);
+        let (low, high) = (scene.cube([0.0; 3], 1.0), scene.cube([0.0, 0.0, 2.4], 1.0));
+        let side = scene.grain([1.5, 0.0, 0.0], 0.5);
+        let up = Vec3::z();
+        for (x, y, force) in [(1.0, 1.0, 2.0), (1.0, -1.0, 0.0), (-1.0, 1.0, 0.0), (-1.0, -1.0, 2.0)] {
+            scene.contact_at(low, floor, [x, y, -1.0], up);
+            let impulse = &mut scene.snapshot.contacts.contact_impulse;
+            *impulse.last_mut().unwrap() = [force, 0.0, 0.0];
+        }
+        for (y, gap) in [(1.0, 0.0), (-1.0, 0.0), (0.0, 0.4)] {
+            scene.contact_at(high, low, [0.0, y, 1.0], up);
+            *scene.snapshot.contacts.contact_gap.last_mut().unwrap() = gap;
+            let force = if gap == 0.0 { 1.0 } else { 0.0 };
+            *scene.snapshot.contacts.contact_impulse.last_mut().unwrap() = [force, 0.0, 0.0];
+        }
+        scene.contact_at(side, low, [1.0, 0.0, 0.0], Vec3::x());
+        let frame = scene.frame();
+        assert_eq!(touches(&frame).iter().map(|touch| touch.points).collect::<Vec<_>>(), [4, 2, 1]);
+        assert_eq!(neighbour_counts(&frame), [3, 1, 1]);
+        assert_eq!(contact_counts(&frame), [5, 2, 1]);
+        let found = coordination(&frame);
+        assert_eq!((found.z, found.z_constraints), (5.0 / 3.0, (3.0 + 4.0 + 2.0) / 3.0));
+        assert_eq!(found.shares, [1.0 / 3.0; 3]);
+        // Without friction or load four directions hold: first the sphere and the upper cube go, then the lower.
+        assert_eq!(found.rattler_fraction, 1.0);
+        scene.snapshot.meta.parameters.self_gravity = true;
+        assert_eq!(coordination(&scene.frame()).rattler_fraction, 2.0 / 3.0); // three on the floor
+    }
+
+    #[test]
     fn nothing_gives_nothing() {
         let none = coordination(&Scene::default().frame());
+        assert!(none.shares.iter().all(|share| share.is_nan()) && none.z_constraints.is_nan());
         assert!(none.z.is_nan() && none.z_no_rattlers.is_nan() && none.rattler_fraction.is_nan());
     }
 }

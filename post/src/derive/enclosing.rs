@@ -24,10 +24,12 @@ impl Ball {
     }
 }
 
-/// The smallest ball that contains all grains (spheres of [`Grain::radius`]); NaN without grains.
+/// The smallest ball that contains all grains: spheres of [`Grain::radius`] and the vertices of polyhedra; NaN
+/// without grains.
 pub fn enclosing_ball(grains: &[Grain]) -> Ball {
-    let balls: Vec<Ball> = grains.iter().map(|g| Ball { centre: g.x, radius: g.radius }).collect();
-    smallest_enclosing(&balls)
+    let spheres = grains.iter().filter(|g| g.solid.is_none()).map(|g| Ball { centre: g.x, radius: g.radius });
+    let vertices = grains.iter().flat_map(Grain::vertices).map(|centre| Ball { centre, radius: 0.0 });
+    smallest_enclosing(&spheres.chain(vertices).collect::<Vec<Ball>>())
 }
 
 /// What sticks out less than this share of the radius is inside: some hundred roundings.
@@ -181,6 +183,19 @@ mod tests {
     fn balls(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Ball>> {
         let one = (-10.0..10.0, -10.0..10.0, -10.0..10.0, 0.0..3.0).prop_map(|(x, y, z, r)| ball(x, y, z, r));
         prop::collection::vec(one, count)
+    }
+
+    #[test]
+    fn polyhedra_count_by_their_vertices() {
+        let mut scene = crate::samples::Scene::default();
+        scene.cube([1.0, 2.0, 3.0], 2.0);
+        assert_ball(enclosing_ball(&scene.frame().grains), ball(1.0, 2.0, 3.0, 2.0 * 3f64.sqrt()));
+        // A sphere on top: from the corner below to its far side, along the diagonal.
+        scene.grain([3.0, 4.0, 5.0], 1.0);
+        let far = 2.0 * 3f64.sqrt() + 1.0; // from the cube's centre
+        let middle = (far - 2.0 * 3f64.sqrt()) / 2.0 / 3f64.sqrt();
+        let radius = (far + 2.0 * 3f64.sqrt()) / 2.0;
+        assert_ball(enclosing_ball(&scene.frame().grains), ball(1.0 + middle, 2.0 + middle, 3.0 + middle, radius));
     }
 
     proptest! {

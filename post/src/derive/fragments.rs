@@ -8,25 +8,31 @@ use crate::frame::Frame;
 /// of the smaller radius.
 pub const TOUCHING_GAP: f64 = 1e-3;
 
-/// The share of the mass in each group of touching grains, largest first; they add up to 1.
+/// Groups of touching grains: of each grain the number of its group, the heaviest group 0, and the share of the mass
+/// in each group, which add up to 1.
 ///
-/// Two grains are in one group if a chain of touching grains links them ([`TOUCHING_GAP`]; gap =
-/// |x_i - x_j| - R_i - R_j at the snapshot's time). Walls link nothing.
-pub fn fragments(frame: &Frame) -> Vec<f64> {
+/// Two grains are in one group if a chain of touching grains links them ([`TOUCHING_GAP`]). The gap of spheres is
+/// |x_i - x_j| - R_i - R_j at the snapshot's time, that of polyhedra the smallest of their contacts where these were
+/// looked for. Walls link nothing.
+pub fn fragments(frame: &Frame) -> (Vec<u32>, Vec<f64>) {
     let grains = &frame.grains;
     let mut groups = Groups::new(grains.len());
-    for (i, j) in frame.active().filter_map(|contact| contact.pair()) {
-        groups.join(i, j);
+    for contact in &frame.contacts {
+        if let Some((i, j)) = contact.pair()
+            && (contact.active || !both_spheres(frame, i, j) && contact.gap <= touching_gap(frame, i, j))
+        {
+            groups.join(i, j);
+        }
     }
-    // Sweep along x: a grain can only touch those whose extent along x overlaps its own.
+    // Sweep along x: a sphere can only touch those whose extent along x overlaps its own.
     let reach = |i: usize| grains[i].radius * (1.0 + TOUCHING_GAP);
-    let mut order: Vec<usize> = (0..grains.len()).collect();
+    let mut order: Vec<usize> = (0..grains.len()).filter(|&i| grains[i].solid.is_none()).collect();
     order.sort_by(|&i, &j| (grains[i].x.x - reach(i)).total_cmp(&(grains[j].x.x - reach(j))));
     for (k, &i) in order.iter().enumerate() {
         let end = grains[i].x.x + reach(i);
         for &j in order[k + 1..].iter().take_while(|&&j| grains[j].x.x - reach(j) <= end) {
             let (a, b) = (&grains[i], &grains[j]);
-            let touching = a.radius + b.radius + TOUCHING_GAP * a.radius.min(b.radius);
+            let touching = a.radius + b.radius + touching_gap(frame, i, j);
             if (a.x - b.x).norm_squared() <= touching * touching {
                 groups.join(i, j);
             }
@@ -36,10 +42,24 @@ pub fn fragments(frame: &Frame) -> Vec<f64> {
     for (i, grain) in grains.iter().enumerate() {
         masses[groups.root(i)] += grain.mass;
     }
+    let mut roots: Vec<usize> = (0..grains.len()).filter(|&i| groups.root(i) == i).collect();
+    roots.sort_by(|&a, &b| masses[b].total_cmp(&masses[a]).then(a.cmp(&b)));
+    let mut numbers = vec![0; grains.len()];
+    for (number, &root) in roots.iter().enumerate() {
+        numbers[root] = number as u32;
+    }
     let total = frame.mass();
-    let mut shares: Vec<f64> = masses.into_iter().filter(|&mass| mass > 0.0).map(|mass| mass / total).collect();
-    shares.sort_by(|a, b| b.total_cmp(a));
-    shares
+    let of_grains = (0..grains.len()).map(|i| numbers[groups.root(i)]).collect();
+    (of_grains, roots.into_iter().map(|root| masses[root] / total).collect())
+}
+
+/// The gap up to which two grains touch, m.
+pub fn touching_gap(frame: &Frame, i: usize, j: usize) -> f64 {
+    TOUCHING_GAP * frame.grains[i].radius.min(frame.grains[j].radius)
+}
+
+fn both_spheres(frame: &Frame, i: usize, j: usize) -> bool {
+    frame.grains[i].solid.is_none() && frame.grains[j].solid.is_none()
 }
 
 #[cfg(test)]
@@ -47,14 +67,18 @@ mod tests {
     use super::*;
     use crate::samples::Scene;
 
+    fn shares(frame: &Frame) -> Vec<f64> {
+        fragments(frame).1
+    }
+
     #[test]
     fn a_gap_within_the_limit_links_and_a_wider_one_does_not() {
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);
         scene.grain([0.0, 1.5 + 0.9e-3 * 0.5, 0.0], 0.5); // 0.9 of the limit away
-        assert_eq!(fragments(&scene.frame()), [1.0]);
+        assert_eq!(shares(&scene.frame()), [1.0]);
         scene.grain([0.0, 0.0, -1.5 - 1.1e-3 * 0.5], 0.5); // 1.1 of it
-        let shares = fragments(&scene.frame()); // of masses 8 + 1 and 1
+        let shares = shares(&scene.frame()); // of masses 8 + 1 and 1
         assert!(shares.len() == 2 && (shares[0] - 0.9).abs() < 1e-15 && (shares[1] - 0.1).abs() < 1e-15);
     }
 
@@ -63,9 +87,9 @@ mod tests {
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);
         scene.grain([2.1, 0.0, 0.0], 1.0);
-        assert_eq!(fragments(&scene.frame()), [0.5, 0.5]);
+        assert_eq!(shares(&scene.frame()), [0.5, 0.5]);
         scene.push(0, 1, 1.0);
-        assert_eq!(fragments(&scene.frame()), [1.0]);
+        assert_eq!(shares(&scene.frame()), [1.0]);
     }
 
     #[test]
@@ -74,11 +98,31 @@ mod tests {
         for k in [7, 2, 5, 0, 3, 6, 1, 4] {
             scene.grain([0.3 * k as f64, 2.0 * k as f64, 0.0].map(|x: f64| x / 1.0111874208078342), 1.0);
         }
-        assert_eq!(fragments(&scene.frame()), [1.0]);
+        assert_eq!(shares(&scene.frame()), [1.0]);
     }
 
     #[test]
     fn no_grains_no_fragments() {
-        assert!(fragments(&Scene::default().frame()).is_empty());
+        assert!(shares(&Scene::default().frame()).is_empty());
+    }
+
+    #[test]
+    fn polyhedra_touch_by_their_contacts_and_groups_are_numbered_by_mass() {
+        let mut scene = Scene::default();
+        for x in [0.0, 2.0005, 10.0, 12.0] {
+            scene.cube([x, 0.0, 0.0], 1.0);
+        }
+        scene.grain([4.5, 0.0, 0.0], 1.0);
+        assert_eq!(fragments(&scene.frame()).0, [0, 1, 2, 3, 4]);
+        // Near enough, and half a metre too far.
+        scene.contact_at(1, 0, [1.0, 0.0, 0.0], crate::frame::Vec3::x() * 1e-300);
+        scene.snapshot.contacts.contact_impulse[0] = [0.0; 3];
+        scene.snapshot.contacts.contact_gap[0] = 0.5e-3;
+        scene.push(4, 1, 0.0);
+        scene.snapshot.contacts.contact_gap[1] = 0.5;
+        scene.push(3, 2, 1.0);
+        assert_eq!(fragments(&scene.frame()), (vec![0, 0, 1, 1, 2], shares(&scene.frame())));
+        let half = 8.0 / (32.0 + 4.0 / 3.0 * std::f64::consts::PI);
+        assert!((shares(&scene.frame())[0] - 2.0 * half).abs() < 1e-15);
     }
 }

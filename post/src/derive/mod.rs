@@ -75,7 +75,7 @@ columns! {
     step: u64, "1", "number of the step";
     time: f64, "s", "time";
     n_contacts: u64, "1", "contacts that carry force";
-    Z: f64, "1", "mean number of contacts that carry force per grain";
+    Z: f64, "1", "mean number of neighbours that a grain touches with force";
     Z_no_rattlers: f64, "1", "the same without rattlers";
     rattler_fraction: f64, "1", "share of grains held by too few contacts";
     nu: f64, "1", "solid fraction of the smallest enclosing ball";
@@ -108,6 +108,10 @@ columns! {
     P_y: f64, "kg m/s", "the same along y";
     P_z: f64, "kg m/s", "the same along z";
     penetration: f64, "1", "largest penetration of the contacts over the mean radius";
+    Z_constraints: f64, "1", "mean number of constraints per grain: 3 for a face, 2 for an edge, 1 for a point";
+    share_face: f64, "1", "share of the touching pairs that touch in a face";
+    share_edge: f64, "1", "share of the touching pairs that touch in an edge";
+    share_point: f64, "1", "share of the touching pairs that touch in a point";
 }
 
 impl Row {
@@ -123,7 +127,7 @@ impl Row {
         let [a, b, c] = whole.semi_axes();
         let spin = whole.spin();
         let (e_translation, e_rotation) = energy::kinetic_sums(grains);
-        let fragments = fragments::fragments(frame);
+        let (_, fragments) = fragments::fragments(frame);
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / count;
         Row {
             step: frame.meta.step,
@@ -161,6 +165,10 @@ impl Row {
             P_x: whole.momentum.x,
             P_y: whole.momentum.y,
             P_z: whole.momentum.z,
+            Z_constraints: coordination.z_constraints,
+            share_face: coordination.shares[0],
+            share_edge: coordination.shares[1],
+            share_point: coordination.shares[2],
             penetration: frame.contacts.iter().map(|c| -c.gap).fold(0.0, f64::max) / mean_radius,
         }
     }

@@ -3,11 +3,12 @@
 //! | file | cells |
 //! |---|---|
 //! | `grains-NNNNNN.vtp` | a vertex a grain |
+//! | `polyhedra-NNNNNN.vtp` | the faces of the grains that are polyhedra |
 //! | `contacts-NNNNNN.vtp` | a line a contact |
-//! | `walls-NNNNNN.vtp` | six quadrilaterals a plate, a vertex a driven ball |
+//! | `walls-NNNNNN.vtp` | six quadrilaterals a plate, the faces of a driven polyhedron, a vertex a driven ball |
 //!
 //! The arrays, with units, are in `docs/observables.md`. vtkio writes no time into a file; the
-//! collections `grains.pvd`, `contacts.pvd`, `walls.pvd` do.
+//! collections `grains.pvd`, `polyhedra.pvd`, `contacts.pvd`, `walls.pvd` do.
 
 use std::fmt::Write;
 
@@ -15,13 +16,14 @@ use vtkio::model::{
     Attribute, Attributes, ByteOrder, DataArray, DataSet, IOBuffer, PolyDataPiece, Version, VertexNumbers, Vtk,
 };
 
-use crate::derive::coordination::contact_counts;
+use crate::derive::coordination::{contact_counts, neighbour_counts};
 use crate::derive::energy::kinetic;
+use crate::derive::fragments::fragments;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::frame::{Frame, Mat3, Side, Vec3, WallShape};
+use crate::frame::{Frame, Grain, Mat3, Side, Vec3, WallShape};
 
 /// The kinds of files, each with its collection.
-pub const KINDS: [&str; 3] = ["grains", "contacts", "walls"];
+pub const KINDS: [&str; 4] = ["grains", "polyhedra", "contacts", "walls"];
 
 /// `grains-000012.vtp`
 pub fn file_name(kind: &str, step: u64) -> String {
@@ -39,31 +41,65 @@ pub fn is_ours(name: &str) -> bool {
 
 /// The grains as points with their state, contact count and stress.
 pub fn grains(frame: &Frame) -> Vec<u8> {
-    let grains = &frame.grains;
-    let stresses = grain_stresses(frame);
-    let energy = |grain| {
+    let rows: Vec<usize> = (0..frame.grains.len()).collect();
+    file(PolyDataPiece {
+        points: flat(frame.grains.iter().map(|g| g.x)).into(),
+        verts: cells(rows.iter().map(|&k| [k as u64])),
+        data: Attributes { point: arrays(frame, &rows), cell: vec![] },
+        ..Default::default()
+    })
+}
+
+/// The faces of the grains that are polyhedra; each carries what its grain does in [`grains`].
+pub fn polyhedra(frame: &Frame) -> Vec<u8> {
+    let (mut points, mut faces, mut rows) = (vec![], vec![], vec![]);
+    for (row, grain) in frame.grains.iter().enumerate() {
+        let Some(solid) = &grain.solid else { continue };
+        let first = points.len() as u64;
+        points.extend(grain.vertices());
+        faces.extend(solid.faces.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect::<Vec<u64>>()));
+        rows.resize(faces.len(), row);
+    }
+    file(PolyDataPiece {
+        points: flat(points.into_iter()).into(),
+        polys: cells(faces.into_iter()),
+        data: Attributes { point: vec![], cell: arrays(frame, &rows) },
+        ..Default::default()
+    })
+}
+
+/// What is known of grains: the arrays of the grains in `rows`.
+fn arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
+    let grains: Vec<&Grain> = rows.iter().map(|&row| &frame.grains[row]).collect();
+    let (stresses, contacts) = (grain_stresses(frame), contact_counts(frame));
+    let (neighbours, (fragments, _)) = (neighbour_counts(frame), fragments(frame));
+    let stresses: Vec<Mat3> = rows.iter().map(|&row| stresses[row]).collect();
+    let of = |counts: &[u32]| rows.iter().map(|&row| counts[row]).collect::<Vec<u32>>();
+    let energy = |grain: &&Grain| {
         let (translation, rotation) = kinetic(grain);
         translation + rotation
     };
-    let point = vec![
-        scalars("radius", grains.iter().map(|g| g.radius).collect::<Vec<f64>>()),
+    let orientation = |grain: &&Grain| {
+        let q = grain.rotation.quaternion();
+        [q.w, q.i, q.j, q.k]
+    };
+    let each = |value: &dyn Fn(&&Grain) -> f64| grains.iter().map(value).collect::<Vec<f64>>();
+    vec![
+        scalars("radius", each(&|g| g.radius)),
         scalars("id", grains.iter().map(|g| g.id).collect::<Vec<u64>>()),
         vectors("velocity", grains.iter().map(|g| g.v)),
         vectors("spin", grains.iter().map(|g| g.w)),
-        scalars("contacts", contact_counts(frame)),
+        scalars("contacts", of(&contacts)),
         tensors("stress", &stresses),
         scalars("pressure", stresses.iter().map(pressure).collect::<Vec<f64>>()),
         scalars("material", grains.iter().map(|g| g.material).collect::<Vec<u16>>()),
         scalars("colour", grains.iter().map(|g| g.colour).collect::<Vec<u16>>()),
-        scalars("mass", grains.iter().map(|g| g.mass).collect::<Vec<f64>>()),
-        scalars("kinetic_energy", grains.iter().map(energy).collect::<Vec<f64>>()),
-    ];
-    file(PolyDataPiece {
-        points: flat(grains.iter().map(|g| g.x)).into(),
-        verts: cells((0..grains.len() as u64).map(|k| [k])),
-        data: Attributes { point, cell: vec![] },
-        ..Default::default()
-    })
+        scalars("mass", each(&|g| g.mass)),
+        scalars("kinetic_energy", each(&|g| energy(g))),
+        scalars("neighbours", of(&neighbours)),
+        scalars("fragment", of(&fragments)),
+        components("orientation", 4, grains.iter().flat_map(orientation).collect::<Vec<f64>>()),
+    ]
 }
 
 /// The contacts as lines between the centres of two grains, or from a grain to the point on a wall.
@@ -112,16 +148,16 @@ pub fn contacts(frame: &Frame) -> Vec<u8> {
 /// The corners of a box by the bits of their number (x, y, z), and its faces, outward, by corners.
 const FACES: [[u64; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
-/// The walls: plates as boxes, driven balls as points with a radius.
+/// The walls: plates as boxes, driven polyhedra by their faces, driven balls as points with a radius.
 pub fn walls(frame: &Frame) -> Vec<u8> {
     let (mut points, mut radii, mut balls, mut faces) = (vec![], vec![], vec![], vec![]);
     let (mut ball_ids, mut face_ids) = (vec![], vec![]);
     for wall in &frame.walls {
         let first = points.len() as u64;
-        match wall.shape {
+        match &wall.shape {
             WallShape::Ball(radius) => {
                 points.push(wall.x);
-                radii.push(radius);
+                radii.push(*radius);
                 balls.push([first]);
                 ball_ids.push(wall.id);
             }
@@ -132,8 +168,14 @@ pub fn walls(frame: &Frame) -> Vec<u8> {
                     points.push(wall.x + wall.rotation * local);
                     radii.push(0.0);
                 }
-                faces.extend(FACES.map(|face| face.map(|corner| first + corner)));
+                faces.extend(FACES.map(|face| face.map(|corner| first + corner).to_vec()));
                 face_ids.extend([wall.id; 6]);
+            }
+            WallShape::Polyhedron(solid) => {
+                points.extend(solid.vertices.iter().map(|v| wall.x + wall.rotation * v));
+                radii.resize(points.len(), 0.0);
+                faces.extend(solid.faces.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect()));
+                face_ids.resize(faces.len(), wall.id);
             }
         }
     }
@@ -164,7 +206,15 @@ fn scalars<T>(name: &str, values: Vec<T>) -> Attribute
 where
     IOBuffer: From<Vec<T>>,
 {
-    Attribute::DataArray(DataArray::scalars(name, 1).with_data(IOBuffer::from(values)))
+    components(name, 1, values)
+}
+
+/// So many numbers for each.
+fn components<T>(name: &str, count: u32, values: Vec<T>) -> Attribute
+where
+    IOBuffer: From<Vec<T>>,
+{
+    Attribute::DataArray(DataArray::scalars(name, count).with_data(IOBuffer::from(values)))
 }
 
 fn vectors(name: &str, values: impl Iterator<Item = Vec3>) -> Attribute {
@@ -181,9 +231,12 @@ fn flat(vectors: impl Iterator<Item = Vec3>) -> Vec<f64> {
     vectors.flat_map(|v| [v.x, v.y, v.z]).collect()
 }
 
-fn cells<const N: usize>(cells: impl Iterator<Item = [u64; N]>) -> Option<VertexNumbers> {
-    let connectivity: Vec<u64> = cells.flatten().collect();
-    let offsets = (1..=connectivity.len() / N).map(|k| (k * N) as u64).collect();
+fn cells<C: AsRef<[u64]>>(cells: impl Iterator<Item = C>) -> Option<VertexNumbers> {
+    let (mut connectivity, mut offsets) = (Vec::new(), Vec::new());
+    for cell in cells {
+        connectivity.extend_from_slice(cell.as_ref());
+        offsets.push(connectivity.len() as u64);
+    }
     Some(VertexNumbers::XML { connectivity, offsets })
 }
 
@@ -214,7 +267,7 @@ mod tests {
     #[test]
     fn an_empty_file_still_says_that_it_has_no_points() {
         let frame = Scene::default().frame();
-        for bytes in [grains(&frame), contacts(&frame), walls(&frame)] {
+        for bytes in [grains(&frame), polyhedra(&frame), contacts(&frame), walls(&frame)] {
             let text = String::from_utf8(bytes).unwrap();
             assert_eq!(text.matches("NumberOfPoints=\"0\"").count(), 1, "{text}");
         }

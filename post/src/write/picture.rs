@@ -1,14 +1,14 @@
 //! `POSTPRO/aggregate.svg`: a quick picture of one state, for ParaView is not always at hand.
 //!
-//! Grains as shaded circles, far ones first, in parallel projection, coloured by the contacts that
-//! carry force. SVG written as text, since gradients make the spheres.
+//! Spheres as shaded circles, polyhedra by their faces, far ones first, in parallel projection, coloured by the
+//! neighbours that they touch with force. SVG written as text, since gradients make the spheres.
 
 use std::fmt::Write;
 
 use nalgebra::Rotation3;
 
-use crate::derive::coordination::contact_counts;
-use crate::frame::{Frame, Vec3};
+use crate::derive::coordination::neighbour_counts;
+use crate::frame::{Frame, Grain, Vec3};
 use crate::write::scale::{prefixed, round_below, significant};
 
 /// Side of the square for the grains and width of the strip beside it, pixels.
@@ -22,18 +22,36 @@ const ROOM: f64 = 50.0;
 const MOST: u32 = 10;
 
 /// Viridis at 0, 1/4, 1/2, 3/4, 1 (Smith & van der Walt 2015), a little lighter at its dark end.
-const COLOURS: [[f64; 3]; 5] =
+pub(crate) const COLOURS: [[f64; 3]; 5] =
     [[90.0, 40.0, 120.0], [70.0, 92.0, 150.0], [40.0, 145.0, 140.0], [100.0, 200.0, 95.0], [250.0, 225.0, 50.0]];
 
-/// A grain as it is seen: place and radius in pixels.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Where the light comes from: left, above and before the picture (x right, y away, z up); length 1.
+const LIGHT: [f64; 3] = [-0.48, -0.64, 0.6];
+
+/// A grain as it is seen: place and radii in pixels.
+#[derive(Debug, Clone, PartialEq)]
 struct Disc {
     x: f64,
     y: f64,
+    /// Of the circle that holds it.
     radius: f64,
+    /// Of a circle that it fills.
+    filled: f64,
     /// Larger is farther.
     depth: f64,
     count: u32,
+    /// The faces of a polyhedron that can be seen.
+    faces: Vec<Face>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Face {
+    /// Pixels.
+    corners: Vec<[f64; 2]>,
+    /// Of its farthest corner.
+    depth: f64,
+    /// How much light falls on it, 0 to 1.
+    light: f64,
 }
 
 /// The text of the SVG file.
@@ -58,15 +76,30 @@ pub fn svg(frame: &Frame) -> String {
         put(gradient(count, most));
     }
     put(format!("<clipPath id=\"frame\"><rect width=\"{SIDE}\" height=\"{SIDE}\"/></clipPath>\n</defs>"));
-    put("<g clip-path=\"url(#frame)\" stroke=\"black\" stroke-opacity=\"0.35\" stroke-width=\"0.5\">".into());
+    put("<g clip-path=\"url(#frame)\" stroke=\"black\" stroke-opacity=\"0.35\" stroke-width=\"0.5\" \
+         stroke-linejoin=\"round\">"
+        .into());
+    // Spheres as a whole and faces by themselves: those of touching polyhedra of any size then come in their order.
+    let mut shapes: Vec<(f64, String)> = Vec::new();
     for disc in visible(inside) {
-        let Disc { x, y, radius, count, .. } = disc;
+        let Disc { x, y, radius, count, faces, .. } = disc;
         let count = count.min(MOST);
-        put(format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" fill=\"url(#c{count})\"/>"));
+        if faces.is_empty() {
+            let circle = format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" fill=\"url(#c{count})\"/>");
+            shapes.push((disc.depth, circle));
+        }
+        for Face { corners, depth, light } in faces {
+            let [r, g, b] = lit(colour(count, most), light);
+            let corners: Vec<String> = corners.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+            let fill = format!("fill=\"rgb({r:.0},{g:.0},{b:.0})\"");
+            shapes.push((depth, format!("<polygon points=\"{}\" {fill}/>", corners.join(" "))));
+        }
     }
+    shapes.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    shapes.into_iter().for_each(|(_, shape)| put(shape));
     put("</g>".into());
     // Colour bar.
-    put(format!("<text x=\"{}\" y=\"{MARGIN}\">contacts</text>", SIDE + 20.0));
+    put(format!("<text x=\"{}\" y=\"{MARGIN}\">neighbours</text>", SIDE + 20.0));
     for count in 0..=most {
         let y = MARGIN + 15.0 + 22.0 * f64::from(most - count);
         let [r, g, b] = colour(count, most);
@@ -115,24 +148,52 @@ fn project(frame: &Frame) -> (Vec<Disc>, f64) {
     let middle = |axis: usize| share(&mut seen.iter().map(|x| x[axis]).collect(), 0.5);
     let (x, z) = (middle(0), middle(2));
     // How far each grain reaches from the middle; all of them if the farthest is no outlier.
-    let mut reach: Vec<f64> =
-        seen.iter().zip(&frame.grains).map(|(seen, g)| (seen.x - x).abs().max((seen.z - z).abs()) + g.radius).collect();
+    let mut reach: Vec<f64> = seen
+        .iter()
+        .zip(&frame.grains)
+        .map(|(seen, g)| (seen.x - x).abs().max((seen.z - z).abs()) + g.reach())
+        .collect();
     let half = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95));
     let scale = (SIDE / 2.0 - ROOM) / half;
-    let discs = seen.iter().zip(&frame.grains).zip(contact_counts(frame)).map(|((seen, g), count)| Disc {
-        x: SIDE / 2.0 + scale * (seen.x - x),
-        y: SIDE / 2.0 - scale * (seen.z - z),
-        radius: scale * g.radius,
-        depth: seen.y,
-        count,
-    });
-    (discs.collect(), scale)
+    let at = |seen: &Vec3| [SIDE / 2.0 + scale * (seen.x - x), SIDE / 2.0 - scale * (seen.z - z)];
+    let disc = |((seen, grain), count): ((&Vec3, &Grain), u32)| {
+        let [x, y] = at(seen);
+        let (mut filled, mut faces) = (grain.reach(), Vec::new());
+        if let Some(solid) = &grain.solid {
+            let turn = |v: &Vec3| view * (grain.rotation * v);
+            for face in &solid.faces {
+                let corners: Vec<Vec3> = face.iter().map(|&k| turn(&solid.vertices[k as usize])).collect();
+                let normal = outward(&corners);
+                filled = filled.min(corners[0].dot(&normal).max(0.0));
+                if normal.y < 0.0 {
+                    let depth = seen.y + corners.iter().map(|c| c.y).fold(f64::NEG_INFINITY, f64::max);
+                    let light = normal.dot(&Vec3::from(LIGHT)).max(0.0);
+                    faces.push(Face { corners: corners.iter().map(|c| at(&(seen + c))).collect(), depth, light });
+                }
+            }
+        }
+        Disc { x, y, radius: scale * grain.reach(), filled: scale * filled, depth: seen.y, count, faces }
+    };
+    (seen.iter().zip(&frame.grains).zip(neighbour_counts(frame)).map(disc).collect(), scale)
+}
+
+/// Unit normal of a polygon whose corners are counter-clockwise seen from outside.
+fn outward(corners: &[Vec3]) -> Vec3 {
+    let first = corners[0];
+    let fan = corners[1..].windows(2).map(|pair| (pair[0] - first).cross(&(pair[1] - first)));
+    fan.sum::<Vec3>().normalize()
+}
+
+/// A face's colour in the light: half of it in the shade, a little white in full light.
+fn lit(colour: [f64; 3], light: f64) -> [f64; 3] {
+    let bright = 0.45 + 0.65 * light;
+    colour.map(|c| if bright <= 1.0 { bright * c } else { c + (bright - 1.0) * 3.0 * (255.0 - c) })
 }
 
 /// The discs that are not behind others, far ones first.
 ///
 /// From near to far, a disc is dropped if all cells of a grid that it could touch lie wholly in
-/// nearer ones. A file then holds the surface, however many grains there are.
+/// what nearer ones fill. A file then holds the surface, however many grains there are.
 fn visible(mut discs: Vec<Disc>) -> Vec<Disc> {
     const CELL: f64 = 4.0;
     const CELLS: usize = (SIDE / CELL) as usize;
@@ -150,7 +211,7 @@ fn visible(mut discs: Vec<Disc>) -> Vec<Disc> {
                 seen |= !*cell;
                 // The farthest corner of the cell from the disc's centre.
                 let far = |c: f64, index: usize| (c - (index as f64 + 0.5) * CELL).abs() + 0.5 * CELL;
-                *cell |= far(disc.x, column).hypot(far(disc.y, row)) <= disc.radius;
+                *cell |= far(disc.x, column).hypot(far(disc.y, row)) <= disc.filled;
             }
         }
         seen
@@ -190,9 +251,25 @@ mod tests {
 
     #[test]
     fn what_is_hidden_is_left_out_and_what_peeps_out_is_not() {
-        let disc = |x: f64, radius: f64, depth: f64| Disc { x, y: 400.0, radius, depth, count: 0 };
+        let disc = |x: f64, radius: f64, depth: f64| {
+            let (y, filled, count, faces) = (400.0, radius, 0, vec![]);
+            Disc { x, y, radius, filled, depth, count, faces }
+        };
         let (front, hidden, peeping) = (disc(400.0, 100.0, 0.0), disc(410.0, 50.0, 1.0), disc(480.0, 40.0, 2.0));
-        assert_eq!(visible(vec![hidden, front, peeping]), [peeping, front]);
+        assert_eq!(visible(vec![hidden, front.clone(), peeping.clone()]), [peeping, front]);
+    }
+
+    #[test]
+    fn of_a_cube_three_faces_are_seen_and_the_upper_is_the_brightest() {
+        let mut scene = Scene::default();
+        scene.cube([0.0; 3], 1.0);
+        let (discs, scale) = project(&scene.frame());
+        assert_eq!(discs[0].faces.len(), 3);
+        assert!((discs[0].filled / scale - 1.0).abs() < 1e-14 && (discs[0].radius / scale - 3f64.sqrt()).abs() < 1e-14);
+        let height = |corners: &[[f64; 2]]| corners.iter().map(|[_, y]| y).sum::<f64>() / 4.0;
+        let brightest = discs[0].faces.iter().max_by(|a, b| a.light.total_cmp(&b.light)).unwrap();
+        assert!(discs[0].faces.iter().all(|face| height(&face.corners) >= height(&brightest.corners)));
+        assert_eq!(svg(&scene.frame()).matches("<polygon").count(), 3);
     }
 
     #[test]

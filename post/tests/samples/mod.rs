@@ -4,9 +4,10 @@
 
 use std::f64::consts::PI;
 
+use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
 use cd_formats::snapshot::{
-    DRIVEN_ALL, LawName, MaterialName, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK,
-    Snapshot,
+    DRIVEN_ALL, LawName, MaterialName, SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE,
+    STATUS_STICK, Snapshot,
 };
 use nalgebra::Vector3;
 
@@ -14,6 +15,8 @@ type Vec3 = Vector3<f64>;
 
 pub struct Scene {
     pub snapshot: Snapshot,
+    /// Row and half side of each cube.
+    pub cubes: Vec<(usize, f64)>,
 }
 
 impl Default for Scene {
@@ -26,7 +29,7 @@ impl Default for Scene {
         meta.materials = vec![MaterialName { name: "ROCKx".into(), density: 1.0 }];
         meta.laws = vec![LawName { nickname: "iqsc0".into(), kind: "IQS_CLB".into(), parameters: vec![0.5] }];
         meta.parameters.theta = 0.5;
-        Scene { snapshot }
+        Scene { snapshot, cubes: Vec::new() }
     }
 }
 
@@ -42,6 +45,16 @@ impl Scene {
     pub fn grain(&mut self, x: [f64; 3], radius: f64) -> usize {
         let mass = 4.0 / 3.0 * PI * radius.powi(3);
         self.body(x, SHAPE_SPHERE, 0, mass, radius, [radius; 3])
+    }
+
+    /// Adds a cube at rest, its sides of length 2 `half` along the axes; returns its row.
+    pub fn cube(&mut self, x: [f64; 3], half: f64) -> usize {
+        let volume = 8.0 * half.powi(3);
+        let radius = (0.75 * volume / PI).cbrt();
+        let row = self.body(x, SHAPE_PARTS, 0, volume, radius, [half * 3f64.sqrt(); 3]);
+        self.snapshot.bodies.body_inertia[row] = [volume * half * half / 1.5; 3];
+        self.cubes.push((row, half));
+        row
     }
 
     /// Adds a wall that does not turn; returns its row.
@@ -67,6 +80,30 @@ impl Scene {
         bodies.body_colour.push((row % 2) as u16);
         bodies.body_material.push(0);
         row
+    }
+
+    /// BODIES.DAT with the cubes; all others are spheres there.
+    pub fn records(&self) -> Bodies {
+        let sphere = |radius| Shape::Sphere { radius };
+        let bodies = &self.snapshot.bodies;
+        let record = |(row, &radius): (usize, &f64)| {
+            let cube = self.cubes.iter().find(|(cube, _)| *cube == row);
+            let shape = cube.map_or(sphere(1.0), |&(_, half)| {
+                let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -half } else { half });
+                let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+                let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+                Shape::Polyhedron { vertices: (0..8).map(corner).collect(), triangles }
+            });
+            Body {
+                line: 0,
+                material: "ROCKx".into(),
+                equivalent_radius: if cube.is_some() { radius } else { 1.0 },
+                inertia: Some([1.0; 3]),
+                position: [0.0; 3],
+                contactors: vec![Contactor { colour: "BLUEx".into(), shape, local_frame: None }],
+            }
+        };
+        Bodies(bodies.body_radius.iter().enumerate().map(record).collect())
     }
 
     /// Two spheres push each other along the line of their centres with a force in N.

@@ -1,0 +1,191 @@
+//! The polyhedra of a case: snapshots say where they are, DATBOX/BODIES.DAT what they look like.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+use std::sync::Arc;
+
+use cd_formats::bodies::{Bodies, Body, Shape};
+use cd_formats::error::{Fault, Faults};
+use cd_formats::groups::Groups;
+use cd_formats::snapshot::{BodyArrays, SHAPE_PARTS};
+use cd_formats::surface::Surface;
+use nalgebra::Matrix3;
+
+use crate::frame::Vec3;
+
+/// Normals of triangles of one face differ by less than this; files with eight digits leave about 1e-7.
+const FLAT: f64 = 1e-5;
+
+/// A polyhedron or a cluster of them in the body's frame.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Solid {
+    /// Of all pieces, about the centre of mass, m.
+    pub vertices: Vec<Vec3>,
+    /// Polygons of vertex numbers, counter-clockwise seen from outside.
+    pub faces: Vec<Vec<u32>>,
+}
+
+impl Solid {
+    /// Distance of the farthest vertex from the centre of mass, m.
+    pub fn reach(&self) -> f64 {
+        self.vertices.iter().map(|v| v.norm()).fold(0.0, f64::max)
+    }
+}
+
+/// The polyhedron of each body of the snapshot `path`, none for other bodies: from DATBOX beside its OUTBOX.
+///
+/// Errors: a BODIES.DAT that cannot be read, or in which such a body is no polyhedron.
+pub fn of(path: &Path, bodies: &BodyArrays) -> Result<Vec<Option<Arc<Solid>>>, Faults> {
+    if !bodies.body_shape.contains(&SHAPE_PARTS) {
+        return Ok(Vec::new());
+    }
+    let case = path.parent().and_then(Path::parent).unwrap_or(Path::new(""));
+    let file = case.join("DATBOX").join("BODIES.DAT");
+    let solids = read(&file)?;
+    let mut faults = Faults::default();
+    let mut solid = |row: usize| {
+        let found = solids.get(&bodies.body_id[row]).filter(|_| bodies.body_shape[row] == SHAPE_PARTS).cloned();
+        if found.is_none() && bodies.body_shape[row] == SHAPE_PARTS {
+            let object = format!("body {}", bodies.body_id[row]);
+            faults.push(Fault::new(&file, None, object, "no POLYR", "expected the polyhedron that the snapshot has"));
+        }
+        found
+    };
+    let found = (0..bodies.body_id.len()).map(&mut solid).collect();
+    faults.into_result(found)
+}
+
+fn read(file: &Path) -> Result<HashMap<u64, Arc<Solid>>, Faults> {
+    let mut solids = HashMap::new();
+    let mut faults = Faults::default();
+    for (number, body) in (1..).zip(Bodies::read(file)?.0) {
+        match solid(&body) {
+            Ok(Some(solid)) => drop(solids.insert(number, Arc::new(solid))),
+            Ok(None) => {}
+            Err(found) => {
+                faults.push(Fault::new(
+                    file,
+                    Some(body.line),
+                    format!("body {number}"),
+                    found,
+                    "expected a closed surface",
+                ));
+            }
+        }
+    }
+    faults.into_result(solids)
+}
+
+/// The polyhedra of a body as cd-solve has them: a lone one about its centre of mass, and without I1 I2 I3 in its
+/// principal axes; those of a cluster as they stand.
+pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
+    let mut solid = Solid::default();
+    for contactor in &body.contactors {
+        let Shape::Polyhedron { vertices, triangles } = &contactor.shape else { continue };
+        let surface = Surface::new(vertices, triangles).map_err(|faults| faults.join("; "))?;
+        let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
+        if body.contactors.len() == 1 {
+            let properties = surface.mass_properties();
+            centre = properties.centre.into();
+            if body.inertia.is_none_or(|moments| moments == [0.0; 3]) {
+                axes = Matrix3::from_rows(&properties.principal().1.map(|axis| Vec3::from(axis).transpose()));
+            }
+        }
+        let first = solid.vertices.len() as u32;
+        solid.vertices.extend(surface.vertices().iter().map(|&v| axes * (Vec3::from(v) - centre)));
+        let moved = |face: Vec<u32>| face.into_iter().map(|k| first + k).collect();
+        solid.faces.extend(faces(&surface).into_iter().map(moved));
+    }
+    Ok((!solid.faces.is_empty()).then_some(solid))
+}
+
+/// Triangles that lie in one plane side by side make one polygon, where that has a single rim.
+fn faces(surface: &Surface) -> Vec<Vec<u32>> {
+    let triangles = surface.triangles();
+    let normal = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|k| Vec3::from(surface.vertices()[k as usize]));
+        (b - a).cross(&(c - a)).normalize()
+    };
+    let normals: Vec<Vec3> = triangles.iter().map(normal).collect();
+    let mut beside: HashMap<[u32; 2], usize> = HashMap::new();
+    for (k, t) in triangles.iter().enumerate() {
+        beside.extend([[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]].map(|side| (side, k)));
+    }
+    let mut groups = Groups::new(triangles.len());
+    for ([a, b], &k) in &beside {
+        if let Some(&other) = beside.get(&[*b, *a])
+            && (normals[k] - normals[other]).norm() < FLAT
+        {
+            groups.join(k, other);
+        }
+    }
+    let mut faces: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for k in 0..triangles.len() {
+        faces.entry(groups.root(k)).or_default().push(k);
+    }
+    let mut polygons = Vec::new();
+    for face in faces.values() {
+        // The rim: sides whose other side belongs to another face.
+        let sides = face.iter().flat_map(|&k| {
+            let [a, b, c] = triangles[k];
+            [[a, b], [b, c], [c, a]]
+        });
+        let mut on_rim = |side: &[u32; 2]| groups.root(beside[&[side[1], side[0]]]) != groups.root(face[0]);
+        let rim: BTreeMap<u32, u32> = sides.filter(|side| on_rim(side)).map(|[a, b]| (a, b)).collect();
+        let first = rim.keys().next().copied().unwrap_or_default();
+        let round = std::iter::successors(Some(first), |k| rim.get(k).copied().filter(|next| *next != first));
+        let polygon: Vec<u32> = round.take(rim.len() + 1).collect();
+        // Every corner of the triangles lies on a single rim, or the face is left in triangles.
+        if polygon.len() == rim.len() && rim.len() == face.len() + 2 {
+            polygons.push(polygon);
+        } else {
+            polygons.extend(face.iter().map(|&k| triangles[k].to_vec()));
+        }
+    }
+    polygons
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cd_formats::bodies::Contactor;
+
+    /// A box of half lengths 1, 2, 3 moved by `to`.
+    fn body(to: f64, inertia: Option<[f64; 3]>) -> Body {
+        let corner =
+            |k: usize| [0, 1, 2].map(|axis| to + [1.0, 2.0, 3.0][axis] * if k >> axis & 1 == 0 { -1.0 } else { 1.0 });
+        let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        let shape = Shape::Polyhedron { vertices: (0..8).map(corner).collect(), triangles };
+        let contactor = Contactor { colour: "BLUEx".into(), shape, local_frame: None };
+        let material = "ROCKx".to_string();
+        Body { line: 0, material, equivalent_radius: 1.0, inertia, position: [0.0; 3], contactors: vec![contactor] }
+    }
+
+    #[test]
+    fn a_box_has_six_faces_about_its_centre() {
+        let solid = solid(&body(7.0, Some([1.0; 3]))).unwrap().unwrap();
+        assert_eq!((solid.vertices.len(), solid.faces.len()), (8, 6));
+        assert!((solid.reach() - 14f64.sqrt()).abs() < 1e-14);
+        for face in &solid.faces {
+            let corner: Vec<Vec3> = face.iter().map(|&k| solid.vertices[k as usize]).collect();
+            assert_eq!(corner.len(), 4);
+            let normal = (corner[1] - corner[0]).cross(&(corner[2] - corner[1]));
+            assert!(normal.dot(&(corner[0] + corner[2])) > 0.0, "outward");
+        }
+    }
+
+    #[test]
+    fn without_inertia_the_longest_axis_comes_first() {
+        let solid = solid(&body(0.0, None)).unwrap().unwrap();
+        assert!(solid.vertices.iter().all(|v| (v.abs() - Vec3::new(3.0, 2.0, 1.0)).norm() < 1e-14));
+    }
+
+    #[test]
+    fn a_broken_surface_is_told() {
+        let mut broken = body(0.0, None);
+        let Shape::Polyhedron { triangles, .. } = &mut broken.contactors[0].shape else { unreachable!() };
+        triangles.pop();
+        assert!(solid(&broken).unwrap_err().contains("belongs to 1 triangle"));
+    }
+}
