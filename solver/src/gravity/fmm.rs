@@ -1,30 +1,31 @@
 //! The fast multipole method: cells attract cells by expansions, leaves that are near each other pair by pair.
 //!
-//! The pair of cells (A, B) counts as far if r_A + r_B < theta |c_A - c_B|, else the larger is split; both ends of a
-//! pair see the same numbers, so that what A does to B, B does to A. Each cell, as a target, settles the sources that its
-//! parent left open and hands on the others; nothing is shared between targets, and the result does not depend on
-//! threads.
+//! Cell B is far from cell A if r_A + r_B < theta |c_A - c_B| and the error of its expansion, about
+//! M_B/d^2 ((r_A + r_B)/d)^p, is a small share of the pull that there is; else the larger is split. Each cell, as a
+//! target, settles the sources that its parent left open and hands on the others; nothing is shared between targets, and
+//! the result does not depend on threads.
 //!
 //! Sources: L. Greengard and V. Rokhlin, J. Comput. Phys. 73 (1987) 325; M.S. Warren and J.K. Salmon, Comput. Phys.
-//! Commun. 87 (1995) 266; W. Dehnen, J. Comput. Phys. 179 (2002) 27.
+//! Commun. 87 (1995) 266; W. Dehnen, J. Comput. Phys. 179 (2002) 27 and Comput. Astrophys. Cosmol. 1 (2014) 1.
 
 use pulp::NullaryFnOnce;
 
-use super::expansion::{contract, derivatives, exponential, narrow, narrow_len, wide, wide_len, widen};
+use super::expansion::{
+    NARROW, Narrow, Wide, contract, derivatives, evaluate, exponential, for_degrees, for_lines, narrow, narrow_len,
+    widen,
+};
 use super::pairs::{PackF32, PackF64, Packed, Pull, PullF32, PullF64, Source, TARGETS};
-use super::tree::{Cell, GRAIN, Tree};
-use crate::math::lanes::{Scalar, Singles};
+use super::settings::Expansion;
+use super::tree::{Cell, GRAIN, Outline, Tree, load_part};
+use crate::math::lanes::{Line, Scalar, Singles};
 
-/// Sources of an expansion taken at once.
+/// Sources of an expansion, or cells looked at, taken at once.
 const BATCH: usize = 8;
 
-pub struct Walk<'a, L> {
+pub struct Walk<'a, L, const P: usize> {
     pub lanes: L,
     pub tree: &'a Tree,
-    /// theta
-    pub opening: f64,
-    /// Pairs in single precision, but for targets that have a source nearer than this part of the leaves' radii.
-    pub single: Option<f64>,
+    pub settings: Expansion,
 }
 
 /// A list that grows without branching on what is asked, which no processor could foresee here.
@@ -35,20 +36,18 @@ struct List {
 }
 
 impl List {
-    fn push_if(&mut self, wanted: bool, item: u32) {
-        if self.count == self.items.len() {
-            self.items.resize(2 * self.count + 64, 0);
+    /// Makes room for `more`.
+    #[inline(always)]
+    fn reserve(&mut self, more: usize) {
+        if self.count + more > self.items.len() {
+            self.items.resize(2 * self.count + more + 64, 0);
         }
-        self.items[self.count] = item;
-        self.count += wanted as usize;
     }
 
     fn extend(&mut self, items: &[u32]) {
-        items.iter().for_each(|&item| self.push_if(true, item));
-    }
-
-    fn clear(&mut self) {
-        self.count = 0;
+        self.reserve(items.len());
+        self.items[self.count..][..items.len()].copy_from_slice(items);
+        self.count += items.len();
     }
 }
 
@@ -60,16 +59,15 @@ impl std::ops::Deref for List {
 }
 
 /// Scratch memory of a thread's walk.
-struct Work<V> {
+#[derive(Default)]
+struct Work {
     /// Open sources by level, each level's behind its parent's.
     open: List,
     todo: List,
     far: List,
     near: List,
+    sums: Vec<Line>,
     sources: Vec<Source>,
-    moments: Vec<V>,
-    field: Vec<V>,
-    sums: Vec<V>,
     singles: Packed<f32>,
     doubles: Packed<f64>,
     targets: Vec<[f64; 3]>,
@@ -78,151 +76,114 @@ struct Work<V> {
     pulls: Vec<Pull>,
 }
 
-impl<L: Singles> Walk<'_, L> {
+/// What a cell takes over from the cells that it is in, besides their local expansion.
+#[derive(Clone, Copy)]
+struct Above {
+    /// Sum of M/d^2 over the far cells so far.
+    far: f64,
+    /// The same with the open sources, as if they were as far as they are large: about the least pull that is here.
+    strength: f64,
+    /// Where its open sources start.
+    from: usize,
+}
+
+impl<L: Singles, const P: usize> Walk<'_, L, P> {
     /// Pull on every body, in the tree's order and units.
     pub fn pulls(&self) -> Vec<Pull> {
         let mut out = vec![[0.0; 4]; self.tree.index.len()];
-        let local = vec![0.0; narrow_len(self.tree.order)];
-        self.visit(0, &local, &mut self.work(&[0]), 0, &mut out);
+        let mut work = Work::default();
+        work.open.extend(&[0]);
+        let Outline { mass, radius, .. } = Outline::of(&self.tree.outlines[0]);
+        let strength = if radius > 0.0 { mass / (2.0 * radius * radius) } else { 0.0 };
+        self.visit(0, &mut [0.0; _], Above { far: 0.0, strength, from: 0 }, &mut work, &mut out);
         out
     }
 
-    fn work(&self, open: &[u32]) -> Work<L::V> {
-        let p = self.tree.order;
-        let zero = self.lanes.splat(0.0);
-        let mut list = List::default();
-        list.extend(open);
-        Work {
-            open: list,
-            todo: List::default(),
-            far: List::default(),
-            near: List::default(),
-            sources: Vec::new(),
-            moments: vec![zero; self.tree.lines * 8],
-            field: vec![zero; wide_len(p)],
-            sums: vec![zero; narrow_len(p) * BATCH / L::WIDTH],
-            singles: Packed::default(),
-            doubles: Packed::default(),
-            targets: Vec::new(),
-            targets_f32: Vec::new(),
-            nearest: Vec::new(),
-            pulls: Vec::new(),
-        }
-    }
-
-    /// Evaluates the subtree of cell `a` with the local expansion of its parent about its own centre; its open sources
-    /// are `work.open[from..]`.
-    fn visit(&self, a: usize, local: &[f64], work: &mut Work<L::V>, from: usize, out: &mut [Pull]) {
+    /// Evaluates the subtree of cell `a`, with the local expansion about its centre from the cells that it is in.
+    fn visit(&self, a: usize, local: &mut Narrow<f64>, above: Above, work: &mut Work, out: &mut [Pull]) {
         let cell = &self.tree.cells[a];
+        let outline = &Outline::of(&self.tree.outlines[a]);
         let below = work.open.len();
-        self.settle(a, from, work);
-        let mut local = local.to_vec();
+        let above = self.lanes.run(Settle { walk: self, a, outline, above, work });
         if !work.far.is_empty() {
-            self.lanes.run(Far { walk: self, cell, work, local: &mut local });
+            self.lanes.run(Far { walk: self, outline, far: &work.far, sums: &mut work.sums, local });
         }
         if cell.is_leaf() {
-            self.lanes.run(Expand { walk: self, cell, local: &local, out });
-            self.near(cell, work, out);
+            self.lanes.run(Expand { walk: self, cell, outline, local, out });
+            self.near(cell, outline, work, out);
             return;
         }
         let halves = [a + 1, a + cell.second as usize];
-        let [one, two] = halves.map(|half| {
-            let mut shifted = vec![0.0; local.len()];
-            let cells = [cell, &self.tree.cells[half]];
-            self.lanes.run(Shift { p: self.tree.order, cells, local: &local, out: &mut shifted });
-            shifted
-        });
+        let [mut one, mut two]: [Narrow<f64>; 2] = [[0.0; _]; 2];
+        let [to_one, to_two] = halves.map(|half| between(&Outline::of(&self.tree.outlines[half]), outline));
+        self.lanes.run(Shift::<P> { shift: to_one, local, out: &mut one });
+        self.lanes.run(Shift::<P> { shift: to_two, local, out: &mut two });
         let (out_one, out_two) = out.split_at_mut(self.tree.cells[halves[0]].count as usize);
         if cell.count as usize > GRAIN {
-            let mut other = self.work(&work.open[below..]);
+            let mut other = Work::default();
+            other.open.extend(&work.open[below..]);
             rayon::join(
-                || self.visit(halves[0], &one, work, below, out_one),
-                || self.visit(halves[1], &two, &mut other, 0, out_two),
+                || self.visit(halves[0], &mut one, above, work, out_one),
+                || self.visit(halves[1], &mut two, Above { from: 0, ..above }, &mut other, out_two),
             );
         } else {
-            self.visit(halves[0], &one, work, below, out_one);
-            self.visit(halves[1], &two, work, below, out_two);
+            self.visit(halves[0], &mut one, above, work, out_one);
+            self.visit(halves[1], &mut two, above, work, out_two);
         }
         work.open.count = below;
     }
 
-    /// Sorts the open sources of cell `a` into far, near, and open still, for its halves.
-    fn settle(&self, a: usize, from: usize, work: &mut Work<L::V>) {
-        let cells = &self.tree.cells;
-        let cell = &cells[a];
-        let theta2 = self.opening * self.opening;
-        let Work { open, todo, far, near, .. } = work;
-        far.clear();
-        near.clear();
-        todo.clear();
-        todo.extend(&open.items[from..open.count]);
-        let mut k = 0;
-        while k < todo.count {
-            let b = todo.items[k];
-            k += 1;
-            let source = &cells[b as usize];
-            let halves = [b + 1, b + source.second];
-            if b as usize == a {
-                near.push_if(cell.is_leaf(), b);
-                open.push_if(!cell.is_leaf(), halves[0]);
-                open.push_if(!cell.is_leaf(), halves[1]);
-                continue;
-            }
-            let reach = cell.radius + source.radius;
-            let d = [0, 1, 2].map(|k: usize| cell.centre[k] - source.centre[k]);
-            let d2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-            let is_far = reach * reach < theta2 * d2;
-            let larger = (source.radius > cell.radius) | ((source.radius == cell.radius) & (b as usize > a));
-            let split = !is_far & !source.is_leaf() & (larger | cell.is_leaf());
-            far.push_if(is_far, b);
-            near.push_if(!is_far & cell.is_leaf() & source.is_leaf(), b);
-            todo.push_if(split, halves[0]);
-            todo.push_if(split, halves[1]);
-            open.push_if(!is_far & !split & !cell.is_leaf(), b);
-        }
-    }
-
     /// Adds the pull of the near leaves on the bodies of a leaf.
-    fn near(&self, cell: &Cell, work: &mut Work<L::V>, out: &mut [Pull]) {
+    fn near(&self, cell: &Cell, outline: &Outline, work: &mut Work, out: &mut [Pull]) {
         let Work { near, sources, singles, doubles, targets, targets_f32, nearest, pulls, .. } = work;
         let (l, bodies, offsets) = (self.lanes, &self.tree.bodies, &self.tree.offsets);
         targets.clear();
         targets.extend(cell.bodies().map(|i| [bodies[0][i], bodies[1][i], bodies[2][i]]));
         sources.clear();
-        let Some(close) = self.single else {
+        let Some(close) = self.settings.single else {
             sources.extend(near.iter().map(|&b| (self.tree.cells[b as usize].bodies(), [0.0; 3])));
             l.run(PackF64 { to: doubles, bodies, sources });
             l.run(PullF64 { l, packed: doubles, targets, out });
             return;
         };
-        // A body's own leaf in double precision: there are its nearest neighbours, and itself.
-        sources.push((cell.bodies(), [0.0; 3]));
-        l.run(PackF64 { to: doubles, bodies, sources });
-        l.run(PullF64 { l, packed: doubles, targets, out });
-        sources.clear();
-        let others = || near.iter().map(|&b| &self.tree.cells[b as usize]).filter(|s| s.first != cell.first);
-        let between = |source: &Cell| [0, 1, 2].map(|k: usize| source.centre[k] - cell.centre[k]);
-        let reach = |source: &Cell| {
-            let d = between(source);
-            (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() + source.radius
-        };
-        let length = others().map(reach).fold(0.0, f64::max) + cell.radius;
+        let (mut length, mut largest) = (0.0, 0.0);
+        for &b in near.iter() {
+            let source = Outline::of(&self.tree.outlines[b as usize]);
+            let [x, y, z] = between(&source, outline);
+            let reach = (x * x + y * y + z * z).sqrt() + source.radius;
+            length = if reach > length { reach } else { length };
+            largest = if source.radius > largest { source.radius } else { largest };
+        }
+        length += outline.radius;
+        if length == 0.0 {
+            return; // one place
+        }
         let scale = 1.0 / length;
-        sources.extend(others().map(|source| (source.bodies(), between(source).map(|x| (x * scale) as f32))));
-        if sources.is_empty() {
-            return;
+        // The leaf itself first, so that a body's place among the sources is its place among the targets.
+        sources.push((cell.bodies(), [0.0; 3]));
+        for &b in near.iter() {
+            let (source, other) = (&self.tree.cells[b as usize], Outline::of(&self.tree.outlines[b as usize]));
+            if source.first != cell.first {
+                let [x, y, z] = between(&other, outline);
+                sources.push((source.bodies(), [(x * scale) as f32, (y * scale) as f32, (z * scale) as f32]));
+            }
         }
         let scale = scale as f32;
         l.run(PackF32 { l, to: singles, offsets, sources, scale });
         targets_f32.clear();
-        targets_f32.extend(cell.bodies().map(|i| [0, 1, 2].map(|k: usize| offsets[k][i] * scale)));
+        targets_f32
+            .extend(cell.bodies().map(|i| [offsets[0][i] * scale, offsets[1][i] * scale, offsets[2][i] * scale]));
         nearest.resize(targets.len(), 0.0);
         pulls.clear();
         pulls.resize(targets.len(), [0.0; 4]);
-        l.run(PullF32 { l, packed: singles, length, targets: targets_f32, out: pulls, nearest });
+        let (packed, targets_f32) = (&*singles, &targets_f32[..]);
+        if self.settings.rough {
+            l.run(PullF32::<L, true> { l, packed, length, targets: targets_f32, out: pulls, nearest });
+        } else {
+            l.run(PullF32::<L, false> { l, packed, length, targets: targets_f32, out: pulls, nearest });
+        }
         // What the rounding of positions spoils is done again.
-        let largest = others().map(|source| source.radius).fold(cell.radius, f64::max);
-        let limit = ((close * (cell.radius + largest) / length).max(1e-6) as f32).powi(2);
+        let limit = ((close * (outline.radius + largest) / length).max(1e-6) as f32).powi(2);
         let mut packed = false;
         let groups = targets.chunks(TARGETS).zip(nearest.chunks(TARGETS));
         for ((targets, nearest), (out, pulls)) in groups.zip(out.chunks_mut(TARGETS).zip(pulls.chunks(TARGETS))) {
@@ -239,147 +200,262 @@ impl<L: Singles> Walk<'_, L> {
     }
 }
 
-/// Adds the field of the far cells to a cell's local expansion.
-struct Far<'a, L: Singles> {
-    walk: &'a Walk<'a, L>,
-    cell: &'a Cell,
-    work: &'a mut Work<L::V>,
-    local: &'a mut [f64],
+/// From the centre of `b` to that of `a`.
+#[inline(always)]
+fn between(a: &Outline, b: &Outline) -> [f64; 3] {
+    [a.centre[0] - b.centre[0], a.centre[1] - b.centre[1], a.centre[2] - b.centre[2]]
 }
 
-impl<L: Singles> NullaryFnOnce for Far<'_, L> {
+/// The first numbers of `BATCH` lines, and how many are asked for.
+#[inline(always)]
+fn batch(items: &[u32], first: usize, filler: u32) -> ([u32; BATCH], usize) {
+    if let Some(full) = items[first..].first_chunk::<BATCH>() {
+        return (*full, BATCH);
+    }
+    let mut index = [filler; BATCH];
+    let here = items.len() - first;
+    index[..here].copy_from_slice(&items[first..]);
+    (index, here)
+}
+
+#[inline(always)]
+fn total(parts: &[f64; BATCH]) -> f64 {
+    let [a, b, c, d, e, f, g, h] = *parts;
+    ((a + b) + (c + d)) + ((e + f) + (g + h))
+}
+
+/// Sorts the open sources of cell `a` into far, near, and open still, for its halves, for which it returns what is
+/// known above them.
+struct Settle<'a, L, const P: usize> {
+    walk: &'a Walk<'a, L, P>,
+    a: usize,
+    outline: &'a Outline,
+    above: Above,
+    work: &'a mut Work,
+}
+
+const FAR: f64 = 2.0;
+const LARGER: f64 = 1.0;
+
+impl<L: Singles, const P: usize> NullaryFnOnce for Settle<'_, L, P> {
+    type Output = Above;
+    #[inline(always)]
+    fn call(self) -> Above {
+        let Settle { walk, a, outline, above, work } = self;
+        let (l, tree) = (walk.lanes, walk.tree);
+        let (cells, outlines) = (&tree.cells[..], &tree.outlines[..]);
+        let is_leaf = cells[a].is_leaf();
+        let Work { open, todo, far, near, .. } = work;
+        let below = open.count;
+        (todo.count, far.count, near.count) = (0, 0, 0);
+        todo.extend(&open.items[above.from..open.count]);
+
+        let centre = [l.splat(outline.centre[0]), l.splat(outline.centre[1]), l.splat(outline.centre[2])];
+        let (zero, one, two) = (l.splat(0.0), l.splat(LARGER), l.splat(FAR));
+        let least = walk.settings.share * above.strength;
+        let limit = l.splat(least * least);
+        let theta2 = l.splat(walk.settings.opening * walk.settings.opening);
+        let own = l.splat(outline.radius);
+        let size = l.splat(if is_leaf { -1.0 } else { outline.radius });
+        let (mut far_parts, mut open_parts) = ([0.0; BATCH], [0.0; BATCH]);
+        let mut k = 0;
+        while k < todo.count {
+            let (index, here) = batch(todo, k, cells.len() as u32);
+            let mut codes = [0.0; BATCH];
+            let mut from = 0;
+            while from < BATCH {
+                let [x, y, z, r, m, ..] = l.gather(outlines, &index[from..]);
+                let d = [l.sub(x, centre[0]), l.sub(y, centre[1]), l.sub(z, centre[2])];
+                let d2 = l.mul_add(d[0], d[0], l.mul_add(d[1], d[1], l.mul(d[2], d[2])));
+                let reach = l.add(r, own);
+                let reach2 = l.mul(reach, reach);
+                let inverse = l.div(one, d2);
+                let strength = l.mul(m, inverse);
+                let mut error2 = l.mul(strength, strength);
+                let ratio2 = l.mul(reach2, inverse);
+                let mut q = 0;
+                while q < P {
+                    error2 = l.mul(error2, ratio2);
+                    q += 1;
+                }
+                let code = l.select_greater(r, size, one, zero);
+                let small = l.select_greater(limit, error2, two, code);
+                let code = l.select_greater(l.mul(theta2, d2), reach2, small, code);
+                l.store(&mut codes[from..], code);
+                let taken = l.add(l.load(&far_parts[from..]), l.select_greater(code, one, strength, zero));
+                l.store(&mut far_parts[from..], taken);
+                // What stays open pulls at least as if it were as far as it is large.
+                let area = l.add(d2, reach2);
+                let left = l.select_greater(one, code, l.select_greater(area, zero, l.div(m, area), zero), zero);
+                let left = l.add(l.load(&open_parts[from..]), left);
+                l.store(&mut open_parts[from..], left);
+                from += L::WIDTH;
+            }
+            todo.reserve(2 * BATCH);
+            far.reserve(BATCH);
+            near.reserve(BATCH);
+            open.reserve(BATCH);
+            let (to_do, to_far) = (&mut todo.items[todo.count..][..2 * BATCH], &mut far.items[far.count..][..BATCH]);
+            let (to_near, to_open) = (&mut near.items[near.count..][..BATCH], &mut open.items[open.count..][..BATCH]);
+            let [mut n_do, mut n_far, mut n_near, mut n_open] = [0; 4];
+            for lane in 0..here {
+                let b = index[lane];
+                let second = cells[b as usize].second;
+                let code = codes[lane].to_bits();
+                let is_far = code == FAR.to_bits();
+                let split = (code == LARGER.to_bits()) & (second != 0);
+                to_far[n_far & (BATCH - 1)] = b;
+                n_far += is_far as usize;
+                to_near[n_near & (BATCH - 1)] = b;
+                n_near += (!is_far & is_leaf & (second == 0)) as usize;
+                to_do[n_do & (2 * BATCH - 1)] = b + 1;
+                to_do[(n_do + 1) & (2 * BATCH - 1)] = b + second;
+                n_do += 2 * split as usize;
+                to_open[n_open & (BATCH - 1)] = b;
+                n_open += (!is_far & !split & !is_leaf) as usize;
+            }
+            todo.count += n_do;
+            far.count += n_far;
+            near.count += n_near;
+            open.count += n_open;
+            k += here;
+        }
+        let far = above.far + total(&far_parts);
+        Above { far, strength: far + total(&open_parts), from: below }
+    }
+}
+
+/// Adds the field of the far cells to a cell's local expansion.
+struct Far<'a, L, const P: usize> {
+    walk: &'a Walk<'a, L, P>,
+    outline: &'a Outline,
+    far: &'a [u32],
+    sums: &'a mut Vec<Line>,
+    local: &'a mut Narrow<f64>,
+}
+
+impl<L: Singles, const P: usize> NullaryFnOnce for Far<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Far { walk, cell, work, local } = self;
+        let Far { walk, outline, far, sums: parts, local } = self;
         let (l, tree) = (walk.lanes, walk.tree);
-        let (p, n, lines) = (tree.order, narrow_len(tree.order), tree.lines as u32);
-        let [x, y, z] = [l.splat(cell.centre[0]), l.splat(cell.centre[1]), l.splat(cell.centre[2])];
-        let Work { far, moments, field, sums, .. } = work;
-        sums.fill(l.splat(0.0));
-        let filler = tree.cells.len() as u32 * lines;
-        let mut first = 0;
-        while first < far.len() {
-            let mut index = [filler; BATCH];
-            for k in 0..BATCH.min(far.len() - first) {
-                index[k] = far[first + k] * lines;
-            }
-            let mut slab = 0;
-            while slab < BATCH / L::WIDTH {
-                let mut index = {
-                    let mut part = [0; BATCH];
-                    part[..L::WIDTH].copy_from_slice(&index[slab * L::WIDTH..][..L::WIDTH]);
-                    part
-                };
-                for line in 0..tree.lines {
-                    let columns = l.gather(&tree.moments, &index);
-                    moments[line * 8..][..8].copy_from_slice(&columns);
-                    for place in &mut index {
-                        *place += 1;
+        let lines = narrow_len(P).div_ceil(8);
+        let centre = [l.splat(outline.centre[0]), l.splat(outline.centre[1]), l.splat(outline.centre[2])];
+        parts.resize(NARROW, [0.0; 8]);
+        let mut from = 0;
+        while from < BATCH {
+            let mut sums: Narrow<L::V> = [l.splat(0.0); _];
+            let mut first = 0;
+            while first < far.len() {
+                let (cells, _) = batch(far, first, tree.cells.len() as u32);
+                let mut moments: Narrow<L::V> = [l.splat(0.0); _];
+                for_lines!(LINE < narrow_len(P).div_ceil(8), {
+                    let mut index = [0; BATCH];
+                    let mut k = 0;
+                    while k < L::WIDTH {
+                        index[k] = cells[from + k] * lines as u32 + LINE as u32;
+                        k += 1;
                     }
+                    let columns = l.gather(&tree.moments, &index);
+                    let mut k = 0;
+                    while k < 8 {
+                        moments[LINE * 8 + k] = columns[k];
+                        k += 1;
+                    }
+                });
+                let d = [l.sub(centre[0], moments[1]), l.sub(centre[1], moments[2]), l.sub(centre[2], moments[3])];
+                let mut field: Wide<L::V> = [l.splat(0.0); _];
+                derivatives::<L, P>(l, d, &mut field);
+                contract::<L, P, false>(l, &moments, &field, &mut sums);
+                first += BATCH;
+            }
+            for_degrees!(Q <= P, {
+                let mut k = narrow(Q, 0);
+                while k < narrow(Q + 1, 0) {
+                    l.store(&mut parts[k][from..], sums[k]);
+                    k += 1;
                 }
-                let d = [l.sub(x, moments[1]), l.sub(y, moments[2]), l.sub(z, moments[3])];
-                derivatives(l, p, d, field);
-                contract(l, p, false, moments, field, &mut sums[slab * n..][..n]);
-                slab += 1;
-            }
-            first += BATCH;
+            });
+            from += L::WIDTH;
         }
-        for k in 0..n {
-            let mut lanes = [0.0; BATCH];
-            let mut slab = 0;
-            while slab < BATCH / L::WIDTH {
-                l.store(&mut lanes[slab * L::WIDTH..], sums[slab * n + k]);
-                slab += 1;
+        let mut k = 0;
+        while k < 8 * lines {
+            let mut index = [0; BATCH];
+            for lane in 0..L::WIDTH {
+                index[lane] = (k + lane) as u32;
             }
-            let [a, b, c, d, e, f, g, h] = lanes;
-            local[k] += ((a + b) + (c + d)) + ((e + f) + (g + h));
+            let [a, b, c, d, e, f, g, h] = l.gather(parts, &index);
+            let sum = l.add(l.add(l.add(a, b), l.add(c, d)), l.add(l.add(e, f), l.add(g, h)));
+            let sum = l.add(l.load(&local[k..]), sum);
+            l.store(&mut local[k..], sum);
+            k += L::WIDTH;
         }
     }
 }
 
-/// The local expansion of a cell about the centre of one of its halves.
-struct Shift<'a> {
-    p: usize,
-    cells: [&'a Cell; 2],
-    local: &'a [f64],
-    out: &'a mut [f64],
+/// The local expansion about a centre that lies `shift` further.
+struct Shift<'a, const P: usize> {
+    shift: [f64; 3],
+    local: &'a Narrow<f64>,
+    /// Zeros.
+    out: &'a mut Narrow<f64>,
 }
 
-/// Room for rows of the highest order.
-const NARROW: usize = narrow_len(super::HIGHEST_ORDER);
-const WIDE: usize = wide_len(super::HIGHEST_ORDER);
-
-impl NullaryFnOnce for Shift<'_> {
+impl<const P: usize> NullaryFnOnce for Shift<'_, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Shift { p, cells: [from, to], local, out } = self;
-        let (mut e, mut field) = ([0.0; NARROW], [0.0; WIDE]);
-        exponential(Scalar, p, [0, 1, 2].map(|k: usize| to.centre[k] - from.centre[k]), &mut e);
-        widen(Scalar, p, local, &mut field);
-        contract(Scalar, p, true, &e, &field, out);
+        let Shift { shift, local, out } = self;
+        let (mut e, mut field): (Narrow<f64>, Wide<f64>) = ([0.0; _], [0.0; _]);
+        exponential::<_, P>(Scalar, shift, &mut e);
+        widen::<_, P>(Scalar, local, &mut field);
+        contract::<_, P, true>(Scalar, &e, &field, out);
     }
 }
 
 /// Adds a leaf's local expansion to the pull on its bodies.
-struct Expand<'a, L> {
-    walk: &'a Walk<'a, L>,
+struct Expand<'a, L, const P: usize> {
+    walk: &'a Walk<'a, L, P>,
     cell: &'a Cell,
-    local: &'a [f64],
+    outline: &'a Outline,
+    local: &'a Narrow<f64>,
     out: &'a mut [Pull],
 }
 
-impl<L: Singles> NullaryFnOnce for Expand<'_, L> {
+impl<L: Singles, const P: usize> NullaryFnOnce for Expand<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Expand { walk, cell, local, out } = self;
-        let (l, p) = (walk.lanes, walk.tree.order);
-        let mut field = [0.0; WIDE];
-        widen(Scalar, p, local, &mut field);
-        let mut e = [l.splat(0.0); NARROW];
-        let bodies = [0, 1, 2].map(|k: usize| &walk.tree.bodies[k][cell.bodies()]);
+        let Expand { walk, cell, outline, local, out } = self;
+        let l = walk.lanes;
+        let (mut field, mut wide): (Wide<f64>, Wide<L::V>) = ([0.0; _], [l.splat(0.0); _]);
+        widen::<_, P>(Scalar, local, &mut field);
+        for k in 0..field.len() {
+            wide[k] = l.splat(field[k]);
+        }
+        let [x, y, z, _] = &walk.tree.bodies;
+        let bodies = [&x[cell.bodies()], &y[cell.bodies()], &z[cell.bodies()]];
+        let centre = outline.centre;
         let mut first = 0;
         while first < out.len() {
-            let here = (out.len() - first).min(BATCH);
-            let mut at = [[0.0; BATCH]; 3];
+            let mut b = [l.splat(0.0); 3];
             for k in 0..3 {
-                for lane in 0..here {
-                    at[k][lane] = bodies[k][first + lane] - cell.centre[k];
-                }
+                b[k] = l.sub(load_part(l, bodies[k], first, centre[k]), l.splat(centre[k]));
             }
+            let mut e: Narrow<L::V> = [l.splat(0.0); _];
+            exponential::<L, P>(l, b, &mut e);
+            let sums = evaluate::<L, P>(l, &e, &wide);
             let mut result = [[0.0; BATCH]; 4];
-            let mut from = 0;
-            while from < BATCH {
-                let b = [l.load(&at[0][from..]), l.load(&at[1][from..]), l.load(&at[2][from..])];
-                exponential(l, p, b, &mut e);
-                let mut sums = [l.splat(0.0); 4];
-                for q in 0..=p {
-                    for c in 0..=q.min(1) {
-                        let to_e = narrow(q, c);
-                        for j in 0..=q - c {
-                            let value = e[to_e + j];
-                            sums[3] = l.mul_add(value, l.splat(field[wide(q, c) + j]), sums[3]);
-                            if q < p {
-                                sums[0] = l.mul_add(value, l.splat(field[wide(q + 1, c) + j]), sums[0]);
-                                sums[1] = l.mul_add(value, l.splat(field[wide(q + 1, c) + j + 1]), sums[1]);
-                                sums[2] = l.mul_add(value, l.splat(field[wide(q + 1, c + 1) + j]), sums[2]);
-                            }
-                        }
-                    }
-                }
-                for k in 0..4 {
-                    l.store(&mut result[k][from..], sums[k]);
-                }
-                from += L::WIDTH;
+            for k in 0..4 {
+                l.store(&mut result[k], sums[k]);
             }
-            for lane in 0..here {
+            for lane in 0..L::WIDTH.min(out.len() - first) {
                 for k in 0..4 {
                     out[first + lane][k] += result[k][lane];
                 }
             }
-            first += BATCH;
+            first += L::WIDTH;
         }
     }
 }

@@ -1,9 +1,16 @@
 //! Bench: Newtonian attraction among point masses.
 
 pub mod direct;
+// No iterators in the kernels: they are functions of their own, which a compiler may leave outside the instruction set
+// that their caller is compiled for.
+#[allow(clippy::needless_range_loop)]
 mod expansion;
+#[allow(clippy::needless_range_loop)]
 mod fmm;
+#[allow(clippy::needless_range_loop)]
 mod pairs;
+mod settings;
+#[allow(clippy::needless_range_loop)]
 mod tree;
 
 use nalgebra::Matrix3;
@@ -11,13 +18,9 @@ use nalgebra::Matrix3;
 use crate::math::Vec3;
 use crate::math::lanes::{Singles, Width};
 use fmm::Walk;
+use settings::{Expansion, crossover};
+pub use settings::{HIGHEST_ORDER, LEAST_ERROR, LOWEST_ORDER};
 use tree::Tree;
-
-/// Highest order of an expansion.
-pub const HIGHEST_ORDER: usize = 10;
-
-/// Smallest error that the fast multipole method is made for.
-pub const LEAST_ERROR: f64 = 1e-6;
 
 /// How attraction is summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -43,52 +46,6 @@ impl std::str::FromStr for Method {
     }
 }
 
-/// Settings of the fast multipole method.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Expansion {
-    /// Total order p of the expansions, 1 to [`HIGHEST_ORDER`].
-    order: usize,
-    /// Opening theta: cells are far if the sum of their radii is below theta times the distance of their centres.
-    opening: f64,
-    /// Most bodies in a leaf.
-    leaf: usize,
-    /// Pairs in single precision, but for sources nearer than this part of the leaves' radii.
-    single: Option<f64>,
-}
-
-/// What an error asked for takes: error, order, opening for many bodies, share of opening more for a thousand bodies,
-/// and the number of bodies from which the fast method is faster than the direct sum.
-///
-/// Found on uniform balls, jittered lattices and pairs of these of 1000 to 100 000 bodies: there the RMS relative error,
-/// sqrt(sum |da|^2 / sum |a|^2), is a tenth to seven tenths of what was asked for; where one place has most of the mass
-/// it reaches ten times as much. Of the orders that reach an error the fastest was taken. A thousand bodies have few
-/// cells far enough away to err.
-const SETTINGS: [(f64, usize, f64, f64, usize); 5] = [
-    (1e-2, 4, 0.78, 0.02, 700),
-    (1e-3, 6, 0.66, 0.05, 1200),
-    (1e-4, 8, 0.61, 0.06, 2000),
-    (1e-5, 9, 0.51, 0.10, 3000),
-    (1e-6, 10, 0.46, 0.14, 8000),
-];
-
-/// The row of the largest error that is not above the one asked for.
-fn setting(error: f64) -> (f64, usize, f64, f64, usize) {
-    *SETTINGS.iter().find(|row| row.0 <= error).unwrap_or(&SETTINGS[SETTINGS.len() - 1])
-}
-
-impl Expansion {
-    /// Settings that bring the RMS relative error asked for.
-    fn for_error(error: f64, bodies: usize) -> Self {
-        let (row_error, order, opening, more, _) = setting(error);
-        // An error of the expansions goes as theta^(p+2); between rows the opening follows.
-        let between = (error / row_error).clamp(1.0, 10.0).powf(1.0 / (order as f64 + 2.0));
-        let few = more * (1000.0 / bodies.max(1000) as f64).powi(2);
-        // Above this part of the radii, rounded positions spoil no pair by more than the error asked for.
-        let single = (error > 2e-6).then_some(1e-7 / error);
-        Expansion { order, opening: (opening * (1.0 + few) * between).min(0.9), leaf: 48, single }
-    }
-}
-
 /// Attraction at each body.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Field {
@@ -106,10 +63,10 @@ pub struct Gravity {
     pub method: Method,
     /// RMS relative error asked of the fast multipole method; order and opening follow from it.
     pub error: f64,
-    /// Total order of the expansions, 1 to [`HIGHEST_ORDER`], set by hand.
+    /// Total order of the expansions, [`LOWEST_ORDER`] to [`HIGHEST_ORDER`], set by hand.
     pub order: Option<usize>,
     /// Opening theta, below 1, set by hand: cells are far if the sum of their radii is below theta times the distance
-    /// of their centres.
+    /// of their centres, whatever they pull.
     pub opening: Option<f64>,
     /// Most bodies in a leaf, set by hand.
     pub leaf: Option<usize>,
@@ -121,19 +78,20 @@ impl Gravity {
     }
 
     fn expansion(&self, bodies: usize) -> Expansion {
-        let Expansion { order, opening, leaf, single } = Expansion::for_error(self.error, bodies);
+        let measured = Expansion::for_error(self.error, bodies);
         Expansion {
-            order: self.order.unwrap_or(order).clamp(1, HIGHEST_ORDER),
-            opening: self.opening.unwrap_or(opening).clamp(0.0, 0.99),
-            leaf: self.leaf.unwrap_or(leaf).max(1),
-            single,
+            order: self.order.unwrap_or(measured.order).clamp(LOWEST_ORDER, HIGHEST_ORDER),
+            opening: self.opening.unwrap_or(measured.opening).clamp(0.0, 0.99),
+            share: if self.opening.is_some() { f64::MAX } else { measured.share },
+            leaf: self.leaf.unwrap_or(measured.leaf).max(1),
+            ..measured
         }
     }
 
     /// The method taken for this many bodies: never `Auto`.
     pub fn method_for(&self, bodies: usize) -> Method {
         match self.method {
-            Method::Auto if bodies < setting(self.error).4 || self.error < LEAST_ERROR => Method::Direct,
+            Method::Auto if bodies < crossover(self.error) => Method::Direct,
             Method::Auto => Method::Fmm,
             method => method,
         }
@@ -161,9 +119,29 @@ impl Gravity {
     }
 
     fn expand<L: Singles>(&self, lanes: L, positions: &[Vec3], masses: &[f64], constant: f64) -> Field {
-        let Expansion { order, opening, leaf, single } = self.expansion(positions.len());
-        let tree = Tree::new(lanes, positions, masses, order, leaf);
-        let pulls = Walk { lanes, tree: &tree, opening, single }.pulls();
+        let settings = self.expansion(positions.len());
+        match settings.order {
+            2 => self.expand_to::<L, 2>(lanes, settings, positions, masses, constant),
+            3 => self.expand_to::<L, 3>(lanes, settings, positions, masses, constant),
+            4 => self.expand_to::<L, 4>(lanes, settings, positions, masses, constant),
+            5 => self.expand_to::<L, 5>(lanes, settings, positions, masses, constant),
+            6 => self.expand_to::<L, 6>(lanes, settings, positions, masses, constant),
+            7 => self.expand_to::<L, 7>(lanes, settings, positions, masses, constant),
+            8 => self.expand_to::<L, 8>(lanes, settings, positions, masses, constant),
+            _ => unreachable!("the order is clamped"),
+        }
+    }
+
+    fn expand_to<L: Singles, const P: usize>(
+        &self,
+        lanes: L,
+        settings: Expansion,
+        positions: &[Vec3],
+        masses: &[f64],
+        constant: f64,
+    ) -> Field {
+        let tree = Tree::new::<L, P>(lanes, positions, masses, settings.leaf);
+        let pulls = Walk::<L, P> { lanes, tree: &tree, settings }.pulls();
         let potential_unit = constant * tree.mass / tree.length;
         let unit = potential_unit / tree.length;
         let mut acceleration = vec![Vec3::zeros(); positions.len()];

@@ -1,8 +1,9 @@
 //! Binary tree of cells over point masses, along a Morton curve, with moments about centres of mass.
 
 use pulp::NullaryFnOnce;
+use rayon::prelude::*;
 
-use super::expansion::{exponential, narrow_len, shift_moments};
+use super::expansion::{NARROW, Narrow, exponential, for_degrees, narrow, narrow_len, shift_moments};
 use crate::math::Vec3;
 use crate::math::lanes::{Lanes, Line, Scalar};
 
@@ -17,11 +18,11 @@ const EXACT_RADIUS: usize = 4096;
 /// Below this many bodies a subtree is one task: large against the cost of a task, small against a thread's share.
 pub const GRAIN: usize = 2048;
 
+/// Deeper cells are leaves: below, places differ by less than the last digit of the cloud's size.
+const DEEPEST: usize = 192;
+
 #[derive(Debug, Clone, Copy)]
 pub struct Cell {
-    /// Centre of mass, and the distance of the farthest body from it, in the tree's units.
-    pub centre: [f64; 3],
-    pub radius: f64,
     /// The cell's bodies, in the tree's order.
     pub first: u32,
     pub count: u32,
@@ -39,15 +40,39 @@ impl Cell {
     }
 }
 
+/// What is asked of a cell at each meeting, in one line.
+#[derive(Debug, Clone, Copy)]
+pub struct Outline {
+    /// Centre of mass, and the distance of the farthest body from it, in the tree's units.
+    pub centre: [f64; 3],
+    pub radius: f64,
+    pub mass: f64,
+}
+
+impl Outline {
+    pub fn of(line: &Line) -> Self {
+        let [x, y, z, radius, mass, ..] = *line;
+        Outline { centre: [x, y, z], radius, mass }
+    }
+
+    fn line(&self) -> Line {
+        let [x, y, z] = self.centre;
+        [x, y, z, self.radius, self.mass, 0.0, 0.0, 0.0]
+    }
+}
+
+/// Of a cell of no mass and no size, far from all others.
+const FAR_AWAY: Outline = Outline { centre: [64.0; 3], radius: 0.0, mass: 0.0 };
+
 /// Cells in the order in which a walk from the root, first half before second, meets them. Lengths are over `length`
 /// and from `origin`, masses over `mass`: numbers of order 1, whatever the units.
 pub struct Tree {
     pub cells: Vec<Cell>,
-    /// For each cell, `lines` rows: its narrow moments, with its centre in the place of the dipole; one cell more, of no
-    /// mass and far away, fills up batches.
+    /// [`Outline`] of each cell; one more, far away, fills up batches.
+    pub outlines: Vec<Line>,
+    /// For each cell, its narrow moments in whole lines, with its centre in the place of the dipole; one cell more, as
+    /// above.
     pub moments: Vec<Line>,
-    pub lines: usize,
-    pub order: usize,
     /// Number of the body in the input, by place in the tree.
     pub index: Vec<u32>,
     /// x, y, z, m by place in the tree.
@@ -80,52 +105,101 @@ fn spread(x: u64) -> u64 {
     (x | x << 2) & 0x1249_2492_4924_9249
 }
 
+/// Bodies that a task treats alike, one after the other.
+const CHUNK: usize = 1 << 14;
+
 /// Gives `keys` the Morton keys of their bodies in the cube around them, and sorts them; false if all coincide.
 fn sort(keys: &mut [Key], positions: &[Vec3]) -> bool {
-    let (mut low, mut high) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
-    for key in &*keys {
-        low = low.inf(&positions[key.index as usize]);
-        high = high.sup(&positions[key.index as usize]);
-    }
+    let bounds = |keys: &[Key]| {
+        let none = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
+        keys.iter().fold(none, |(low, high), key| {
+            let x = &positions[key.index as usize];
+            (low.inf(x), high.sup(x))
+        })
+    };
+    let all = keys.par_chunks(CHUNK).map(bounds).reduce_with(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)));
+    let (low, high) = all.expect("a cell has bodies");
     let scale = (1u64 << BITS) as f64 / (high - low).max();
     if !scale.is_finite() {
         return false;
     }
     let most = (1u64 << BITS) - 1;
-    for key in &mut *keys {
+    keys.par_chunks_mut(CHUNK).flatten_iter().for_each(|key| {
         let at = (positions[key.index as usize] - low) * scale;
         let [x, y, z] = [at.x, at.y, at.z].map(|x| spread((x as u64).min(most)));
         key.key = x << 2 | y << 1 | z;
-    }
-    radix_sort(keys);
+    });
+    let parts = if keys.len() < 2 * CHUNK { 1 } else { rayon::current_num_threads().next_power_of_two() };
+    merge_sort(keys, &mut keys.to_vec(), parts, false);
     true
 }
 
+/// Sorts as many `parts` side by side and merges them, in `keys` or `into` the other, which has the same content. The
+/// result does not depend on the parts: no two keys are equal in key and index.
+fn merge_sort(keys: &mut [Key], other: &mut [Key], parts: usize, into: bool) {
+    if parts <= 1 {
+        radix_sort(keys, other);
+        if into {
+            other.copy_from_slice(keys);
+        }
+        return;
+    }
+    let middle = keys.len() / 2;
+    let ((one, two), (other_one, other_two)) = (keys.split_at_mut(middle), other.split_at_mut(middle));
+    rayon::join(|| merge_sort(one, other_one, parts / 2, !into), || merge_sort(two, other_two, parts / 2, !into));
+    if into { merge(one, two, other) } else { merge(other_one, other_two, keys) }
+}
+
+/// Merges two sorted runs.
+fn merge(one: &[Key], two: &[Key], out: &mut [Key]) {
+    let place = |k: &Key| (k.key, k.index);
+    if out.len() > 2 * CHUNK {
+        let (long, short) = if one.len() >= two.len() { (one, two) } else { (two, one) };
+        let half = long.len() / 2;
+        let cut = short.partition_point(|k| place(k) < place(&long[half]));
+        let (low, high) = out.split_at_mut(half + cut);
+        rayon::join(|| merge(&long[..half], &short[..cut], low), || merge(&long[half..], &short[cut..], high));
+        return;
+    }
+    let (mut i, mut j) = (0, 0);
+    for key in out {
+        let first = j == two.len() || (i < one.len() && place(&one[i]) < place(&two[j]));
+        *key = if first { one[i] } else { two[j] };
+        (i, j) = (i + first as usize, j + !first as usize);
+    }
+}
+
 /// Sorts by key: by counting over the first bits, then by comparison among the few whose first bits agree.
-fn radix_sort(keys: &mut [Key]) {
+fn radix_sort(keys: &mut [Key], other: &mut [Key]) {
     const DIGIT: u32 = 11;
     const LOWEST: u32 = 3 * BITS - 3 * DIGIT;
     if keys.len() < 1 << 10 {
         return keys.sort_unstable_by_key(|k| (k.key, k.index));
     }
-    let mut from = keys.to_vec();
-    let mut to = from.clone();
-    for pass in 0..3 {
-        let digit = |k: &Key| (k.key >> (LOWEST + pass * DIGIT)) as usize & ((1 << DIGIT) - 1);
-        let mut starts = [0u32; 1 << DIGIT];
-        from.iter().for_each(|k| starts[digit(k)] += 1);
+    let mut starts = [[0u32; 1 << DIGIT]; 3];
+    let digit = |k: &Key, pass: usize| (k.key >> (LOWEST + pass as u32 * DIGIT)) as usize & ((1 << DIGIT) - 1);
+    for k in &*keys {
+        for (pass, starts) in starts.iter_mut().enumerate() {
+            starts[digit(k, pass)] += 1;
+        }
+    }
+    for starts in &mut starts {
         let mut sum = 0;
-        for start in &mut starts {
+        for start in starts {
             (sum, *start) = (sum + *start, sum);
         }
-        for k in &from {
-            let start = &mut starts[digit(k)];
+    }
+    let mut count_out = |from: &[Key], to: &mut [Key], pass: usize| {
+        for k in from {
+            let start = &mut starts[pass][digit(k, pass)];
             to[*start as usize] = *k;
             *start += 1;
         }
-        std::mem::swap(&mut from, &mut to);
-    }
-    keys.copy_from_slice(&from);
+    };
+    count_out(keys, other, 0);
+    count_out(other, keys, 1);
+    count_out(keys, other, 2);
+    keys.copy_from_slice(other);
     for run in keys.chunk_by_mut(|a, b| a.key >> LOWEST == b.key >> LOWEST) {
         if run.len() > 1 {
             run.sort_unstable_by_key(|k| (k.key, k.index));
@@ -134,30 +208,30 @@ fn radix_sort(keys: &mut [Key]) {
 }
 
 /// Divides `keys` by the first bit in which they differ, down to leaves.
-fn divide(cells: &mut Vec<Cell>, keys: &mut [Key], positions: &[Vec3], first: usize, leaf: usize) {
+fn divide(cells: &mut Vec<Cell>, keys: &mut [Key], positions: &[Vec3], leaf: usize, first: usize, depth: usize) {
     let me = cells.len();
-    let (first32, count) = (first as u32, keys.len() as u32);
-    cells.push(Cell { centre: [0.0; 3], radius: 0.0, first: first32, count, second: 0 });
+    cells.push(Cell { first: first as u32, count: keys.len() as u32, second: 0 });
     let ends = |keys: &[Key]| (keys[0].key, keys[keys.len() - 1].key);
-    if keys.len() <= leaf || (keys[0].key == ends(keys).1 && !sort(keys, positions)) {
+    let small = keys.len() <= leaf || depth == DEEPEST;
+    if small || (keys[0].key == ends(keys).1 && !sort(keys, positions)) {
         return;
     }
     let (low, high) = ends(keys);
     let bit = (low ^ high).ilog2();
     let middle = keys.partition_point(|k| k.key >> bit == low >> bit);
     let (one, two) = keys.split_at_mut(middle);
-    divide(cells, one, positions, first, leaf);
+    divide(cells, one, positions, leaf, first, depth + 1);
     cells[me].second = (cells.len() - me) as u32;
-    divide(cells, two, positions, first + middle, leaf);
+    divide(cells, two, positions, leaf, first + middle, depth + 1);
 }
 
 impl Tree {
     /// The tree over at least one body, of leaves of at most `leaf` bodies (more where they coincide), with moments to
-    /// order p.
-    pub fn new<L: Lanes>(lanes: L, positions: &[Vec3], masses: &[f64], p: usize, leaf: usize) -> Self {
+    /// order P.
+    pub fn new<L: Lanes, const P: usize>(lanes: L, positions: &[Vec3], masses: &[f64], leaf: usize) -> Self {
         let mut keys: Vec<Key> = (0..positions.len() as u32).map(|index| Key { key: 0, index }).collect();
         let mut cells = Vec::new();
-        divide(&mut cells, &mut keys, positions, 0, leaf);
+        divide(&mut cells, &mut keys, positions, leaf, 0, 0);
 
         let (mut low, mut high) = (positions[0], positions[0]);
         for x in positions {
@@ -168,80 +242,114 @@ impl Tree {
         let origin = low.sup(&Vec3::zeros().inf(&high));
         let (length, mass) = (power_of_two((high - low).max()), power_of_two(masses.iter().sum()));
         let (per_length, per_mass) = (1.0 / length, 1.0 / mass);
-        let column = |f: &dyn Fn(usize) -> f64| -> Vec<f64> { keys.iter().map(|key| f(key.index as usize)).collect() };
-        let bodies = [
-            column(&|i| (positions[i].x - origin.x) * per_length),
-            column(&|i| (positions[i].y - origin.y) * per_length),
-            column(&|i| (positions[i].z - origin.z) * per_length),
-            column(&|i| masses[i] * per_mass),
-        ];
-        let index = keys.iter().map(|key| key.index).collect();
-        let lines = narrow_len(p).div_ceil(8);
-        let mut moments = vec![[0.0; 8]; (cells.len() + 1) * lines];
-        let filler = cells.len() * lines;
-        moments[filler][1..4].fill(64.0);
-        let up = Upward { lanes, p, lines, bodies: &bodies };
-        up.visit(&mut cells, &mut moments[..filler]);
-        let mut offsets = [0, 1, 2, 3].map(|_: usize| vec![0.0; positions.len() + 16]);
-        for cell in cells.iter().filter(|cell| cell.is_leaf()) {
-            for (k, column) in offsets.iter_mut().enumerate() {
-                let from = if k < 3 { cell.centre[k] } else { 0.0 };
-                for (to, x) in column[cell.bodies()].iter_mut().zip(&bodies[k][cell.bodies()]) {
-                    *to = (x - from) as f32;
-                }
+        let mut bodies = [0, 1, 2, 3].map(|_: usize| vec![0.0; positions.len()]);
+        let [x, y, z, m] = &mut bodies;
+        let columns = x.par_chunks_mut(CHUNK).zip(y.par_chunks_mut(CHUNK));
+        let columns = columns.zip(z.par_chunks_mut(CHUNK).zip(m.par_chunks_mut(CHUNK)));
+        keys.par_chunks(CHUNK).zip(columns).for_each(|(keys, ((x, y), (z, m)))| {
+            for (k, key) in keys.iter().enumerate() {
+                let at = (positions[key.index as usize] - origin) * per_length;
+                (x[k], y[k], z[k], m[k]) = (at.x, at.y, at.z, masses[key.index as usize] * per_mass);
             }
-        }
-        Tree { cells, moments, lines, order: p, index, bodies, offsets, length, mass }
+        });
+        let index = keys.iter().map(|key| key.index).collect();
+        drop(keys);
+        let lines = narrow_len(P).div_ceil(8);
+        let mut moments = vec![[0.0; 8]; (cells.len() + 1) * lines];
+        let mut outlines = vec![[0.0; 8]; cells.len() + 1];
+        let mut offsets = [0, 1, 2, 3].map(|_: usize| vec![0.0; positions.len() + 16]);
+        let filler = cells.len() * lines;
+        moments[filler][1..4].copy_from_slice(&FAR_AWAY.centre);
+        outlines[cells.len()] = FAR_AWAY.line();
+        let [x, y, z, m] = &mut offsets;
+        let out = Out {
+            outlines: &mut outlines[..cells.len()],
+            moments: &mut moments[..filler],
+            offsets: [x, y, z, m].map(|column: &mut Vec<f32>| &mut column[..positions.len()]),
+        };
+        Upward::<_, P> { lanes, lines, bodies: &bodies }.visit(&cells, out);
+        Tree { cells, outlines, moments, index, bodies, offsets, length, mass }
     }
 }
 
 /// Centres, radii and moments from the leaves to the root.
 #[derive(Clone, Copy)]
-struct Upward<'a, L> {
+struct Upward<'a, L, const P: usize> {
     lanes: L,
-    p: usize,
     lines: usize,
     bodies: &'a [Vec<f64>; 4],
 }
 
-impl<L: Lanes> Upward<'_, L> {
-    /// The subtree whose cells and moments these are.
-    fn visit(self, cells: &mut [Cell], moments: &mut [Line]) {
-        let (me, below) = cells.split_first_mut().expect("a subtree has a root");
-        let (mine, moments) = moments.split_at_mut(self.lines);
-        if me.is_leaf() {
-            self.lanes.run(Leaf { up: self, cell: me, moments: mine });
+/// What a subtree gets.
+struct Out<'a> {
+    outlines: &'a mut [Line],
+    moments: &'a mut [Line],
+    offsets: [&'a mut [f32]; 4],
+}
+
+impl<L: Lanes, const P: usize> Upward<'_, L, P> {
+    /// The subtree of these cells.
+    fn visit(self, cells: &[Cell], out: Out) {
+        let (cell, below) = cells.split_first().expect("a subtree has a root");
+        let (outline, outlines) = out.outlines.split_first_mut().expect("as many as cells");
+        let (mine, moments) = out.moments.split_at_mut(self.lines);
+        if cell.is_leaf() {
+            self.lanes.run(Leaf { up: self, cell, outline, moments: mine, offsets: out.offsets });
             return;
         }
-        let (one, two) = below.split_at_mut(me.second as usize - 1);
+        let (one, two) = below.split_at(cell.second as usize - 1);
+        let (o_one, o_two) = outlines.split_at_mut(one.len());
         let (m_one, m_two) = moments.split_at_mut(one.len() * self.lines);
-        if me.count as usize > GRAIN {
-            rayon::join(|| self.visit(one, m_one), || self.visit(two, m_two));
+        let [x, y, z, m] = out.offsets.map(|column| column.split_at_mut(one[0].count as usize));
+        let first = Out { outlines: &mut *o_one, moments: &mut *m_one, offsets: [x.0, y.0, z.0, m.0] };
+        let second = Out { outlines: &mut *o_two, moments: &mut *m_two, offsets: [x.1, y.1, z.1, m.1] };
+        if cell.count as usize > GRAIN {
+            rayon::join(|| self.visit(one, first), || self.visit(two, second));
         } else {
-            self.visit(one, m_one);
-            self.visit(two, m_two);
+            self.visit(one, first);
+            self.visit(two, second);
         }
-        let halves = [(&one[0], &*m_one), (&two[0], &*m_two)];
-        self.lanes.run(Parent { up: self, cell: me, moments: mine, halves });
+        let halves = [(Outline::of(&o_one[0]), &*m_one), (Outline::of(&o_two[0]), &*m_two)];
+        self.lanes.run(Parent { up: self, cell, outline, moments: mine, halves });
     }
 
     /// Distance of the farthest of the bodies from `centre`.
     #[inline(always)]
     fn radius(&self, cell: &Cell, centre: [f64; 3]) -> f64 {
-        let [x, y, z, _] = self.bodies;
-        let [x, y, z] = [&x[cell.bodies()], &y[cell.bodies()], &z[cell.bodies()]];
-        let mut largest = [0.0; 8];
-        let mut k = 0;
-        while k < x.len() {
-            for lane in 0..8.min(x.len() - k) {
-                let (dx, dy, dz) = (x[k + lane] - centre[0], y[k + lane] - centre[1], z[k + lane] - centre[2]);
-                let d2 = dx.mul_add(dx, dy.mul_add(dy, dz * dz));
-                largest[lane] = if d2 > largest[lane] { d2 } else { largest[lane] };
+        let l = self.lanes;
+        let columns = [&self.bodies[0][cell.bodies()], &self.bodies[1][cell.bodies()], &self.bodies[2][cell.bodies()]];
+        let centre = [l.splat(centre[0]), l.splat(centre[1]), l.splat(centre[2])];
+        let mut largest = l.splat(0.0);
+        let mut first = 0;
+        while first < columns[0].len() {
+            let mut d2 = l.splat(0.0);
+            for k in 0..3 {
+                // What is missing is the first body once more.
+                let d = l.sub(load_part(l, columns[k], first, columns[k][0]), centre[k]);
+                d2 = l.mul_add(d, d, d2);
             }
-            k += 8;
+            largest = l.select_greater(d2, largest, d2, largest);
+            first += L::WIDTH;
         }
-        largest.iter().fold(0.0, |a: f64, b| a.max(*b)).sqrt()
+        let mut lanes = [0.0; 8];
+        l.store(&mut lanes, largest);
+        let mut most = 0.0;
+        for d2 in lanes {
+            most = if d2 > most { d2 } else { most };
+        }
+        most.sqrt()
     }
+}
+
+/// `WIDTH` numbers of a column, filled up at its end.
+#[inline(always)]
+pub fn load_part<L: Lanes>(l: L, column: &[f64], first: usize, filler: f64) -> L::V {
+    if first + L::WIDTH <= column.len() {
+        return l.load(&column[first..]);
+    }
+    let mut part = [filler; 8];
+    part[..column.len() - first].copy_from_slice(&column[first..]);
+    l.load(&part)
 }
 
 /// Mean of points by mass; without any mass, the mean.
@@ -259,86 +367,120 @@ fn centre_of_mass(points: impl Iterator<Item = ([f64; 3], f64)>) -> ([f64; 3], f
     if mass > 0.0 { (moment.map(|x| x / mass), mass) } else { (sum.map(|x| x / count), 0.0) }
 }
 
-/// Room for a row of the highest order.
-const ROW: usize = narrow_len(super::HIGHEST_ORDER).next_multiple_of(8);
-
 /// Writes a cell's moments and centre in its lines.
 #[inline(always)]
-fn write_moments(moments: &mut [Line], row: &[f64; ROW], centre: [f64; 3]) {
+fn write_moments(moments: &mut [Line], row: &Narrow<f64>, centre: [f64; 3]) {
     for (line, part) in moments.iter_mut().zip(row.chunks_exact(8)) {
         line.copy_from_slice(part);
     }
     moments[0][1..4].copy_from_slice(&centre);
 }
 
-struct Leaf<'a, L> {
-    up: Upward<'a, L>,
-    cell: &'a mut Cell,
-    moments: &'a mut [Line],
+/// A row from its lines.
+#[inline(always)]
+fn read_moments(moments: &[Line]) -> Narrow<f64> {
+    let mut row = [0.0; _];
+    for (line, part) in moments.iter().zip(row.chunks_exact_mut(8)) {
+        part.copy_from_slice(line);
+    }
+    row
 }
 
-impl<L: Lanes> NullaryFnOnce for Leaf<'_, L> {
+struct Leaf<'a, L, const P: usize> {
+    up: Upward<'a, L, P>,
+    cell: &'a Cell,
+    outline: &'a mut Line,
+    moments: &'a mut [Line],
+    offsets: [&'a mut [f32]; 4],
+}
+
+impl<L: Lanes, const P: usize> NullaryFnOnce for Leaf<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Leaf { up, cell, moments } = self;
-        let (l, n) = (up.lanes, narrow_len(up.p));
+        let Leaf { up, cell, outline, moments, offsets } = self;
+        let l = up.lanes;
         let [x, y, z, m] = up.bodies;
-        let (centre, _) = centre_of_mass(cell.bodies().map(|i| ([x[i], y[i], z[i]], m[i])));
-        cell.centre = centre;
-        cell.radius = up.radius(cell, centre);
-        let mut row = [0.0; ROW];
-        let mut e = [l.splat(0.0); ROW];
-        for first in cell.bodies().step_by(8) {
-            let mut part = [[0.0; 8]; 4];
-            for lane in 0..8.min(cell.bodies().end - first) {
-                let i = first + lane;
-                for (part, x) in part.iter_mut().zip([centre[0] - x[i], centre[1] - y[i], centre[2] - z[i], m[i]]) {
-                    part[lane] = x;
-                }
-            }
-            for from in (0..8).step_by(L::WIDTH) {
-                let [x, y, z, m] = [0, 1, 2, 3].map(|k: usize| l.load(&part[k][from..]));
-                exponential(l, up.p, [x, y, z], &mut e);
-                for k in 0..n {
-                    let mut lanes = [0.0; 8];
-                    l.store(&mut lanes, l.mul(m, e[k]));
-                    // One after the other, as at any width.
-                    for value in &lanes[..L::WIDTH] {
-                        row[k] += value;
+        let [x, y, z, m] = [&x[cell.bodies()], &y[cell.bodies()], &z[cell.bodies()], &m[cell.bodies()]];
+        let (centre, mass) = centre_of_mass((0..x.len()).map(|i| ([x[i], y[i], z[i]], m[i])));
+        *outline = Outline { centre, radius: up.radius(cell, centre), mass }.line();
+        let [to_x, to_y, to_z, to_m] = offsets;
+        for i in 0..x.len() {
+            to_x[i] = (x[i] - centre[0]) as f32;
+            to_y[i] = (y[i] - centre[1]) as f32;
+            to_z[i] = (z[i] - centre[2]) as f32;
+            to_m[i] = m[i] as f32;
+        }
+        let mut parts = [[0.0; 8]; NARROW];
+        let at = [l.splat(centre[0]), l.splat(centre[1]), l.splat(centre[2])];
+        let mut from = 0;
+        while from < 8 {
+            let mut sums: Narrow<L::V> = [l.splat(0.0); _];
+            let mut first = from;
+            while first < x.len() {
+                let to_centre = [
+                    l.sub(at[0], load_part(l, x, first, centre[0])),
+                    l.sub(at[1], load_part(l, y, first, centre[1])),
+                    l.sub(at[2], load_part(l, z, first, centre[2])),
+                ];
+                let m = load_part(l, m, first, 0.0);
+                let mut e: Narrow<L::V> = [l.splat(0.0); _];
+                exponential::<L, P>(l, to_centre, &mut e);
+                for_degrees!(Q <= P, {
+                    let mut k = narrow(Q, 0);
+                    while k < narrow(Q + 1, 0) {
+                        sums[k] = l.mul_add(m, e[k], sums[k]);
+                        k += 1;
                     }
-                }
+                });
+                first += 8;
             }
+            for_degrees!(Q <= P, {
+                let mut k = narrow(Q, 0);
+                while k < narrow(Q + 1, 0) {
+                    l.store(&mut parts[k][from..], sums[k]);
+                    k += 1;
+                }
+            });
+            from += L::WIDTH;
+        }
+        let mut row: Narrow<f64> = [0.0; _];
+        let mut k = 0;
+        while k < narrow_len(P) {
+            let [a, b, c, d, e, f, g, h] = parts[k];
+            row[k] = ((a + b) + (c + d)) + ((e + f) + (g + h));
+            k += 1;
         }
         write_moments(moments, &row, centre);
     }
 }
 
-struct Parent<'a, L> {
-    up: Upward<'a, L>,
-    cell: &'a mut Cell,
+struct Parent<'a, L, const P: usize> {
+    up: Upward<'a, L, P>,
+    cell: &'a Cell,
+    outline: &'a mut Line,
     moments: &'a mut [Line],
-    halves: [(&'a Cell, &'a [Line]); 2],
+    halves: [(Outline, &'a [Line]); 2],
 }
 
-impl<L: Lanes> NullaryFnOnce for Parent<'_, L> {
+impl<L: Lanes, const P: usize> NullaryFnOnce for Parent<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Parent { up, cell, moments, halves } = self;
-        let n = narrow_len(up.p);
-        let (centre, _) = centre_of_mass(halves.iter().map(|(half, moments)| (half.centre, moments[0][0])));
-        let (mut row, mut e) = ([0.0; ROW], [0.0; ROW]);
+        let Parent { up, cell, outline, moments, halves } = self;
+        let (centre, mass) = centre_of_mass(halves.iter().map(|(half, _)| (half.centre, half.mass)));
+        let mut row: Narrow<f64> = [0.0; _];
         let mut bound = 0.0f64;
         for (half, moments) in halves {
             let shift = [0, 1, 2].map(|k: usize| centre[k] - half.centre[k]);
-            exponential(Scalar, up.p, shift, &mut e[..n]);
-            shift_moments(Scalar, up.p, moments[..up.lines].as_flattened(), &e[..n], &mut row[..n]);
+            let mut e: Narrow<f64> = [0.0; _];
+            exponential::<_, P>(Scalar, shift, &mut e);
+            shift_moments::<_, P>(Scalar, &read_moments(&moments[..up.lines]), &e, &mut row);
             bound = bound.max(Vec3::from(shift).norm() + half.radius);
         }
-        cell.centre = centre;
         let exact = cell.count as usize <= EXACT_RADIUS;
-        cell.radius = if exact { up.radius(cell, centre) } else { bound };
+        let radius = if exact { up.radius(cell, centre) } else { bound };
+        *outline = Outline { centre, radius, mass }.line();
         write_moments(moments, &row, centre);
     }
 }

@@ -51,6 +51,7 @@ pub trait Singles: Lanes {
     /// The first `WIDTH_F32` numbers of `x`.
     fn load_f32(self, x: &[f32]) -> Self::S;
     fn store_f32(self, x: &mut [f32], v: Self::S);
+    fn add_f32(self, a: Self::S, b: Self::S) -> Self::S;
     fn sub_f32(self, a: Self::S, b: Self::S) -> Self::S;
     fn mul_f32(self, a: Self::S, b: Self::S) -> Self::S;
     /// a b + c, rounded once.
@@ -194,6 +195,10 @@ impl Singles for Scalar {
     #[inline(always)]
     fn store_f32(self, x: &mut [f32], v: f32) {
         x[0] = v;
+    }
+    #[inline(always)]
+    fn add_f32(self, a: f32, b: f32) -> f32 {
+        a + b
     }
     #[inline(always)]
     fn sub_f32(self, a: f32, b: f32) -> f32 {
@@ -379,6 +384,10 @@ mod x86 {
             x[..16].copy_from_slice(&cast::<_, [f32; 16]>(v));
         }
         #[inline(always)]
+        fn add_f32(self, a: __m512, b: __m512) -> __m512 {
+            self.avx512f._mm512_add_ps(a, b)
+        }
+        #[inline(always)]
         fn sub_f32(self, a: __m512, b: __m512) -> __m512 {
             self.avx512f._mm512_sub_ps(a, b)
         }
@@ -550,6 +559,10 @@ mod x86 {
         #[inline(always)]
         fn store_f32(self, x: &mut [f32], v: __m256) {
             x[..8].copy_from_slice(&cast::<_, [f32; 8]>(v));
+        }
+        #[inline(always)]
+        fn add_f32(self, a: __m256, b: __m256) -> __m256 {
+            self.avx._mm256_add_ps(a, b)
         }
         #[inline(always)]
         fn sub_f32(self, a: __m256, b: __m256) -> __m256 {
