@@ -90,8 +90,8 @@ fn output(results: &mut Results, scene: &Scene, state: &State) -> Result<Duratio
 
 /// Energy and momentum that the run's drift is measured against.
 fn open_ledger(scene: &Scene, state: &mut State) {
-    let motion = Motion::of(scene, &state.v, &state.w);
-    let angular = Motion::angular(scene, &state.x, &state.v, &state.w);
+    let motion = Motion::of(scene, &state.q, &state.v, &state.w);
+    let angular = Motion::angular(scene, state);
     let potential = potential_energy(scene, state, &state.x);
     state.ledger.energy_start = motion.kinetic + motion.rotational + potential;
     state.ledger.momentum_expected = motion.momentum.into();

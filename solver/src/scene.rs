@@ -6,7 +6,8 @@ use cd_formats::snapshot::{LawName, MaterialName};
 
 use crate::gravity::{Gravity, Method};
 use crate::laws::Law;
-use crate::math::Vec3;
+use crate::math::rotation;
+use crate::math::{Quat, Vec3};
 
 /// Shape of a body's one contactor, in the body's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,6 +44,26 @@ impl Body {
     /// 1/(kg m^2) of a sphere; 0 for a body whose motion is imposed.
     pub fn inverse_inertia(&self) -> f64 {
         if self.driven { 0.0 } else { 1.0 / self.inertia[0] }
+    }
+
+    /// Angular momentum about the centre of mass of the body turned by `q`, whose angular velocity is `w`; world frame.
+    pub fn angular_momentum(&self, q: &Quat, w: &Vec3) -> Vec3 {
+        if self.is_isotropic() { w * self.inertia[0] } else { rotation::angular_momentum(q, &self.inertia, w) }
+    }
+
+    /// The reverse; 0 for a body whose motion is imposed.
+    pub fn angular_velocity(&self, q: &Quat, momentum: &Vec3) -> Vec3 {
+        if self.driven || self.is_isotropic() {
+            momentum * self.inverse_inertia()
+        } else {
+            rotation::angular_velocity(q, &self.inertia, momentum)
+        }
+    }
+
+    /// Whether all axes are principal: the angular velocity is then that of the angular momentum's direction.
+    pub fn is_isotropic(&self) -> bool {
+        let [a, b, c] = self.inertia;
+        a == b && b == c
     }
 
     pub fn is_sphere(&self) -> bool {
@@ -109,6 +130,10 @@ pub struct Scene {
     pub spheres: Vec<u32>,
     /// Plates, in order.
     pub planes: Vec<u32>,
+    /// Whether some body is neither a sphere nor a plate.
+    pub general: bool,
+    /// Free bodies whose moments of inertia differ, in order: their angular velocity changes without a torque.
+    pub turning: Vec<u32>,
     /// Mean radius of the free spheres, m; the length that penetrations are compared with.
     pub mean_radius: f64,
     /// Largest gap (m) at which a pair is listed, over all rows of the visibility table.
@@ -123,6 +148,11 @@ impl Scene {
             Shape::Plane { .. } => 0.0,
         };
         1.0 / (curvature(a) + curvature(b))
+    }
+
+    /// Whether there are bodies whose contacts need full blocks.
+    pub fn is_general(&self) -> bool {
+        self.general
     }
 
     /// How self-gravity is summed.

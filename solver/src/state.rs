@@ -76,6 +76,9 @@ pub struct State {
     pub v: Vec<Vec3>,
     /// Angular velocities, world frame, rad/s.
     pub w: Vec<Vec3>,
+    /// Angular momenta about the centres of mass, world frame, kg m²/s, of the bodies of `Scene::turning`: while nothing
+    /// acts on them they keep every bit, and `w` follows from them.
+    pub spin: Vec<Vec3>,
     /// The contacts of the last step by key, from which the next step starts.
     pub contacts: Vec<SolvedContact>,
     /// Uniform gravity now in force, m/s^2.
@@ -118,6 +121,7 @@ impl State {
         finite(&self.x)
             && finite(&self.v)
             && finite(&self.w)
+            && finite(&self.spin)
             && self.q.iter().all(|q| q.coords.iter().all(|x| x.is_finite()))
             && sums.iter().chain(momenta.iter().flatten()).all(|x| x.is_finite())
     }

@@ -6,7 +6,7 @@ use crate::assemble::{self, Free, System, relative_velocity};
 use crate::detect;
 use crate::integrate::{self, Configuration};
 use crate::math::lanes::Width;
-use crate::math::{Vec3, to_local};
+use crate::math::{Quat, Vec3, to_local};
 use crate::scene::Scene;
 use crate::solve::{self, Solution};
 use crate::state::{Bonding, Contact, SolvedContact, State, Status};
@@ -165,7 +165,7 @@ fn book(
             // What a driven body gives the free one: minus the impulse that it takes itself.
             let given = crate::math::to_world(&contact.frame, impulse) * -sign;
             let arm = contact.point - q_c.x[body];
-            let moved = (solved.v[body] + state.v[body]) + (solved.w[body] + state.w[body]).cross(&arm);
+            let moved = (solved.v[body] + state.v[body]) + (solved.w[body] + q_c.w[body]).cross(&arm);
             ledger.outside_work += 0.5 * given.dot(&moved);
             momentum_in += given;
             angular_in += contact.point.cross(&given);
@@ -173,14 +173,14 @@ fn book(
     }
     for (i, force, moment) in &free.loads {
         ledger.outside_work +=
-            0.5 * h * (force.dot(&(solved.v[*i] + state.v[*i])) + moment.dot(&(solved.w[*i] + state.w[*i])));
+            0.5 * h * (force.dot(&(solved.v[*i] + state.v[*i])) + moment.dot(&(solved.w[*i] + q_c.w[*i])));
     }
     for k in 0..3 {
         ledger.momentum_expected[k] += momentum_in[k];
         ledger.angular_momentum_expected[k] += angular_in[k];
     }
 
-    let motion = Motion::of(scene, &solved.v, &solved.w);
+    let motion = Motion::of(scene, &q_c.q, &solved.v, &solved.w);
     ledger.momentum_scale = ledger.momentum_scale.max(motion.scale);
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
     let depths = || solved.contacts.iter().map(|s| (-s.contact.gap).max(0.0));
@@ -227,23 +227,23 @@ pub struct Motion {
 }
 
 impl Motion {
-    pub fn of(scene: &Scene, v: &[Vec3], w: &[Vec3]) -> Self {
+    pub fn of(scene: &Scene, q: &[Quat], v: &[Vec3], w: &[Vec3]) -> Self {
         scene.free.iter().map(|&i| i as usize).fold(Motion::default(), |sum, i| {
             let body = &scene.bodies[i];
             Motion {
                 momentum: sum.momentum + v[i] * body.mass,
                 scale: sum.scale + v[i].norm() * body.mass,
                 kinetic: sum.kinetic + 0.5 * body.mass * v[i].norm_squared(),
-                rotational: sum.rotational + 0.5 * body.inertia[0] * w[i].norm_squared(),
+                rotational: sum.rotational + 0.5 * body.angular_momentum(&q[i], &w[i]).dot(&w[i]),
             }
         })
     }
 
     /// Angular momentum of the free bodies about the origin, kg m^2/s.
-    pub fn angular(scene: &Scene, x: &[Vec3], v: &[Vec3], w: &[Vec3]) -> Vec3 {
+    pub fn angular(scene: &Scene, state: &State) -> Vec3 {
         let of = |&i: &u32| {
             let (i, body) = (i as usize, &scene.bodies[i as usize]);
-            x[i].cross(&v[i]) * body.mass + w[i] * body.inertia[0]
+            state.x[i].cross(&state.v[i]) * body.mass + body.angular_momentum(&state.q[i], &state.w[i])
         };
         scene.free.iter().map(of).sum()
     }

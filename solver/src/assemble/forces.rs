@@ -59,11 +59,15 @@ fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec
         let body = &scene.bodies[i];
         let (v, w) = new(i, state.v[i], state.w[i]);
         let momentum = (v - state.v[i]) * body.mass;
-        let spin = (w - state.w[i]) * body.inertia[0];
+        let spin = body.angular_momentum(&state.q[i], &(w - state.w[i]));
         state.ledger.outside_work += 0.5 * (momentum.dot(&(v + state.v[i])) + spin.dot(&(w + state.w[i])));
         add(&mut state.ledger.momentum_expected, &momentum);
         add(&mut state.ledger.angular_momentum_expected, &(state.x[i].cross(&momentum) + spin));
         (state.v[i], state.w[i]) = (v, w);
+    }
+    for (&i, spin) in scene.turning.iter().zip(&mut state.spin) {
+        let i = i as usize;
+        *spin = scene.bodies[i].angular_momentum(&state.q[i], &state.w[i]);
     }
 }
 
@@ -90,7 +94,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
     let h = scene.options.dt;
     let mut free = Free {
         v: state.v.clone(),
-        w: state.w.clone(),
+        w: q_c.w.clone(),
         potential: 0.0,
         gravity_error: 0.0,
         impulse: Vec3::zeros(),
@@ -111,7 +115,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
     for (i, force, moment) in &free.loads {
         let body = &scene.bodies[*i];
         free.v[*i] += force * (h * body.inverse_mass());
-        free.w[*i] += moment * (h * body.inverse_inertia());
+        free.w[*i] += body.angular_velocity(&q_c.q[*i], &(moment * h));
         free.impulse += force * h;
         free.angular_impulse += (q_c.x[*i].cross(force) + moment) * h;
     }

@@ -22,7 +22,7 @@ use crate::integrate::Configuration;
 pub fn contacts(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], h: f64) -> Vec<Contact> {
     let travel: Vec<f64> = v_free.iter().map(|v| h * v.norm()).collect();
     let mut found = among_spheres(scene, q_c, &travel);
-    found.extend(with_planes(scene, q_c, &travel));
+    found.extend(with_planes(scene, q_c, &travel, h));
     // By candidate first, so that only the few contacts of one body remain to be sorted.
     let candidates: Vec<u32> = found.iter().map(|contact| contact.candidate).collect();
     let (order, starts) = group(&candidates, scene.bodies.len());
@@ -53,7 +53,7 @@ fn among_spheres(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<Cont
         .collect()
 }
 
-fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<Contact> {
+fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64], h: f64) -> Vec<Contact> {
     scene
         .planes
         .par_iter()
@@ -61,7 +61,7 @@ fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<Contac
             let p = plane as usize;
             let Shape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
             // A wall's travel is that of its farthest corner.
-            let swept = travel[p] + q_c.turn[p] * half_lengths.norm();
+            let swept = travel[p] + h * q_c.w[p].norm() * half_lengths.norm();
             scene.spheres.iter().filter_map(move |&sphere| {
                 let s = sphere as usize;
                 let Shape::Sphere { radius } = scene.bodies[s].shape else { unreachable!("spheres lists spheres") };

@@ -2,9 +2,11 @@
 //!
 //! x_c = x + h (1-theta) V,   x⁺ = x_c + h theta V⁺, and the same for rotations.
 //!
-//! Spheres need no equation for their rotation beyond the impulses; their orientation follows for display.
-//! Sources: M. Jean (1999), section 5; J.J. Moreau, CISM 302 (1988).
+//! Spheres need no equation for their rotation beyond the impulses; their orientation follows for display. Bodies of
+//! unequal moments turn freely before and after the impulses, which change their angular momentum in space.
+//! Sources: M. Jean (1999), section 5; J.J. Moreau, CISM 302 (1988); see [`crate::math::rotation`].
 
+use crate::math::rotation::{angular_momentum, angular_velocity, turn_freely};
 use crate::math::{Quat, Vec3, rotate};
 use crate::scene::Scene;
 use crate::state::State;
@@ -14,8 +16,8 @@ pub struct Configuration {
     pub x: Vec<Vec3>,
     /// Orientations; those of spheres are the step's first, since no contact depends on them.
     pub q: Vec<Quat>,
-    /// Angle that each driven body turns by in the step, rad.
-    pub turn: Vec<f64>,
+    /// Angular velocities of the step's start, carried here by free rotation, rad/s, world frame.
+    pub w: Vec<Vec3>,
 }
 
 /// The contact configuration from the velocities at the step's start.
@@ -23,18 +25,21 @@ pub fn predict(scene: &Scene, state: &State) -> Configuration {
     let h = scene.options.dt;
     let before = h * (1.0 - scene.options.theta);
     let x = state.x.iter().zip(&state.v).map(|(x, v)| x + v * before).collect();
-    let mut q = state.q.clone();
-    let mut turn = vec![0.0; q.len()];
-    for &plane in &scene.planes {
-        let i = plane as usize;
+    let (mut q, mut w) = (state.q.clone(), state.w.clone());
+    for (i, _) in scene.bodies.iter().enumerate().filter(|(_, body)| !body.is_sphere()) {
         q[i] = rotate(&q[i], &(state.w[i] * before));
-        turn[i] = h * state.w[i].norm();
     }
-    Configuration { x, q, turn }
+    for (&i, momentum) in scene.turning.iter().zip(&state.spin) {
+        let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);
+        q[i] = turn_freely(&state.q[i], momentum, inertia, before);
+        w[i] = angular_velocity(&q[i], inertia, momentum);
+    }
+    Configuration { x, q, w }
 }
 
-/// Takes the state to the step's end with its velocities `v`, `w`.
-pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec3>, w: Vec<Vec3>) {
+/// Takes the state to the step's end with the velocities `v`, `w` that the bodies have in the contact configuration
+/// after all impulses.
+pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
     let h = scene.options.dt;
     let (before, after) = (h * (1.0 - scene.options.theta), h * scene.options.theta);
     for (i, body) in scene.bodies.iter().enumerate() {
@@ -44,6 +49,13 @@ pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec
         } else {
             rotate(&q_c.q[i], &(w[i] * after))
         };
+    }
+    for (&i, momentum) in scene.turning.iter().zip(&mut state.spin) {
+        let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);
+        // What nothing has pushed keeps its momentum to the last bit.
+        *momentum += angular_momentum(&q_c.q[i], inertia, &(w[i] - q_c.w[i]));
+        state.q[i] = turn_freely(&q_c.q[i], momentum, inertia, after);
+        w[i] = angular_velocity(&state.q[i], inertia, momentum);
     }
     state.v = v;
     state.w = w;

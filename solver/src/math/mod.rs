@@ -1,6 +1,7 @@
 //! Bench: vectors, rotations, orthonormal frames.
 
 pub mod lanes;
+pub mod rotation;
 
 use nalgebra::{UnitQuaternion, Vector3};
 

@@ -75,6 +75,8 @@ pub fn scene(
         free,
         spheres,
         planes,
+        general: false,
+        turning: Vec::new(),
         mean_radius: radii.iter().sum::<f64>() / radii.len().max(1) as f64,
         listing_range: 0.0,
         bodies,

@@ -56,6 +56,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         q,
         v,
         w,
+        spin: Vec::new(),
         contacts,
         gravity: Vec3::from(bulk.gravity),
         quench: scene.options.quench,

@@ -24,7 +24,7 @@ pub struct Course {
 /// (E - E_start - work of contacts - work from outside) / max(|E_start|, |E|, |works|).
 pub fn energy_drift(scene: &Scene, state: &State) -> f64 {
     let ledger = &state.ledger;
-    let motion = Motion::of(scene, &state.v, &state.w);
+    let motion = Motion::of(scene, &state.q, &state.v, &state.w);
     let energy = motion.kinetic + motion.rotational + potential_energy(scene, state, &state.x);
     let scale = [ledger.energy_start, energy, ledger.contact_work, ledger.outside_work];
     let scale = scale.iter().fold(0.0, |s: f64, e| s.max(e.abs()));
@@ -39,8 +39,8 @@ pub fn momentum_drift(scene: &Scene, state: &State) -> (f64, f64) {
     if ledger.momentum_scale == 0.0 {
         return (0.0, 0.0);
     }
-    let motion = Motion::of(scene, &state.v, &state.w);
-    let angular = Motion::angular(scene, &state.x, &state.v, &state.w);
+    let motion = Motion::of(scene, &state.q, &state.v, &state.w);
+    let angular = Motion::angular(scene, state);
     let size = scene.free.iter().map(|&i| state.x[i as usize].norm()).fold(0.0, f64::max);
     let linear = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm() / ledger.momentum_scale;
     let angular = (angular - Vec3::from(ledger.angular_momentum_expected)).norm();
