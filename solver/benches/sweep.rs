@@ -57,7 +57,7 @@ fn packing(side: usize, friction: f64) -> System {
             });
         }
     }
-    System { rows, records, order: (0..count as u32).collect() }
+    System { rows, full: None, records, order: (0..count as u32).collect() }
 }
 
 fn problem(side: usize, friction: f64) -> Problem {

@@ -4,11 +4,13 @@
 //! and a row reads and changes those of its two. A law's shift c is put into the records once, so
 //! that the solver works on r̂ = r - c n alone (see [`crate::laws`]).
 
+use nalgebra::Matrix3;
+
 use crate::integrate::Configuration;
 use crate::laws::Approach;
 use crate::math::lanes::Line;
-use crate::math::{Vec3, to_local};
-use crate::scene::{Scene, Shape};
+use crate::math::{Quat, Vec3, to_local};
+use crate::scene::{Body, Scene, Shape};
 use crate::state::{Bonding, Contact, State, Status};
 
 /// What a sweep reads and writes of a body.
@@ -56,10 +58,33 @@ pub struct Row {
 
 pub struct System {
     pub rows: Vec<Row>,
+    /// What the rows and records do not hold where bodies are not all spheres and plates.
+    pub full: Option<Full>,
     /// All bodies in the order of space, neighbours near each other.
     pub order: Vec<u32>,
     /// Velocities if every r̂ were 0.
     pub records: Vec<Record>,
+}
+
+/// Rows whose W is a full block: lever arms of any direction, inertia that is not isotropic. `levers` of the rows and
+/// `inverse_inertia` of the records are not used then; `w_n` is W_nn and `w_t` the mean of W_tt and W_ss.
+pub struct Full {
+    /// By row: from the centres of candidate and antagonist to the contact point, m.
+    pub arms: Vec<[Vec3; 2]>,
+    /// By body: inverse inertia about the centre of mass in the contact configuration, world frame, 1/(kg m²); 0 for a
+    /// body whose motion is imposed.
+    pub inverse_inertia: Vec<Matrix3<f64>>,
+}
+
+impl Full {
+    /// W of row `k`, world frame, 1/kg.
+    pub fn block(&self, k: usize, row: &Row, records: &[Record]) -> Matrix3<f64> {
+        let side = |side: usize| {
+            let (body, arm) = (row.bodies[side] as usize, self.arms[k][side].cross_matrix());
+            Matrix3::identity() * records[body].inverse_mass + arm.transpose() * self.inverse_inertia[body] * arm
+        };
+        side(0) + side(1)
+    }
 }
 
 /// Velocity of the candidate against the antagonist at the contact point, world frame, m/s.
@@ -81,7 +106,8 @@ pub fn contact_problem(
     w_free: &[Vec3],
 ) -> System {
     let h = scene.options.dt;
-    let mut records: Vec<Record> = scene
+    let mut full = full(scene, q_c);
+    let records: Vec<Record> = scene
         .bodies
         .iter()
         .zip(v_free.iter().zip(w_free))
@@ -90,6 +116,7 @@ pub fn contact_problem(
                 Record { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: body.inverse_inertia() }
             }
             // A plate's motion at the contact point is in the row's shift.
+            _ if full.is_some() => Record { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: 0.0 },
             Shape::Plane { .. } => {
                 Record { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0 }
             }
@@ -104,7 +131,7 @@ pub fn contact_problem(
         let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
 
         let [n, ..] = contact.frame;
-        let u_before = relative_velocity(contact, &q_c.x, &state.v, &state.w);
+        let u_before = relative_velocity(contact, &q_c.x, &state.v, &q_c.w);
         let law = &state.laws[contact.law as usize];
         let radius = scene.effective_radius(contact.candidate, contact.antagonist);
         let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
@@ -114,14 +141,20 @@ pub fn contact_problem(
 
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i as usize);
-        let on_plate = !scene.bodies[b].is_sphere();
+        let on_plate = full.is_none() && !scene.bodies[b].is_sphere();
         let lever = |i: usize| (contact.point - q_c.x[i]).dot(&n).abs();
         let levers = [lever(a), if on_plate { 0.0 } else { lever(b) }];
         let plate = if on_plate { v_free[b] + w_free[b].cross(&(contact.point - q_c.x[b])) } else { Vec3::zeros() };
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
         let w_t = w_n + levers[0].powi(2) * records[a].inverse_inertia + levers[1].powi(2) * records[b].inverse_inertia;
         let u_tangent = u_before - n * n.dot(&u_before);
-        let travel = h * (v_free[a].norm() + plate.norm().max(v_free[b].norm()));
+        let mut travel = h * (v_free[a].norm() + plate.norm().max(v_free[b].norm()));
+        if let Some(full) = &mut full {
+            let arms = [a, b].map(|i| contact.point - q_c.x[i]);
+            let sides = [a, b].into_iter().zip(arms);
+            travel += h * sides.map(|(i, arm)| w_free[i].norm() * arm.norm()).sum::<f64>();
+            full.arms.push(arms);
+        }
         rows.push(Row {
             bodies,
             normal: n,
@@ -138,12 +171,34 @@ pub fn contact_problem(
             bond,
         });
     }
-    for row in &rows {
-        if row.impulse_shift != 0.0 {
-            row.apply(&mut records, &(row.normal * row.impulse_shift));
+    if let Some(full) = &full {
+        for (k, row) in rows.iter_mut().enumerate() {
+            let w = full.block(k, row, &records);
+            row.w_n = row.normal.dot(&(w * row.normal));
+            row.w_t = 0.5 * (w.trace() - row.w_n);
         }
     }
-    System { rows, records, order: order_of_space(&q_c.x) }
+    let mut system = System { rows, full, records, order: order_of_space(&q_c.x) };
+    for k in 0..system.rows.len() {
+        let Row { impulse_shift, normal, .. } = system.rows[k];
+        if impulse_shift != 0.0 {
+            system.apply(k, &(normal * impulse_shift));
+        }
+    }
+    system
+}
+
+/// The bodies' part of [`Full`], where a scene needs it.
+fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
+    let of = |(body, q): (&Body, &Quat)| {
+        if body.driven {
+            return Matrix3::zeros();
+        }
+        let axes = q.to_rotation_matrix();
+        axes * Matrix3::from_diagonal(&Vec3::from(body.inertia.map(|j| 1.0 / j))) * axes.transpose()
+    };
+    let full = || Full { arms: Vec::new(), inverse_inertia: scene.bodies.iter().zip(&q_c.q).map(of).collect() };
+    scene.is_general().then(full)
 }
 
 /// r̂ of the last step for the same contact, scaled to the new step length, its tangential part
@@ -185,6 +240,52 @@ impl Record {
     pub fn to_line(&self) -> Line {
         let Record { v, inverse_mass, w, inverse_inertia } = self;
         [v.x, v.y, v.z, *inverse_mass, w.x, w.y, w.z, *inverse_inertia]
+    }
+}
+
+impl System {
+    /// From the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate
+    /// whose motion is in the row's shift.
+    pub fn arm(&self, k: usize, side: usize) -> Vec3 {
+        match &self.full {
+            Some(full) => full.arms[k][side],
+            None => self.rows[k].normal * [-self.rows[k].levers[0], self.rows[k].levers[1]][side],
+        }
+    }
+
+    /// Change of the angular velocity of `body` by an angular impulse, world frame.
+    pub fn spin(&self, body: u32, angular_impulse: &Vec3) -> Vec3 {
+        match &self.full {
+            Some(full) => full.inverse_inertia[body as usize] * angular_impulse,
+            None => angular_impulse * self.records[body as usize].inverse_inertia,
+        }
+    }
+
+    /// û of row `k` at the records' velocities, world frame, m/s.
+    pub fn velocity(&self, k: usize, records: &[Record]) -> Vec3 {
+        let row = &self.rows[k];
+        if self.full.is_none() {
+            return row.velocity(records);
+        }
+        let at = |side: usize| {
+            let record = &records[row.bodies[side] as usize];
+            record.v + record.w.cross(&self.arm(k, side))
+        };
+        at(0) - at(1) + row.shift
+    }
+
+    /// Gives the two bodies of row `k` the impulse `r` on the candidate and -r on the antagonist, N s.
+    fn apply(&mut self, k: usize, r: &Vec3) {
+        if self.full.is_none() {
+            return self.rows[k].apply(&mut self.records, r);
+        }
+        for (side, r) in [(0, *r), (1, -r)] {
+            let body = self.rows[k].bodies[side];
+            let turn = self.spin(body, &self.arm(k, side).cross(&r));
+            let record = &mut self.records[body as usize];
+            record.v += r * record.inverse_mass;
+            record.w += turn;
+        }
     }
 }
 

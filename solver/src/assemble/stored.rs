@@ -1,6 +1,6 @@
 //! The contact problem of one step written out with its Delassus matrix, to be looked at or solved elsewhere.
 
-use crate::assemble::{Row, System};
+use crate::assemble::System;
 use crate::math::{Vec3, to_local};
 use crate::state::Contact;
 
@@ -16,23 +16,24 @@ pub struct StoredProblem {
 
 /// The problem of the rows that can close, in the order of the contacts.
 pub fn stored_problem(system: &System, contacts: &[Contact]) -> StoredProblem {
-    let rows: Vec<&Row> = system.rows.iter().filter(|row| row.can_close).collect();
+    let rows: Vec<usize> = (0..system.rows.len()).filter(|&k| system.rows[k].can_close).collect();
     let mut on_body = vec![Vec::new(); system.records.len()];
-    for (i, row) in rows.iter().enumerate() {
-        row.bodies.iter().for_each(|&body| on_body[body as usize].push(i));
+    for (i, &k) in rows.iter().enumerate() {
+        system.rows[k].bodies.iter().for_each(|&body| on_body[body as usize].push(i));
     }
     let mut problem = StoredProblem::default();
-    for (i, row) in rows.iter().enumerate() {
+    for (i, &here) in rows.iter().enumerate() {
+        let row = &system.rows[here];
         let frame = &contacts[row.contact as usize].frame;
         problem.mu.push(row.friction);
-        problem.q.push(to_local(frame, &row.velocity(&system.records)).into());
+        problem.q.push(to_local(frame, &system.velocity(here, &system.records)).into());
         let mut neighbours: Vec<usize> = row.bodies.iter().flat_map(|&body| &on_body[body as usize]).copied().collect();
         neighbours.sort_unstable();
         neighbours.dedup();
         for j in neighbours {
-            let other = &contacts[rows[j].contact as usize].frame;
+            let other = &contacts[system.rows[rows[j]].contact as usize].frame;
             // Column k: what a unit impulse along axis k of contact j does at contact i.
-            let columns = [0, 1, 2].map(|k| to_local(frame, &answer(system, row, rows[j], &other[k])));
+            let columns = [0, 1, 2].map(|k| to_local(frame, &answer(system, here, rows[j], &other[k])));
             if columns.iter().any(|column| column.norm_squared() > 0.0) {
                 problem.blocks.push((i, j, [0, 1, 2].map(|a| [0, 1, 2].map(|k| columns[k][a]))));
             }
@@ -41,17 +42,17 @@ pub fn stored_problem(system: &System, contacts: &[Contact]) -> StoredProblem {
     problem
 }
 
-/// Change of velocity at contact `here` by the impulse `r` at contact `there`, world frame, m/s.
-fn answer(system: &System, here: &Row, there: &Row, r: &Vec3) -> Vec3 {
+/// Change of velocity at row `here` by the impulse `r` at row `there`, world frame, m/s.
+fn answer(system: &System, here: usize, there: usize, r: &Vec3) -> Vec3 {
     let sides = [(0, 1.0), (1, -1.0)];
-    let arm = |row: &Row, (side, sign): (usize, f64)| row.normal * (-sign * row.levers[side]);
+    let body = |row: usize, side: usize| system.rows[row].bodies[side];
     let mut change = Vec3::zeros();
     for at in sides {
-        for by in sides.into_iter().filter(|by| there.bodies[by.0] == here.bodies[at.0]) {
-            let record = &system.records[here.bodies[at.0] as usize];
+        for by in sides.into_iter().filter(|by| body(there, by.0) == body(here, at.0)) {
             let impulse = r * by.1;
-            let spin = arm(there, by).cross(&impulse) * record.inverse_inertia;
-            change += (impulse * record.inverse_mass + spin.cross(&arm(here, at))) * at.1;
+            let spin = system.spin(body(here, at.0), &system.arm(there, by.0).cross(&impulse));
+            let inverse_mass = system.records[body(here, at.0) as usize].inverse_mass;
+            change += (impulse * inverse_mass + spin.cross(&system.arm(here, at.0))) * at.1;
         }
     }
     change
@@ -60,7 +61,7 @@ fn answer(system: &System, here: &Row, there: &Row, r: &Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assemble::Record;
+    use crate::assemble::{Record, Row};
     use crate::math::local_frame;
 
     /// W r + q is what the bodies' velocities say, for a chain of three spheres on the ground.
@@ -101,7 +102,7 @@ mod tests {
             bond: None,
         };
         let contacts: Vec<Contact> = (0..4).map(contact).collect();
-        let system = System { rows: (0..4).map(row).collect(), records, order: vec![0, 1, 2, 3] };
+        let system = System { rows: (0..4).map(row).collect(), full: None, records, order: vec![0, 1, 2, 3] };
         let problem = stored_problem(&system, &contacts);
 
         let local = |k: usize| Vec3::new(1.0 + k as f64, -0.5, 0.3 * k as f64);

@@ -11,7 +11,8 @@
 use crate::assemble::{Record, System};
 use crate::math::Vec3;
 use crate::math::lanes::Width;
-use crate::solve::batches::Problem;
+use crate::solve::batches::{self, Sums};
+use crate::solve::full;
 use crate::solve::residual::{Judge, Residual, velocities};
 use crate::solve::sweep::sweep;
 
@@ -84,15 +85,15 @@ fn sweep_until(
     if residual.value <= tol || *sweeps >= max_sweeps {
         return residual;
     }
-    let mut problem = Problem::new(system, active, impulses, &records);
+    let mut problem = Laid::new(system, active, impulses, &records);
     let mut best = (residual, impulses.to_vec());
-    let mut momentum = Momentum::new(problem.frictional);
+    let mut momentum = Momentum::new(active.iter().any(|&k| system.rows[k as usize].friction > 0.0));
     // Judging costs several sweeps. The change made by a sweep falls as the residual does: it tells
     // when judging is worth while, and `patience` bounds the wait where it misleads.
     let mut scale = None;
     let mut patience = 0;
     loop {
-        let sums = sweep(&mut problem, width, momentum.beta);
+        let sums = problem.sweep(width, momentum.beta);
         momentum.after(sums.is_uphill(), *sweeps);
         *sweeps += 1;
         patience += 1;
@@ -110,6 +111,36 @@ fn sweep_until(
             // Aim a little lower than the tolerance: a failed judgement costs more than a sweep.
             scale = Some(0.8 * sums.change() / residual.value);
             patience = 0;
+        }
+    }
+}
+
+/// The problem laid out for the sweeps that its contacts need.
+enum Laid {
+    /// Spheres and plates: the blocks are diagonal.
+    Diagonal(batches::Problem),
+    Full(full::batches::Problem),
+}
+
+impl Laid {
+    fn new(system: &System, active: &[u32], impulses: &[Vec3], records: &[Record]) -> Self {
+        match &system.full {
+            None => Laid::Diagonal(batches::Problem::new(system, active, impulses, records)),
+            Some(full) => Laid::Full(full::batches::Problem::new(system, full, active, impulses, records)),
+        }
+    }
+
+    fn sweep(&mut self, width: Width, beta: f64) -> Sums {
+        match self {
+            Laid::Diagonal(problem) => sweep(problem, width, beta),
+            Laid::Full(problem) => full::sweep::sweep(problem, width, beta),
+        }
+    }
+
+    fn read_back(&self, impulses: &mut [Vec3]) {
+        match self {
+            Laid::Diagonal(problem) => problem.read_back(impulses),
+            Laid::Full(problem) => problem.read_back(impulses),
         }
     }
 }
@@ -149,7 +180,7 @@ fn closing_outside(system: &System, active: &[u32], records: &[Record]) -> Vec<u
         .filter(|k| inside.next_if_eq(&k).is_none())
         .filter(|&k| {
             let row = &system.rows[k as usize];
-            row.normal.dot(&row.velocity(records)) < 0.0
+            row.normal.dot(&system.velocity(k as usize, records)) < 0.0
         })
         .collect()
 }

@@ -59,7 +59,7 @@ impl<'a> Judge<'a> {
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
         for &k in self.rows {
             let row = &self.system.rows[k as usize];
-            let size2 = natural_map2(row, &impulses[k as usize], &velocity(row, records), self.rho);
+            let size2 = natural_map2(row, &impulses[k as usize], &velocity(self.system, k as usize, records), self.rho);
             sum += size2;
             if size2 > largest {
                 (largest, worst) = (size2, Some(k));
@@ -72,23 +72,24 @@ impl<'a> Judge<'a> {
 /// V_free + M⁻¹ H r̂ from the beginning.
 pub fn velocities(system: &System, impulses: &[Vec3]) -> Vec<Record> {
     let mut records = system.records.clone();
-    for (row, r) in system.rows.iter().zip(impulses) {
+    for (k, (row, r)) in system.rows.iter().zip(impulses).enumerate() {
         for (side, sign) in [(0, 1.0), (1, -1.0)] {
-            let record = &mut records[row.bodies[side] as usize];
-            let arm = row.normal * (-sign * row.levers[side]);
+            let body = row.bodies[side];
+            let record = &mut records[body as usize];
             record.v += r * (sign * record.inverse_mass);
-            record.w += arm.cross(&(r * sign)) * record.inverse_inertia;
+            record.w += system.spin(body, &system.arm(k, side).cross(&(r * sign)));
         }
     }
     records
 }
 
-fn velocity(row: &Row, records: &[Record]) -> Vec3 {
-    let at_point = |side: usize, sign: f64| {
+fn velocity(system: &System, k: usize, records: &[Record]) -> Vec3 {
+    let row = &system.rows[k];
+    let at_point = |side: usize| {
         let record = &records[row.bodies[side] as usize];
-        record.v + record.w.cross(&(row.normal * (-sign * row.levers[side])))
+        record.v + record.w.cross(&system.arm(k, side))
     };
-    at_point(0, 1.0) - at_point(1, -1.0) + row.shift
+    at_point(0) - at_point(1) + row.shift
 }
 
 /// |F|^2 of one contact, N^2 s^2. In the plane of n and the tangential part of r - rho û, where the

@@ -1,0 +1,330 @@
+//! The contact problem of general bodies laid out for sweeping: eight pairs of bodies at once, the contacts of
+//! a pair one after the other, while the velocities of its bodies stay at hand.
+//!
+//! Bodies are cut into ranges, and pairs into colours that share no moving body, as in [`crate::solve::batches`].
+
+use nalgebra::{Matrix2, Matrix3};
+
+use crate::assemble::{Full, Record, System};
+
+use crate::math::{Vec3, local_frame};
+use crate::solve::batches::{BATCH, NONE, Sums};
+
+/// A range holds at least this many bodies: fewer would wait for each other more than they work.
+const RANGE: usize = 512;
+
+/// Colours kept apart; what finds none of them free is swept one pair at a time.
+const COLOURS: usize = 64;
+
+/// Contacts of a pair that are solved in one go; further ones form another batch.
+const POINTS: usize = 4;
+
+/// Numbers of a body.
+pub type Line = [f64; 8];
+
+/// Numbers of eight pairs.
+pub type Eight = [f64; BATCH];
+
+/// Eight pairs of bodies.
+#[derive(Debug, Clone)]
+pub struct Batch {
+    /// Lines of candidate and antagonist, counted in the range (in all lines for pairs between ranges).
+    pub bodies: [[u32; BATCH]; 2],
+    /// First and last + 1 of its points.
+    pub points: [usize; 2],
+}
+
+/// What is constant of one contact of each of eight pairs. Unused places have no friction, are pushed by nothing and
+/// stay at rest.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+pub struct Point {
+    /// The normal and the axes of the local block, world frame.
+    pub axes: [[Eight; 3]; 3],
+    /// From the centres of candidate and antagonist, m.
+    pub arms: [[Eight; 3]; 2],
+    /// û = u + shift, along the axes, m/s.
+    pub shift: [Eight; 3],
+    pub inverse_nn: Eight,
+    pub c: [Eight; 2],
+    pub s: [Eight; 2],
+    pub inverse_s: [Eight; 2],
+    pub friction: Eight,
+    /// A third of the trace of W, 1/kg.
+    pub weight: Eight,
+}
+
+/// r̂ of a point along its axes, now and of the sweep before, N s, and the multiplier of its sliding.
+#[derive(Debug, Clone, Default)]
+#[repr(align(64))]
+pub struct Impulses {
+    pub r: [Eight; 3],
+    pub previous: [Eight; 3],
+    pub multiplier: Eight,
+}
+
+/// Batches that are swept in this order, with their impulses.
+#[derive(Debug, Clone, Default)]
+pub struct Batches {
+    pub batches: Vec<Batch>,
+    pub points: Vec<Point>,
+    pub impulses: Vec<Impulses>,
+    /// Rows of the system, or [`NONE`], by point.
+    rows: Vec<[u32; BATCH]>,
+}
+
+/// A range of bodies with the pairs inside it.
+#[derive(Debug, Clone)]
+pub struct Range {
+    /// Number of lines: the moving bodies, those that do not move, and one for unused places.
+    pub lines: usize,
+    pub inside: Batches,
+    /// Sums of the last sweep.
+    pub sums: Sums,
+}
+
+/// Lines of the touched bodies, range by range: v, 1/m, w and an unused place; inverse inertia xx, xy, xz, yy, yz, zz.
+pub struct Problem {
+    pub lines: Vec<Line>,
+    pub previous: Vec<Line>,
+    pub inertia: Vec<Line>,
+    pub ranges: Vec<Range>,
+    pub between: Batches,
+}
+
+/// Contacts of two bodies: rows that follow each other, at most [`POINTS`].
+struct Pair {
+    bodies: [u32; 2],
+    rows: Vec<u32>,
+    lines: [u32; 2],
+}
+
+impl Problem {
+    /// The problem of the rows `active` (sorted), starting from `impulses` (one a row of the system, world frame) and
+    /// from the velocities that they lead to.
+    pub fn new(system: &System, full: &Full, active: &[u32], impulses: &[Vec3], records: &[Record]) -> Self {
+        let mut pairs = pairs(system, active);
+        // Which range each moving body is in; bodies in the order of space.
+        let mut range_of = vec![NONE; records.len()];
+        for pair in &pairs {
+            for body in pair.bodies {
+                if records[body as usize].inverse_mass > 0.0 {
+                    range_of[body as usize] = 0;
+                }
+            }
+        }
+        let moving: Vec<u32> = system.order.iter().copied().filter(|&body| range_of[body as usize] == 0).collect();
+        let count = 1 << (moving.len() / RANGE).max(1).ilog2(); // a power of two, so that halves can be halved again
+        let mut place = vec![NONE; records.len()];
+        let mut members = vec![Vec::new(); count];
+        for (k, &body) in moving.iter().enumerate() {
+            let range = k * count / moving.len();
+            range_of[body as usize] = range as u32;
+            place[body as usize] = members[range].len() as u32;
+            members[range].push(body);
+        }
+        // Pairs by range, those between ranges last; a body that does not move has a line of its own in every pair.
+        let mut groups: Vec<Vec<u32>> = vec![Vec::new(); count + 1];
+        let mut sizes: Vec<u32> = members.iter().map(|range| range.len() as u32).collect();
+        let mut fixed = vec![Vec::new(); count];
+        for (k, pair) in pairs.iter_mut().enumerate() {
+            let ranges = pair.bodies.map(|body| range_of[body as usize]);
+            let group = match ranges {
+                [NONE, NONE] => continue,
+                [a, NONE] | [NONE, a] => a,
+                [a, b] if a == b => a,
+                _ => count as u32,
+            };
+            groups[group as usize].push(k as u32);
+            for side in 0..2 {
+                pair.lines[side] = place[pair.bodies[side] as usize];
+                if ranges[side] == NONE {
+                    pair.lines[side] = sizes[group as usize];
+                    sizes[group as usize] += 1;
+                    fixed[group as usize].push(pair.bodies[side]);
+                }
+            }
+        }
+        let mut starts = vec![0];
+        let (mut lines, mut inertia) = (Vec::new(), Vec::new());
+        for range in 0..count {
+            for &body in members[range].iter().chain(&fixed[range]) {
+                let Record { v, inverse_mass, w, .. } = &records[body as usize];
+                lines.push([v.x, v.y, v.z, *inverse_mass, w.x, w.y, w.z, 0.0]);
+                let m = &full.inverse_inertia[body as usize];
+                inertia.push([m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], 0.0, 0.0]);
+            }
+            lines.push([0.0; 8]);
+            inertia.push([0.0; 8]);
+            starts.push(lines.len() as u32);
+        }
+        // Pairs between ranges count in all lines.
+        for &k in &groups[count] {
+            let pair = &mut pairs[k as usize];
+            for side in 0..2 {
+                pair.lines[side] += starts[range_of[pair.bodies[side] as usize] as usize];
+            }
+        }
+        let mut masks = vec![0u64; lines.len()];
+        let mut layout = |group: &[u32], unused: u32| {
+            let mut batches = Batches::default();
+            for (size, mut members) in colours(group, &pairs, &mut masks) {
+                members.sort_by_key(|&k| std::cmp::Reverse(pairs[k as usize].rows.len()));
+                for chunk in members.chunks(size) {
+                    batches.push(system, full, &pairs, chunk, impulses, unused);
+                }
+            }
+            batches
+        };
+        let ranges = (0..count)
+            .map(|range| {
+                let lines = (starts[range + 1] - starts[range]) as usize;
+                Range { lines, inside: layout(&groups[range], lines as u32 - 1), sums: Sums::default() }
+            })
+            .collect();
+        let between = layout(&groups[count], lines.len() as u32 - 1);
+        Problem { previous: lines.clone(), lines, inertia, ranges, between }
+    }
+
+    /// Puts the impulses r̂ into `impulses`, one a row of the system.
+    pub fn read_back(&self, impulses: &mut [Vec3]) {
+        for batches in self.ranges.iter().map(|range| &range.inside).chain([&self.between]) {
+            for ((point, values), rows) in batches.points.iter().zip(&batches.impulses).zip(&batches.rows) {
+                for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
+                    let world = |k: usize| (0..3).map(|axis| point.axes[axis][k][lane] * values.r[axis][lane]).sum();
+                    impulses[row as usize] = Vec3::from_fn(|k, _| world(k));
+                }
+            }
+        }
+    }
+}
+
+fn pairs(system: &System, active: &[u32]) -> Vec<Pair> {
+    let mut pairs: Vec<Pair> = Vec::new();
+    for &k in active {
+        let bodies = system.rows[k as usize].bodies;
+        match pairs.last_mut() {
+            Some(last) if last.bodies == bodies && last.rows.len() < POINTS => last.rows.push(k),
+            _ => pairs.push(Pair { bodies, rows: vec![k], lines: [NONE; 2] }),
+        }
+    }
+    pairs
+}
+
+/// Pairs by colour, each with the number of pairs that a batch of it may hold.
+fn colours(group: &[u32], pairs: &[Pair], masks: &mut [u64]) -> Vec<(usize, Vec<u32>)> {
+    let mut colours: Vec<(usize, Vec<u32>)> = Vec::new();
+    let mut single = Vec::new();
+    for &k in group {
+        let lines = pairs[k as usize].lines.map(|line| line as usize);
+        let free = (masks[lines[0]] | masks[lines[1]]).trailing_ones() as usize;
+        if free == COLOURS {
+            single.push(k);
+            continue;
+        }
+        if free == colours.len() {
+            colours.push((BATCH, Vec::new()));
+        }
+        colours[free].1.push(k);
+        lines.into_iter().for_each(|line| masks[line] |= 1 << free);
+    }
+    for line in group.iter().flat_map(|&k| pairs[k as usize].lines) {
+        masks[line as usize] = 0;
+    }
+    colours.push((1, single));
+    colours
+}
+
+impl Batches {
+    fn push(&mut self, system: &System, full: &Full, pairs: &[Pair], members: &[u32], impulses: &[Vec3], unused: u32) {
+        let first = self.points.len();
+        let mut batch = Batch { bodies: [[unused; BATCH]; 2], points: [first, first] };
+        for (lane, &k) in members.iter().enumerate() {
+            let pair = &pairs[k as usize];
+            for side in 0..2 {
+                batch.bodies[side][lane] = pair.lines[side];
+            }
+            for (at, &row) in pair.rows.iter().enumerate() {
+                if first + at == self.points.len() {
+                    self.points.push(Point::unused());
+                    self.impulses.push(Impulses::default());
+                    self.rows.push([NONE; BATCH]);
+                }
+                let values = &mut self.impulses[first + at];
+                self.points[first + at].put(lane, system, full, row as usize, &impulses[row as usize], values);
+                self.rows[first + at][lane] = row;
+            }
+        }
+        batch.points[1] = self.points.len();
+        self.batches.push(batch);
+    }
+}
+
+impl Point {
+    fn unused() -> Self {
+        const ZERO: Eight = [0.0; BATCH];
+        const ONE: Eight = [1.0; BATCH];
+        Point {
+            axes: [[ZERO; 3]; 3],
+            arms: [[ZERO; 3]; 2],
+            shift: [ZERO; 3],
+            inverse_nn: ZERO,
+            c: [ZERO; 2],
+            s: [ONE; 2],
+            inverse_s: [ONE; 2],
+            friction: ZERO,
+            weight: ZERO,
+        }
+    }
+
+    fn put(&mut self, lane: usize, system: &System, full: &Full, k: usize, impulse: &Vec3, values: &mut Impulses) {
+        let row = &system.rows[k];
+        let w = full.block(k, row, &system.records);
+        let (axes, c, s) = axes(&w, row.normal);
+        let vector = |columns: &mut [Eight; 3], v: &Vec3| (0..3).for_each(|i| columns[i][lane] = v[i]);
+        for axis in 0..3 {
+            vector(&mut self.axes[axis], &axes[axis]);
+            self.shift[axis][lane] = axes[axis].dot(&row.shift);
+            values.r[axis][lane] = axes[axis].dot(impulse);
+            values.previous[axis][lane] = values.r[axis][lane];
+        }
+        for side in 0..2 {
+            vector(&mut self.arms[side], &full.arms[k][side]);
+            self.c[side][lane] = c[side];
+            self.s[side][lane] = s[side];
+            self.inverse_s[side][lane] = 1.0 / s[side];
+        }
+        self.inverse_nn[lane] = 1.0 / row.w_n;
+        self.friction[lane] = row.friction;
+        self.weight[lane] = w.trace() / 3.0;
+    }
+}
+
+/// Normal and tangents on the axes of [`crate::solve::full::local::Block`], c and s.
+fn axes(w: &Matrix3<f64>, normal: Vec3) -> ([Vec3; 3], [f64; 2], [f64; 2]) {
+    let [n, t1, t2] = local_frame(normal);
+    let (wn, w1, w2) = (w * n, w * t1, w * t2);
+    let w_nn = n.dot(&wn);
+    let c = [t1.dot(&wn) / w_nn, t2.dot(&wn) / w_nn];
+    let off = t1.dot(&w2) - w_nn * c[0] * c[1];
+    let rest = Matrix2::new(t1.dot(&w1) - w_nn * c[0] * c[0], off, off, t2.dot(&w2) - w_nn * c[1] * c[1]);
+    let (mean, half) = (0.5 * rest.trace(), 0.5 * (rest.m11 - rest.m22));
+    let radius = half.hypot(off);
+    // Half the angle of (half, off) turns t1 to the larger axis.
+    let (cos, sin) = match radius > 0.0 {
+        true if half >= 0.0 => {
+            let cos = (0.5 * (1.0 + half / radius)).sqrt();
+            (cos, 0.5 * off / (radius * cos))
+        }
+        true => {
+            let sin = (0.5 * (1.0 - half / radius)).sqrt().copysign(if off < 0.0 { -1.0 } else { 1.0 });
+            (0.5 * off / (radius * sin), sin)
+        }
+        false => (1.0, 0.0),
+    };
+    // The smaller one without cancellation: no eigenvalue is below the inverse masses, which W has along every axis.
+    let axes = [n, t1 * cos + t2 * sin, t2 * cos - t1 * sin];
+    let larger = mean + radius;
+    let smaller = (rest.determinant() / larger).max(f64::MIN_POSITIVE);
+    (axes, [c[0] * cos + c[1] * sin, c[1] * cos - c[0] * sin], [larger, smaller])
+}
