@@ -282,10 +282,10 @@ impl Point {
         let w = full.block(k, row, &system.records);
         let (axes, c, s) = axes(&w, row.normal);
         let vector = |columns: &mut [Eight; 3], v: &Vec3| (0..3).for_each(|i| columns[i][lane] = v[i]);
-        for axis in 0..3 {
-            vector(&mut self.axes[axis], &axes[axis]);
-            self.shift[axis][lane] = axes[axis].dot(&row.shift);
-            values.r[axis][lane] = axes[axis].dot(impulse);
+        for (axis, direction) in axes.iter().enumerate() {
+            vector(&mut self.axes[axis], direction);
+            self.shift[axis][lane] = direction.dot(&row.shift);
+            values.r[axis][lane] = direction.dot(impulse);
             values.previous[axis][lane] = values.r[axis][lane];
         }
         for side in 0..2 {
