@@ -64,7 +64,7 @@ pub fn signorini_coulomb<L: Lanes>(
     let mut t = stick;
     let mut n = stick_n;
     let mut multiplier = zero;
-    if l.any_greater(slides, zero) {
+    if l.mask_greater(slides, zero) != 0 {
         let size = l.sqrt(l.mul_add(p[0], p[0], l.mul(p[1], p[1])));
         let coupling = l.sqrt(l.mul_add(c[0], c[0], l.mul(c[1], c[1])));
         // |r_T| <= |p|/s and r_n >= free - |c| |r_T|; twice that, for what rounding adds.
@@ -100,7 +100,7 @@ pub fn signorini_coulomb<L: Lanes>(
             let far = l.mul(psi, psi);
             s = l.select_greater(waits, zero, l.select_greater(far, near2, next, newton), s);
             waits = l.select_greater(far, near2, open, zero);
-            if !l.any_greater(waits, zero) {
+            if l.mask_greater(waits, zero) == 0 {
                 break;
             }
         }
