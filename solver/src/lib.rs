@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Rooms know the order, benches know the mathematics: `detect`, `assemble`, `solve`, `integrate`,
-//! `read` and `write` are rooms; `laws`, `gravity` and `math` are benches; `scene` holds what is
+//! `read` and `write` are rooms; `laws`, `gravity`, `geometry` and `math` are benches; `scene` holds what is
 //! constant during a run and `state` what changes.
 
 pub mod assemble;

@@ -3,15 +3,17 @@
 //! Source: E. G. Gilbert, D. W. Johnson, S. S. Keerthi, A fast procedure for computing the distance between complex
 //! objects in three-dimensional space, IEEE J. Robot. Autom. 4 (1988) 193-203.
 
+use pulp::NullaryFnOnce;
+use smallvec::SmallVec;
+
 use super::patch::SAME;
-use super::search::{Pair, support};
+use super::search::{NEARLY_PARALLEL, Pair, lowest, support};
 use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
 use crate::math::Vec3;
+use crate::math::lanes::{Lanes, Width};
 
 /// Gap between the bounds, over the distance, at which the search ends.
 const ENOUGH: f64 = 1e-15;
-/// Slope and angle up to which edges count as parallel, rad.
-const PARALLEL: f64 = 1e-11;
 /// More than any pair has needed; every step but the last brings the simplex nearer.
 const MOST_STEPS: usize = 64;
 
@@ -34,86 +36,150 @@ pub(super) struct Nearest {
 
 /// The nearest points of two polyhedra that do not overlap, beginning with the direction `n` from A to B.
 pub(super) fn nearest(pair: &Pair, n: Vec3, alert: f64) -> Nearest {
-    let mut simplex = vec![apex(pair, &n)];
-    let mut weights = vec![1.0];
-    let mut v = simplex[0].w;
-    for _ in 0..MOST_STEPS {
-        let distance = v.norm();
-        if distance <= 1e-15 * pair.sum {
-            break; // touching to rounding: n of the axis is as good as any
-        }
-        let next = apex(pair, &(v / distance));
-        let bound = next.w.dot(&v) / distance;
-        if bound > alert {
-            return Nearest { n: v / distance, on_faces: false, manifold: None };
-        }
-        if distance - bound <= ENOUGH * distance || simplex.iter().any(|p| p.a == next.a && p.b == next.b) {
-            break;
-        }
-        let (kept, shares, nearer) = closest(&simplex, next);
-        if nearer.norm() >= distance {
-            break;
-        }
-        (simplex, weights, v) = (kept, shares, nearer);
+    match pair.width {
+        Width::One(l) => l.run(Gjk { l, pair, n, alert }),
+        #[cfg(target_arch = "x86_64")]
+        Width::Four(l) => l.run(Gjk { l, pair, n, alert }),
+        #[cfg(target_arch = "x86_64")]
+        Width::Eight(l) => l.run(Gjk { l, pair, n, alert }),
     }
-    let distance = v.norm();
-    if distance > alert {
-        return Nearest { n: v / distance, on_faces: false, manifold: None };
+}
+
+struct Gjk<'a, L> {
+    l: L,
+    pair: &'a Pair<'a>,
+    n: Vec3,
+    alert: f64,
+}
+
+impl<L: Lanes> NullaryFnOnce for Gjk<'_, L> {
+    type Output = Nearest;
+
+    #[inline(always)]
+    fn call(self) -> Nearest {
+        let Gjk { l, pair, n, alert } = self;
+        let mut near = Simplex::of(apex(l, pair, &n));
+        let touching = 1e-15 * pair.sum;
+        let mut step = 0;
+        while step < MOST_STEPS {
+            step += 1;
+            let distance = near.point.norm();
+            if distance <= touching {
+                break; // to rounding: n of the axis is as good as any
+            }
+            let next = apex(l, pair, &(near.point / distance));
+            let bound = next.w.dot(&near.point) / distance;
+            if bound > alert {
+                return Nearest { n: near.point / distance, on_faces: false, manifold: None };
+            }
+            if distance - bound <= ENOUGH * distance || near.has(&next) {
+                break;
+            }
+            let nearer = near.with(next);
+            if nearer.point.norm_squared() >= near.point.norm_squared() {
+                break;
+            }
+            near = nearer;
+        }
+        let distance = near.point.norm();
+        let n = if distance > touching { near.point / distance } else { n };
+        if distance > alert {
+            return Nearest { n, on_faces: false, manifold: None };
+        }
+        near.contact(pair, n, distance)
     }
-    let n = if distance > 1e-15 * pair.sum { v / distance } else { n };
-    if let Some(ridges) = ridges(pair, &n, distance) {
-        return Nearest { n: -ridges.normal, on_faces: false, manifold: Some(ridges) };
-    }
-    let on_a: Vec3 = simplex.iter().zip(&weights).map(|(p, w)| pair.pa.vertex(p.a) * *w).sum();
-    let on_b: Vec3 = simplex.iter().zip(&weights).map(|(p, w)| (pair.pb.vertex(p.b) + pair.c) * *w).sum();
-    let features = (spanned(pair.a, simplex.iter().map(|p| p.a)), spanned(pair.b, simplex.iter().map(|p| p.b)));
-    let point = Point { position: (on_a + on_b) * 0.5, gap: distance, features };
-    let points = [point].into_iter().collect();
-    let kind = |feature: u32| feature >> 30;
-    let on_faces = kind(features.0) == 2 || kind(features.1) == 2 || (kind(features.0) == 1 && kind(features.1) == 1);
-    Nearest { n, on_faces, manifold: Some(Manifold { normal: -n, points, area: 0.0 }) }
 }
 
 /// The point of the difference that is least along `n`.
-fn apex(pair: &Pair, n: &Vec3) -> Apex {
-    let (a, b) = (support(pair.a, pair.pa, n).0, support(pair.b, pair.pb, &-n).0);
+#[inline(always)]
+fn apex<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> Apex {
+    let a = lowest(l, pair.pa, pair.a.vertices().len(), &-n).0;
+    let b = lowest(l, pair.pb, pair.b.vertices().len(), n).0;
     Apex { w: pair.pb.vertex(b) + pair.c - pair.pa.vertex(a), a, b }
 }
 
-/// The part of simplex and `next` that is nearest to the origin: corners, weights, point.
-///
-/// Every corner, edge and triangle with `next` is looked at; so flat simplices do no harm.
-fn closest(simplex: &[Apex], next: Apex) -> (Vec<Apex>, Vec<f64>, Vec3) {
-    let mut best = (vec![next], vec![1.0], next.w);
-    let mut take = |corners: &[Apex], weights: &[f64]| {
-        let point: Vec3 = corners.iter().zip(weights).map(|(p, w)| p.w * *w).sum();
-        if point.norm_squared() < best.2.norm_squared() {
-            best = (corners.to_vec(), weights.to_vec(), point);
-        }
-    };
-    let p = next.w;
-    for (i, &first) in simplex.iter().enumerate() {
-        let u = first.w - p;
-        let share = -p.dot(&u) / u.norm_squared();
-        if share > 0.0 && share < 1.0 {
-            take(&[next, first], &[1.0 - share, share]);
-        }
-        for &second in &simplex[i + 1..] {
-            let v = second.w - p;
-            let normal = u.cross(&v);
-            let area = normal.norm_squared();
-            let (x, y) = (normal.dot(&v.cross(&p)) / area, normal.dot(&p.cross(&u)) / area);
-            if x > 0.0 && y > 0.0 && x + y < 1.0 {
-                take(&[next, first, second], &[1.0 - x - y, x, y]);
+/// Up to three points, and the one between them that is nearest to the origin.
+#[derive(Clone, Copy)]
+struct Simplex {
+    corners: [Apex; 3],
+    weights: [f64; 3],
+    count: usize,
+    point: Vec3,
+}
+
+impl Simplex {
+    #[inline(always)]
+    fn of(apex: Apex) -> Self {
+        Simplex { corners: [apex; 3], weights: [1.0, 0.0, 0.0], count: 1, point: apex.w }
+    }
+
+    #[inline(always)]
+    fn has(&self, apex: &Apex) -> bool {
+        self.corners[..self.count].iter().any(|p| p.a == apex.a && p.b == apex.b)
+    }
+
+    /// The part of this and `next` that is nearest to the origin.
+    ///
+    /// Every corner, edge and triangle with `next` is looked at; so flat simplices do no harm.
+    #[inline(always)]
+    fn with(&self, next: Apex) -> Self {
+        let mut best = Simplex::of(next);
+        let mut least = best.point.norm_squared();
+        let p = next.w;
+        for i in 0..self.count {
+            let first = self.corners[i];
+            let u = first.w - p;
+            let share = -p.dot(&u) / u.norm_squared();
+            if share > 0.0 && share < 1.0 {
+                let point = p * (1.0 - share) + first.w * share;
+                if point.norm_squared() < least {
+                    least = point.norm_squared();
+                    best =
+                        Simplex { corners: [next, first, first], weights: [1.0 - share, share, 0.0], count: 2, point };
+                }
+            }
+            for k in i + 1..self.count {
+                let second = self.corners[k];
+                let v = second.w - p;
+                let normal = u.cross(&v);
+                let area = normal.norm_squared();
+                let (x, y) = (normal.dot(&v.cross(&p)) / area, normal.dot(&p.cross(&u)) / area);
+                if x > 0.0 && y > 0.0 && x + y < 1.0 {
+                    let rest = 1.0 - x - y;
+                    let point = p * rest + first.w * x + second.w * y;
+                    if point.norm_squared() < least {
+                        least = point.norm_squared();
+                        best = Simplex { corners: [next, first, second], weights: [rest, x, y], count: 3, point };
+                    }
+                }
             }
         }
+        best
     }
-    best
+
+    fn contact(&self, pair: &Pair, n: Vec3, distance: f64) -> Nearest {
+        if let Some(ridges) = ridges(pair, &n, distance) {
+            return Nearest { n: -ridges.normal, on_faces: false, manifold: Some(ridges) };
+        }
+        let (mut on_a, mut on_b) = (Vec3::zeros(), Vec3::zeros());
+        let corners = &self.corners[..self.count];
+        for (p, weight) in corners.iter().zip(&self.weights) {
+            on_a += pair.pa.vertex(p.a) * *weight;
+            on_b += (pair.pb.vertex(p.b) + pair.c) * *weight;
+        }
+        let features = (spanned(pair.a, corners.iter().map(|p| p.a)), spanned(pair.b, corners.iter().map(|p| p.b)));
+        let kind = |feature: u32| feature >> 30;
+        let on_faces =
+            kind(features.0) == 2 || kind(features.1) == 2 || (kind(features.0) == 1 && kind(features.1) == 1);
+        let point = Point { position: (on_a + on_b) * 0.5, gap: distance, features };
+        let points = [point].into_iter().collect();
+        Nearest { n, on_faces, manifold: Some(Manifold { normal: -n, points, area: 0.0 }) }
+    }
 }
 
 /// The vertex, edge or face that has these vertices.
 fn spanned(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
-    let mut all: Vec<u32> = vertices.collect();
+    let mut all: SmallVec<[u32; 4]> = vertices.collect();
     all.sort_unstable();
     all.dedup();
     let ends = |e: &&u32| all.iter().all(|v| shape.edges[**e as usize].ends.contains(v));
@@ -132,14 +198,19 @@ fn spanned(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
 /// The ends of the common part of two parallel edges across `n`, and the normal between them.
 pub(super) fn ridges(pair: &Pair, n: &Vec3, distance: f64) -> Option<Manifold> {
     // As far as the direction between points that are `distance` apart is known.
-    let steep = PARALLEL + 1e-11 * pair.small / distance;
-    let level = |shape: &Polyhedron, posed: &Posed, n: &Vec3| -> Vec<(u32, [u32; 2], Vec3)> {
+    let steep = NEARLY_PARALLEL + 1e-11 * pair.small / distance;
+    let level = |shape: &Polyhedron, posed: &Posed, n: &Vec3| -> SmallVec<[(u32, [u32; 2], Vec3); 4]> {
         let top = support(shape, posed, n).0;
-        let edges = shape.spokes(top as usize).iter().map(|&e| {
+        let mut level = SmallVec::new();
+        for &e in shape.spokes(top as usize) {
             let ends = shape.edges[e as usize].ends;
-            (e, ends, (posed.vertex(ends[1]) - posed.vertex(ends[0])).normalize())
-        });
-        edges.filter(|(_, _, along)| along.dot(n).abs() <= steep).collect()
+            let along = posed.vertex(ends[1]) - posed.vertex(ends[0]);
+            let slope = along.dot(n);
+            if slope * slope <= steep * steep * shape.edges[e as usize].square {
+                level.push((e, ends, along.normalize()));
+            }
+        }
+        level
     };
     for (ea, ends_a, along) in level(pair.a, pair.pa, n) {
         for (eb, ends_b, other) in level(pair.b, pair.pb, &-n) {
@@ -147,7 +218,7 @@ pub(super) fn ridges(pair: &Pair, n: &Vec3, distance: f64) -> Option<Manifold> {
             let between = pair.pb.vertex(ends_b[0]) + pair.c - base;
             let across = between - along * between.dot(&along);
             let gap = across.norm();
-            if along.cross(&other).norm() > PARALLEL || gap <= 1e-15 * pair.sum || gap > distance + pair.tie() {
+            if along.cross(&other).norm() > NEARLY_PARALLEL || gap <= 1e-15 * pair.sum || gap > distance + pair.tie() {
                 continue;
             }
             // Places along the edge, each with the feature that ends there.
@@ -162,7 +233,7 @@ pub(super) fn ridges(pair: &Pair, n: &Vec3, distance: f64) -> Option<Manifold> {
                 }
             };
             let (low, high) = (inner(0, of_a[0].0 > of_b[0].0), inner(1, of_a[1].0 < of_b[1].0));
-            if high.0 - low.0 <= PARALLEL * pair.small {
+            if high.0 - low.0 <= NEARLY_PARALLEL * pair.small {
                 continue;
             }
             let at = |place: f64| base + along * (place - base.dot(&along)) + across * 0.5;

@@ -1,4 +1,4 @@
-//! Bench: contact geometry of convex polyhedra - with each other, with spheres, plates and cylinders.
+//! Bench: contact geometry of convex polyhedra - with each other, with spheres and plates, in hollow cylinders.
 //!
 //! All lengths are relative to the centre of body A, so that precision does not depend on the distance from the origin:
 //! `c` is x_B - x_A. Normals point from B, the antagonist, to A, the candidate.
@@ -8,9 +8,10 @@
 //! | [`polyhedron`] | the shape: polygon faces, edges, neighbours; turned as its body is |
 //! | [`search`] | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | [`gjk`] | distance and direction where vertices or edges are nearest to each other |
-//! | [`sphere`], [`plate`] | against other shapes |
+//! | [`sphere`], [`plate`], [`cylinder`] | against other shapes |
 //! | [`patch`] | the common part of two faces seen along the normal: points of contact and area |
 
+mod cylinder;
 mod gjk;
 mod patch;
 mod plate;
@@ -18,6 +19,7 @@ mod polyhedron;
 mod search;
 mod sphere;
 
+pub use cylinder::polyhedron_hollow_cylinder;
 pub use plate::polyhedron_plane;
 pub use polyhedron::{Polyhedron, Posed};
 pub use sphere::polyhedron_sphere;
@@ -178,18 +180,20 @@ pub fn polyhedron_polyhedron(
 
 /// The direction to be remembered, and the contact along it.
 fn contact(pair: &Pair, start: Start, narrow: Narrow, alert: f64) -> (Axis, Option<Manifold>) {
-    let axis = search::search(pair, start, narrow, alert);
+    let search::Found { axis, faces, .. } = search::search(pair, start, narrow, alert);
     if axis.s > alert {
         return (axis, None);
     }
-    if let (Feature::Edges(..), true) = (axis.feature, axis.s > 0.0)
+    if let Feature::Edges(ea, eb) = axis.feature
+        && axis.s > 0.0
+        && search::parallel(pair, ea, eb)
         && let Some(ridges) = gjk::ridges(pair, &axis.n, axis.s)
     {
         return (axis, Some(ridges));
     }
     if axis.feature != Feature::None {
-        let (face_a, face_b) = search::support_faces(pair, &axis);
-        let patch = patch::Patch::new(pair, &axis, face_a, face_b);
+        let mut patch = patch::Patch::default();
+        patch.see(pair, &axis, faces);
         if patch.holds(axis.s, pair) {
             return (axis, patch.manifold(pair, alert));
         }
@@ -207,12 +211,12 @@ fn contact(pair: &Pair, start: Start, narrow: Narrow, alert: f64) -> (Axis, Opti
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::math::Quat;
 
     /// A rock: the hull of points on three rings and two poles.
-    fn rock(seed: f64) -> Polyhedron {
+    pub fn rock(seed: f64) -> Polyhedron {
         let point = |k: usize| {
             let (ring, turn) = ((k / 6) as f64 - 1.0, k as f64 * 1.1 + seed);
             let wide = 1.0 - 0.3 * ring.abs() + 0.1 * (7.0 * turn + seed).sin();

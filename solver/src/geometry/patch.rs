@@ -3,7 +3,7 @@
 //! The same for face on face, edge on face, vertex on face and crossed edges, and the same for A and B: a corner is a
 //! vertex of either polygon that lies in the other, or a crossing of two sides.
 
-use smallvec::SmallVec;
+use smallvec::{SmallVec, smallvec};
 
 use super::search::{Axis, Pair};
 use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
@@ -19,6 +19,7 @@ const EDGE_ON: f64 = 1e-9;
 /// A corner must be deeper, farther or span more by this, to be preferred to one before it.
 const CLEARLY: f64 = 1e-9;
 
+#[derive(Default)]
 pub(super) struct Patch {
     corners: SmallVec<[Corner; 12]>,
     normal: Vec3,
@@ -35,6 +36,7 @@ pub(super) struct Corner {
 }
 
 /// A face seen along the normal, counter-clockwise.
+#[derive(Default)]
 struct Outline {
     corners: SmallVec<[Seen; 8]>,
     /// Height above the plane's height at 0: h = height - slope·(x, y).
@@ -57,32 +59,28 @@ struct Seen {
 }
 
 impl Outline {
-    /// `moved`: where the body is; `offset`: of the face's plane, seen from there; `turned`: whether the face looks
-    /// against the normal.
-    fn new(
-        shape: &Polyhedron,
-        posed: &Posed,
-        of: u32,
-        moved: &Vec3,
-        frame: &[Vec3; 3],
-        turned: bool,
-        tiny: f64,
-    ) -> Self {
-        let [n, t, s] = frame;
+    /// `moved`: where the body is; `turned`: whether the face looks against the normal.
+    #[inline(always)]
+    fn fill(&mut self, (shape, posed): (&Polyhedron, &Posed), of: u32, moved: &Vec3, view: &View, turned: bool) {
+        let [n, t, s] = &view.frame;
         let (vertices, edges) = (shape.corners(of as usize), shape.sides(of as usize));
         let count = vertices.len();
-        let mut corners: SmallVec<[Seen; 8]> = SmallVec::new();
         for k in 0..count {
-            let (v, e) = if turned { (count - 1 - k, (2 * count - 2 - k) % count) } else { (k, k) };
+            // Against the normal corners and sides go the other way round.
+            let (v, e) = match turned {
+                true => (count - 1 - k, if k + 1 == count { k } else { count - 2 - k }),
+                false => (k, k),
+            };
             let at = posed.vertex(vertices[v]) + moved;
             let (x, y, z) = (at.dot(t), at.dot(s), at.dot(n));
-            corners.push(Seen { vertex: vertices[v], edge: edges[e], at: at.into(), x, y, z, dx: 0.0, dy: 0.0 });
+            self.corners.push(Seen { vertex: vertices[v], edge: edges[e], at: at.into(), x, y, z, dx: 0.0, dy: 0.0 });
         }
+        let corners = &mut self.corners[..];
         for k in 0..count {
-            let next = corners[if k + 1 == count { 0 } else { k + 1 }];
-            let (dx, dy) = (next.x - corners[k].x, next.y - corners[k].y);
+            let next = if k + 1 == count { 0 } else { k + 1 };
+            let (dx, dy) = (corners[next].x - corners[k].x, corners[next].y - corners[k].y);
             let length = (dx * dx + dy * dy).sqrt();
-            if length > tiny {
+            if length > view.tiny {
                 (corners[k].dx, corners[k].dy) = (dx / length, dy / length);
             }
         }
@@ -91,12 +89,11 @@ impl Outline {
         if rise.abs() < EDGE_ON {
             // A line: level, at the height that comes nearest to the other body.
             let sign = if turned { -1.0 } else { 1.0 };
-            let nearest = corners.iter().map(|corner| sign * corner.z).fold(f64::NEG_INFINITY, f64::max);
-            return Outline { corners, height: sign * nearest, slope: [0.0; 2] };
+            self.height = sign * corners.iter().map(|corner| sign * corner.z).fold(f64::NEG_INFINITY, f64::max);
+            return;
         }
-        let slope = [normal.dot(t) / rise, normal.dot(s) / rise];
-        let height = (shape.planes[of as usize].offset + normal.dot(moved)) / rise;
-        Outline { corners, height, slope }
+        self.slope = [normal.dot(t) / rise, normal.dot(s) / rise];
+        self.height = (shape.planes[of as usize].offset + normal.dot(moved)) / rise;
     }
 
     /// Height of the plane at a place.
@@ -113,30 +110,39 @@ impl Outline {
     }
 }
 
+/// How a patch is seen.
+struct View {
+    frame: [Vec3; 3],
+    /// Distance up to which something is on a side, m.
+    tiny: f64,
+}
+
 impl Patch {
-    /// Faces `face_a` and `face_b` seen along an axis.
-    pub fn new(pair: &Pair, axis: &Axis, face_a: u32, face_b: u32) -> Self {
+    /// Faces of A and of B seen along an axis.
+    pub fn see(&mut self, pair: &Pair, axis: &Axis, (face_a, face_b): (u32, u32)) {
         let n = &axis.n;
-        let frame = local_frame(*n);
         let tiny = ON_SIDE * pair.small;
-        let a = Outline::new(pair.a, pair.pa, face_a, &Vec3::zeros(), &frame, false, tiny);
-        let b = Outline::new(pair.b, pair.pb, face_b, &pair.c, &frame, true, tiny);
+        let view = View { frame: local_frame(*n), tiny };
+        let frame = &view.frame;
+        let (mut a, mut b) = (Outline::default(), Outline::default());
+        a.fill((pair.a, pair.pa), face_a, &Vec3::zeros(), &view, false);
+        b.fill((pair.b, pair.pb), face_b, &pair.c, &view, true);
         let (of_a, of_b) = (distances(&a, &b), distances(&b, &a));
         let (na, nb) = (a.corners.len(), b.corners.len());
-        let mut patch = Patch { corners: SmallVec::new(), normal: *n, area: 0.0 };
+        self.normal = *n;
+        let patch = self;
         let inside = |distances: &[f64], sides: usize, stride: usize, k: usize| {
             (0..sides).all(|side| distances[side * stride + k] >= -tiny)
         };
         // On a side, the side itself counts: beside a ridge as sharp as a knife its plane falls away within rounding.
-        let sides_at = |distances: &[f64], sides: usize, stride: usize, k: usize| {
-            let on: SmallVec<[usize; 4]> = (0..sides).filter(|side| distances[side * stride + k] <= tiny).collect();
-            on
-        };
+        let on_side = |distances: &[f64], stride: usize, side: usize, k: usize| distances[side * stride + k] <= tiny;
         for (k, v) in a.corners.iter().enumerate() {
             if inside(&of_b, nb, na, k) {
                 let mut gap = b.height(v.x, v.y) - v.z;
-                for side in sides_at(&of_b, nb, na, k) {
-                    gap = gap.min(b.side_height(side, v.x, v.y) - v.z);
+                for side in 0..nb {
+                    if on_side(&of_b, na, side, k) {
+                        gap = gap.min(b.side_height(side, v.x, v.y) - v.z);
+                    }
                 }
                 let point = Vec3::from(v.at) + n * (0.5 * gap);
                 let features = (vertex(v.vertex), face(face_b));
@@ -158,8 +164,10 @@ impl Patch {
                 continue;
             }
             let mut gap = v.z - a.height(v.x, v.y);
-            for side in sides_at(&of_a, na, nb, k) {
-                gap = gap.min(v.z - a.side_height(side, v.x, v.y));
+            for side in 0..na {
+                if on_side(&of_a, nb, side, k) {
+                    gap = gap.min(v.z - a.side_height(side, v.x, v.y));
+                }
             }
             let point = Vec3::from(v.at) - n * (0.5 * gap);
             let features = (face(face_a), vertex(v.vertex));
@@ -196,7 +204,6 @@ impl Patch {
             // Steep planes reach too far where a vertex on a side is outside by rounding.
             corner.gap = corner.gap.max(axis.s);
         }
-        patch
     }
 
     /// Whether a corner has the gap of the axis: then two points of A and B are as near as the axis allows.
@@ -205,7 +212,7 @@ impl Patch {
     }
 
     /// The corners with gaps up to `alert`, at most four of them.
-    pub fn manifold(mut self, pair: &Pair, alert: f64) -> Option<Manifold> {
+    pub fn manifold(&mut self, pair: &Pair, alert: f64) -> Option<Manifold> {
         self.corners.retain(|corner| corner.gap <= alert);
         self.corners.sort_unstable_by_key(|corner| corner.features);
         if self.corners.len() > 4 {
@@ -237,13 +244,14 @@ impl Corner {
 
 /// Distance of each corner of `other` to the inside of each side of `of`; side by side. Infinite for a side seen end
 /// on, which bounds nothing.
+#[inline(always)]
 fn distances(of: &Outline, other: &Outline) -> SmallVec<[f64; 36]> {
-    let mut all = SmallVec::new();
-    for side in &of.corners {
-        if side.dx == 0.0 && side.dy == 0.0 {
-            all.extend(std::iter::repeat_n(f64::INFINITY, other.corners.len()));
-        } else {
-            all.extend(other.corners.iter().map(|p| side.dx * (p.y - side.y) - side.dy * (p.x - side.x)));
+    let mut all: SmallVec<[f64; 36]> = smallvec![f64::INFINITY; of.corners.len() * other.corners.len()];
+    for (row, side) in all.chunks_exact_mut(other.corners.len()).zip(&of.corners) {
+        if side.dx != 0.0 || side.dy != 0.0 {
+            for (distance, p) in row.iter_mut().zip(&other.corners) {
+                *distance = side.dx * (p.y - side.y) - side.dy * (p.x - side.x);
+            }
         }
     }
     all
@@ -300,4 +308,75 @@ fn reduce(corners: &[Corner], small: f64) -> SmallVec<[usize; 4]> {
     kept.extend(best(&spanned, span));
     kept.extend(best(&|c| -spanned(c), span));
     kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::search::{Feature, Start, search};
+    use crate::geometry::{Narrow, tests::rock};
+    use crate::math::Quat;
+    use crate::math::lanes::Width;
+
+    /// Sutherland and Hodgman's: each side of `by` cuts what is left.
+    fn clipped(mut of: Vec<[f64; 2]>, by: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        for k in 0..by.len() {
+            let (a, b) = (by[k], by[(k + 1) % by.len()]);
+            let side = |p: &[f64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+            let mut left = Vec::new();
+            for i in 0..of.len() {
+                let (u, v) = (of[i], of[(i + 1) % of.len()]);
+                let (du, dv) = (side(&u), side(&v));
+                if du >= 0.0 {
+                    left.push(u);
+                }
+                if (du > 0.0 && dv < 0.0) || (du < 0.0 && dv > 0.0) {
+                    let share = du / (du - dv);
+                    left.push([u[0] + (v[0] - u[0]) * share, u[1] + (v[1] - u[1]) * share]);
+                }
+            }
+            of = left;
+        }
+        of
+    }
+
+    #[test]
+    fn patches_are_those_of_clipping() {
+        let (a, b) = (rock(0.0), rock(1.0));
+        let (mut pa, mut pb) = (Posed::default(), Posed::default());
+        let mut many = [0; 12];
+        for k in 0..3000 {
+            let k = f64::from(k);
+            pa.pose(&a, &Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            pb.pose(&b, &Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.6;
+            let pair = Pair::new((&a, &pa), (&b, &pb), c, Width::detect());
+            let found = search(&pair, Start::Nothing, Narrow::Accurate, 0.5);
+            if found.axis.feature == Feature::None || found.axis.s > 0.5 {
+                continue;
+            }
+            let mut patch = Patch::default();
+            patch.see(&pair, &found.axis, found.faces);
+            let frame = local_frame(found.axis.n);
+            let outline = |shape: &Polyhedron, posed: &Posed, f: u32, moved: Vec3, turned: bool| -> Vec<[f64; 2]> {
+                let at = |&v: &u32| posed.vertex(v) + moved;
+                let corners = shape.corners(f as usize).iter().map(at).map(|p| [p.dot(&frame[1]), p.dot(&frame[2])]);
+                if turned { corners.rev().collect() } else { corners.collect() }
+            };
+            let expected = clipped(
+                outline(&a, &pa, found.faces.0, Vec3::zeros(), false),
+                &outline(&b, &pb, found.faces.1, c, true),
+            );
+            let doubled: f64 = (0..expected.len())
+                .map(|k| {
+                    let (u, v) = (expected[k], expected[(k + 1) % expected.len()]);
+                    u[0] * v[1] - u[1] * v[0]
+                })
+                .sum();
+            assert!((patch.area - 0.5 * doubled).abs() < 1e-14, "{k}: {} {doubled}", patch.area);
+            assert!(patch.corners.len() == expected.len() || doubled < 1e-6, "{k}: {:?} {expected:?}", patch.corners);
+            many[expected.len()] += 1;
+        }
+        assert!(many[3..7].iter().all(|&count| count > 20), "{many:?}");
+    }
 }

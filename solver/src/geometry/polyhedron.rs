@@ -2,6 +2,9 @@
 
 use std::collections::HashMap;
 
+use pulp::NullaryFnOnce;
+
+use crate::math::lanes::{Lanes, Width};
 use crate::math::{Quat, Vec3};
 
 /// Columns are as long as the next multiple of this, so that all widths of vectors fit.
@@ -23,6 +26,8 @@ pub struct Polyhedron {
     spoke_starts: Vec<u32>,
     /// Of each side of each face, the plane through it across the face, looking in.
     walls: Vec<Plane>,
+    /// Columns x, y, z of the vertices, then of the normals, each padded: vertices by the first, normals by zeros.
+    columns: Vec<f64>,
     /// Offsets of the faces, m, padded with infinity.
     pub(super) offsets: Vec<f64>,
     /// Columns of the edges, each `arc_pad` long: x, y, z of the two normals and of the direction, and the cosine
@@ -130,6 +135,7 @@ impl Polyhedron {
             spokes: Vec::new(),
             spoke_starts: Vec::new(),
             walls: Vec::new(),
+            columns: Vec::new(),
             offsets: Vec::new(),
             arcs: Vec::new(),
             arc_pad: 0,
@@ -142,6 +148,7 @@ impl Polyhedron {
     fn finish(&mut self) -> Result<(), String> {
         self.add_edges()?;
         self.add_walls();
+        self.add_columns();
         self.add_arcs();
         self.offsets = self.planes.iter().map(|plane| plane.offset).collect();
         self.offsets.resize(self.planes.len().next_multiple_of(PAD), f64::INFINITY);
@@ -222,6 +229,18 @@ impl Polyhedron {
                 let normal = self.planes[face].normal.cross(&(to - from)).normalize();
                 self.walls.push(Plane { normal, offset: normal.dot(&from) });
             }
+        }
+    }
+
+    fn add_columns(&mut self) {
+        let (vertices, normals) = (self.vertices.len().next_multiple_of(PAD), self.planes.len().next_multiple_of(PAD));
+        for axis in 0..3 {
+            let padded = self.vertices.iter().chain(std::iter::repeat(&self.vertices[0]));
+            self.columns.extend(padded.take(vertices).map(|v| v[axis]));
+        }
+        for axis in 0..3 {
+            let of_normals = self.planes.iter().map(|plane| plane.normal[axis]).chain(std::iter::repeat(0.0));
+            self.columns.extend(of_normals.take(normals));
         }
     }
 
@@ -382,7 +401,7 @@ fn triangle_sides(&[a, b, c]: &[Vec3; 3]) -> impl Iterator<Item = f64> {
 /// how far from the origin the body is.
 #[derive(Debug, Clone, Default)]
 pub struct Posed {
-    /// Columns x, y, z of the vertices, then of the normals, each padded: vertices by the first, normals by zeros.
+    /// As in the shape.
     columns: Vec<f64>,
     /// Length of a column of vertices; of normals.
     pub(super) vertex_pad: usize,
@@ -397,18 +416,13 @@ impl Posed {
         self.vertex_pad = shape.vertices.len().next_multiple_of(PAD);
         self.normal_pad = shape.planes.len().next_multiple_of(PAD);
         self.turn = q.to_rotation_matrix().into_inner();
-        self.columns.resize(3 * (self.vertex_pad + self.normal_pad), 0.0);
-        for (k, v) in shape.vertices.iter().enumerate() {
-            let v = self.turn * v;
-            (0..3).for_each(|i| self.columns[i * self.vertex_pad + k] = v[i]);
-        }
-        for k in shape.vertices.len()..self.vertex_pad {
-            (0..3).for_each(|i| self.columns[i * self.vertex_pad + k] = self.columns[i * self.vertex_pad]);
-        }
-        let normals = &mut self.columns[3 * self.vertex_pad..];
-        for k in 0..self.normal_pad {
-            let n = shape.planes.get(k).map_or(Vec3::zeros(), |plane| self.turn * plane.normal);
-            (0..3).for_each(|i| normals[i * self.normal_pad + k] = n[i]);
+        self.columns.resize(shape.columns.len(), 0.0);
+        match Width::detect() {
+            Width::One(l) => l.run(Turn { l, shape, posed: self }),
+            #[cfg(target_arch = "x86_64")]
+            Width::Four(l) => l.run(Turn { l, shape, posed: self }),
+            #[cfg(target_arch = "x86_64")]
+            Width::Eight(l) => l.run(Turn { l, shape, posed: self }),
         }
     }
 
@@ -436,5 +450,37 @@ impl Posed {
     pub(super) fn normal(&self, k: u32) -> Vec3 {
         let (k, pad) = (3 * self.vertex_pad + k as usize, self.normal_pad);
         Vec3::new(self.columns[k], self.columns[pad + k], self.columns[2 * pad + k])
+    }
+}
+
+struct Turn<'a, L> {
+    l: L,
+    shape: &'a Polyhedron,
+    posed: &'a mut Posed,
+}
+
+impl<L: Lanes> NullaryFnOnce for Turn<'_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Turn { l, shape, posed } = self;
+        let r = &posed.turn;
+        let (vertices, normals) = shape.columns.split_at(3 * posed.vertex_pad);
+        let (turned_vertices, turned_normals) = posed.columns.split_at_mut(3 * posed.vertex_pad);
+        let parts = [(vertices, turned_vertices, posed.vertex_pad), (normals, turned_normals, posed.normal_pad)];
+        for (from, to, pad) in parts {
+            let mut k = 0;
+            while k < pad {
+                let (x, y, z) = (l.load(&from[k..]), l.load(&from[pad + k..]), l.load(&from[2 * pad + k..]));
+                let mut row = 0;
+                while row < 3 {
+                    let (rx, ry, rz) = (l.splat(r[(row, 0)]), l.splat(r[(row, 1)]), l.splat(r[(row, 2)]));
+                    l.store(&mut to[row * pad + k..], l.mul_add(rz, z, l.mul_add(ry, y, l.mul(rx, x))));
+                    row += 1;
+                }
+                k += L::WIDTH;
+            }
+        }
     }
 }

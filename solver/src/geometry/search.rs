@@ -15,7 +15,7 @@ use smallvec::SmallVec;
 use super::patch::Corner;
 use super::{Narrow, Point, Polyhedron, Posed, edge, face, vertex};
 use crate::math::Vec3;
-use crate::math::lanes::{Lanes, Width};
+use crate::math::lanes::{Lanes, Scalar, Width};
 
 /// Two posed polyhedra.
 pub(super) struct Pair<'a> {
@@ -62,8 +62,11 @@ pub(super) enum Start {
 /// Products of the two dots of a Gauss-map test above which edges count as parallel, over the squared length of the
 /// edge: 4e-12 rad. To leave them out changes s by no more than [`Pair::tie`].
 const PARALLEL: f64 = 1.6e-23;
+/// Angle up to which edges count as parallel ridges, rad.
+pub(super) const NEARLY_PARALLEL: f64 = 1e-11;
 /// A face must be better aligned by this to be preferred to its neighbour.
 const ALIGNED: f64 = 1e-9;
+const LANES: [f64; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 /// Edges of B that are held in columns at a time; the same for all widths, so that the order is.
 const BLOCK: usize = 8;
 
@@ -110,19 +113,27 @@ pub(super) fn support(shape: &Polyhedron, posed: &Posed, n: &Vec3) -> (u32, f64)
 }
 
 /// The best direction, or the first found along which A and B are more than `enough` (m) apart.
-pub(super) fn search(pair: &Pair, start: Start, narrow: Narrow, enough: f64) -> Axis {
-    let best = match pair.width {
+pub(super) fn search(pair: &Pair, start: Start, narrow: Narrow, enough: f64) -> Found {
+    let found = match pair.width {
         Width::One(l) => l.run(Search { l, pair, start, narrow, enough }),
         #[cfg(target_arch = "x86_64")]
         Width::Four(l) => l.run(Search { l, pair, start, narrow, enough }),
         #[cfg(target_arch = "x86_64")]
         Width::Eight(l) => l.run(Search { l, pair, start, narrow, enough }),
     };
-    // Shapes rounded in files are convex to their digits alone: there a crossing of arcs may promise too much.
-    let promised =
-        matches!(best.feature, Feature::Edges(..)) && pair.separation(&best.n).0 < best.s - 1e-9 * pair.small;
-    let lost = best.feature == Feature::None && best.s <= 0.0;
-    if promised || lost { all(pair, enough) } else { best }
+    if found.lost {
+        let axis = all(pair, enough);
+        return Found { axis, faces: support_faces(Scalar, pair, &axis), lost: false };
+    }
+    found
+}
+
+/// A direction and the faces of A and of B that are seen along it.
+pub(super) struct Found {
+    pub axis: Axis,
+    pub faces: (u32, u32),
+    /// Whether the search has gone astray by rounding, and all must be tried.
+    lost: bool,
 }
 
 struct Search<'a, L> {
@@ -134,11 +145,26 @@ struct Search<'a, L> {
 }
 
 impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
-    type Output = Axis;
+    type Output = Found;
 
     #[inline(always)]
-    fn call(self) -> Axis {
-        let Search { l, pair, start, narrow, enough } = self;
+    fn call(self) -> Found {
+        let axis = self.axis();
+        let faces = if axis.s > self.enough { (0, 0) } else { support_faces(self.l, self.pair, &axis) };
+        let lost = match axis.feature {
+            // Shapes rounded in files are convex to their digits alone: there crossed arcs may promise too much.
+            Feature::Edges(..) => separation(self.l, self.pair, &axis.n) < axis.s - 1e-9 * self.pair.small,
+            Feature::None => axis.s <= 0.0,
+            _ => false,
+        };
+        Found { axis, faces, lost }
+    }
+}
+
+impl<L: Lanes> Search<'_, L> {
+    #[inline(always)]
+    fn axis(&self) -> Axis {
+        let &Search { l, pair, start, narrow, enough } = self;
         let mut witnesses = Witnesses { points: [Vec3::zeros(); 3], count: 0 };
         let mut best = begin(l, pair, start, &mut witnesses);
         let from_direction = matches!(start, Start::Direction(_)) && best.s > 0.0;
@@ -226,15 +252,28 @@ pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, count: usize, n: &Vec3) -> (
     }
     let (mut values, mut places) = ([f64::INFINITY; 8], [0.0; 8]);
     l.store(&mut values, least);
-    l.store(&mut places, at);
-    let mut best = (places[0] as u32, values[0]);
-    for lane in 1..L::WIDTH {
-        let place = places[lane] as u32 + lane as u32;
-        if values[lane] < best.1 || (values[lane] == best.1 && place < best.0) {
-            best = (place, values[lane]);
+    l.store(&mut places, l.add(at, l.load(&LANES)));
+    // Halves against halves; of equals the first vertex.
+    let mut half = L::WIDTH / 2;
+    while half > 0 {
+        let mut lane = 0;
+        while lane < half {
+            let (value, place) = (values[lane + half], places[lane + half]);
+            let better = (value < values[lane]) | ((value == values[lane]) & (place < places[lane]));
+            values[lane] = if better { value } else { values[lane] };
+            places[lane] = if better { place } else { places[lane] };
+            lane += 1;
         }
+        half /= 2;
     }
-    best
+    (places[0] as u32, values[0])
+}
+
+/// s(n).
+#[inline(always)]
+fn separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> f64 {
+    let low = lowest(l, pair.pb, pair.b.vertices().len(), n).1;
+    n.dot(&pair.c) + low + lowest(l, pair.pa, pair.a.vertices().len(), &-n).1
 }
 
 /// Whether no direction is better than a feature's, told from the facet of the Minkowski difference that it makes.
@@ -268,9 +307,7 @@ fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -
     if narrow == Narrow::Fast {
         // Unless the way between the centres tells that the bodies have left this side of each other.
         let n = pair.c.normalize();
-        let (low, high) =
-            (lowest(l, pair.pb, pair.b.vertices().len(), &n).1, lowest(l, pair.pa, pair.a.vertices().len(), &-n).1);
-        return n.dot(&pair.c) + low + high <= axis.s;
+        return separation(l, pair, &n) <= axis.s;
     }
     let r = rho / -axis.s * (1.0 - 1e-9);
     let cos_disc = (1.0 - r * r) / (1.0 + r * r);
@@ -600,12 +637,13 @@ fn all(pair: &Pair, enough: f64) -> Axis {
 ///
 /// From the normals beside the edges, not from the edges' cross product, which is lost where they are nearly parallel.
 /// Source of the test: D. Gregorius, The separating axis test between convex polyhedra, GDC (2013).
+#[inline(always)]
 fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     let (a, b) = (&pair.a.edges[ea as usize], &pair.b.edges[eb as usize]);
     let ([a0, a1], [b0, b1]) = (ends(pair.a, pair.pa, ea), ends(pair.b, pair.pb, eb));
     let (along_a, along_b) = (a1 - a0, b1 - b0);
-    let [na0, na1] = a.faces.map(|f| pair.pa.normal(f));
-    let [nb0, nb1] = b.faces.map(|f| pair.pb.normal(f));
+    let (na0, na1) = (pair.pa.normal(a.faces[0]), pair.pa.normal(a.faces[1]));
+    let (nb0, nb1) = (pair.pb.normal(b.faces[0]), pair.pb.normal(b.faces[1]));
     let (p0, p1) = (nb0.dot(&along_a), nb1.dot(&along_a));
     let (q0, q1) = (na0.dot(&along_b), na1.dot(&along_b));
     let crossed = p0 * p1 < -PARALLEL * a.square && q0 * q1 < -PARALLEL * b.square && p0 * q0 > 0.0;
@@ -615,36 +653,55 @@ fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     (n, n.dot(&(b0 + pair.c - a0)), crossed)
 }
 
+/// Whether two edges are parallel but for noise.
+pub(super) fn parallel(pair: &Pair, ea: u32, eb: u32) -> bool {
+    let ([a0, a1], [b0, b1]) = (ends(pair.a, pair.pa, ea), ends(pair.b, pair.pb, eb));
+    let squares = pair.a.edges[ea as usize].square * pair.b.edges[eb as usize].square;
+    (a1 - a0).cross(&(b1 - b0)).norm_squared() <= NEARLY_PARALLEL * NEARLY_PARALLEL * squares
+}
+
+#[inline(always)]
 pub(super) fn ends(shape: &Polyhedron, posed: &Posed, e: u32) -> [Vec3; 2] {
-    shape.edges[e as usize].ends.map(|v| posed.vertex(v))
+    // No closure: it would be left outside the instruction set.
+    let [from, to] = shape.edges[e as usize].ends;
+    [posed.vertex(from), posed.vertex(to)]
 }
 
 /// The faces whose common part is looked at.
-pub(super) fn support_faces(pair: &Pair, axis: &Axis) -> (u32, u32) {
-    let better = |shape: &Polyhedron, posed: &Posed, e: u32, n: &Vec3| {
-        let [f, g] = shape.edges[e as usize].faces;
-        let (first, second) = (f.min(g), f.max(g));
-        if posed.normal(second).dot(n) > posed.normal(first).dot(n) + ALIGNED { second } else { first }
-    };
-    let seen = |shape: &Polyhedron, posed: &Posed, n: &Vec3| {
-        let top = support(shape, posed, n).0;
-        // The edge that falls least from there; a face along it has the next vertex.
-        let (mut best, mut least) = (0, f64::INFINITY);
-        for &e in shape.spokes(top as usize) {
-            let [v, w] = ends(shape, posed, e);
-            let fall = (v - w).dot(n).powi(2) / shape.edges[e as usize].square;
-            if fall < least {
-                (best, least) = (e, fall);
-            }
-        }
-        better(shape, posed, best, n)
-    };
+#[inline(always)]
+fn support_faces<L: Lanes>(l: L, pair: &Pair, axis: &Axis) -> (u32, u32) {
+    let (a, b) = ((pair.a, pair.pa), (pair.b, pair.pb));
     match axis.feature {
-        Feature::FaceOfA(f) => (f, seen(pair.b, pair.pb, &-axis.n)),
-        Feature::FaceOfB(f) => (seen(pair.a, pair.pa, &axis.n), f),
-        Feature::Edges(ea, eb) => (better(pair.a, pair.pa, ea, &axis.n), better(pair.b, pair.pb, eb, &-axis.n)),
-        Feature::None => (seen(pair.a, pair.pa, &axis.n), seen(pair.b, pair.pb, &-axis.n)),
+        Feature::FaceOfA(f) => (f, seen(l, b, &-axis.n)),
+        Feature::FaceOfB(f) => (seen(l, a, &axis.n), f),
+        Feature::Edges(ea, eb) => (aligned(a, ea, &axis.n), aligned(b, eb, &-axis.n)),
+        Feature::None => (0, 0),
     }
+}
+
+/// The face that looks along `n` where the body reaches farthest that way.
+#[inline(always)]
+fn seen<L: Lanes>(l: L, (shape, posed): (&Polyhedron, &Posed), n: &Vec3) -> u32 {
+    let (top, _) = lowest(l, posed, shape.vertices().len(), &-n);
+    // The edge that falls least from there; a face along it has the next vertex.
+    let (mut best, mut least) = (0, f64::INFINITY);
+    for &e in shape.spokes(top as usize) {
+        let [v, w] = ends(shape, posed, e);
+        let fall = (v - w).dot(n);
+        let square = fall * fall / shape.edges[e as usize].square;
+        if square < least {
+            (best, least) = (e, square);
+        }
+    }
+    aligned((shape, posed), best, n)
+}
+
+/// The face of an edge that looks more along `n`; of two alike the first.
+#[inline(always)]
+fn aligned((shape, posed): (&Polyhedron, &Posed), e: u32, n: &Vec3) -> u32 {
+    let [f, g] = shape.edges[e as usize].faces;
+    let (first, second) = (f.min(g), f.max(g));
+    if posed.normal(second).dot(n) > posed.normal(first).dot(n) + ALIGNED { second } else { first }
 }
 
 /// The point of an axis's own features.

@@ -243,12 +243,15 @@ mod x86 {
 
     #[inline(always)]
     fn eight(x: &[f64]) -> [f64; 8] {
-        [x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7]]
+        // One check of the length, so that it is one load.
+        let x: &[f64; 8] = x[..8].try_into().unwrap_or(&[f64::NAN; 8]);
+        *x
     }
 
     #[inline(always)]
     fn four(x: &[f64]) -> [f64; 4] {
-        [x[0], x[1], x[2], x[3]]
+        let x: &[f64; 4] = x[..4].try_into().unwrap_or(&[f64::NAN; 4]);
+        *x
     }
 
     /// Eight at a time, AVX-512.

@@ -1,0 +1,142 @@
+//! Nanoseconds per pair of convex polyhedra: direction and manifold.
+//!
+//!     cargo bench -p cd-solve --bench polyhedra
+//!
+//! `items` are pairs: 2 Mitem/s are 500 ns per pair. Warm pairs have moved by 1e-3 of their size since the last time.
+
+use cd_solve::geometry::{Memory, Narrow, Polyhedron, Posed, polyhedron_polyhedron};
+use cd_solve::math::{Quat, Vec3};
+use divan::counter::ItemsCount;
+use divan::{Bencher, black_box};
+
+/// Gap over the size: apart beyond the alert distance, near, touching, overlapping.
+const GAPS: [f64; 5] = [0.5, 0.02, 0.0, -0.02, -0.1];
+const ALERT: f64 = 0.05;
+const PAIRS: usize = 200;
+
+fn main() {
+    divan::main();
+}
+
+struct Pair {
+    shapes: [Polyhedron; 2],
+    posed: [Posed; 2],
+    c: Vec3,
+    memory: Memory,
+}
+
+impl Pair {
+    fn contact(&self, narrow: Narrow, mut memory: Memory) -> Option<cd_solve::geometry::Manifold> {
+        let ([a, b], [pa, pb]) = (&self.shapes, &self.posed);
+        polyhedron_polyhedron((a, pa), (b, pb), &self.c, ALERT, narrow, &mut memory)
+    }
+}
+
+/// Numbers in -1..1 that look random, and are the same on every run.
+struct Numbers(f64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 += 1.0;
+        let x = (self.0 * 12.9898).sin() * 43758.5453;
+        2.0 * (x - x.floor()) - 1.0
+    }
+
+    fn direction(&mut self) -> Vec3 {
+        loop {
+            let v = Vec3::new(self.next(), self.next(), self.next());
+            if (0.1..1.0).contains(&v.norm()) {
+                return v.normalize();
+            }
+        }
+    }
+
+    fn turn(&mut self, most: f64) -> Quat {
+        Quat::from_scaled_axis(self.direction() * (most * self.next()))
+    }
+}
+
+/// The hull of points on a sphere of radius 1 m.
+fn rock(numbers: &mut Numbers, vertices: usize) -> Polyhedron {
+    let points: Vec<_> = (0..vertices)
+        .map(|_| {
+            let p = numbers.direction();
+            parry3d_f64::math::Vector::new(p.x, p.y, p.z)
+        })
+        .collect();
+    let (vertices, triangles) = parry3d_f64::transformation::convex_hull(&points);
+    let vertices: Vec<Vec3> = vertices.iter().map(|v| Vec3::new(v.x, v.y, v.z)).collect();
+    let middle = vertices.iter().sum::<Vec3>() / vertices.len() as f64;
+    let vertices: Vec<Vec3> = vertices.iter().map(|v| v - middle).collect();
+    Polyhedron::new(&vertices, &triangles).expect("points on a sphere have a hull")
+}
+
+/// Pairs at a gap; `moved`: since they were last looked at.
+fn pairs(vertices: usize, gap: f64, moved: f64) -> Vec<Pair> {
+    let mut numbers = Numbers(vertices as f64 * 1e4);
+    let pose = |shapes: &[Polyhedron; 2], q: &[Quat; 2]| {
+        let mut posed = [Posed::default(), Posed::default()];
+        (0..2).for_each(|k| posed[k].pose(&shapes[k], &q[k]));
+        posed
+    };
+    (0..PAIRS)
+        .map(|_| {
+            let shapes = [rock(&mut numbers, vertices), rock(&mut numbers, vertices)];
+            let q = [numbers.turn(3.0), numbers.turn(3.0)];
+            let mut posed = pose(&shapes, &q);
+            let mut c = numbers.direction() * 2.5;
+            let mut memory = Memory::default();
+            for _ in 0..6 {
+                let ([a, b], [pa, pb]) = (&shapes, &posed);
+                let found = polyhedron_polyhedron((a, pa), (b, pb), &c, 10.0, Narrow::Accurate, &mut memory)
+                    .expect("all is within ten radii");
+                c -= found.normal * (gap - found.gap());
+            }
+            let found = Pair { shapes, posed, c, memory };
+            let mut memory = Memory::default();
+            let ([a, b], [pa, pb]) = (&found.shapes, &found.posed);
+            polyhedron_polyhedron((a, pa), (b, pb), &c, ALERT, Narrow::Accurate, &mut memory);
+            let q = [numbers.turn(moved) * q[0], numbers.turn(moved) * q[1]];
+            posed = pose(&found.shapes, &q);
+            let c = c + numbers.direction() * moved;
+            Pair { posed, c, memory, ..found }
+        })
+        .collect()
+}
+
+fn run(bencher: Bencher, pairs: Vec<Pair>, narrow: Narrow, warm: bool) {
+    bencher.counter(ItemsCount::new(PAIRS)).bench_local(|| {
+        for pair in &pairs {
+            let memory = if warm { pair.memory } else { Memory::default() };
+            black_box(pair.contact(narrow, black_box(memory)));
+        }
+    });
+}
+
+#[divan::bench(args = GAPS, consts = [12, 20, 40])]
+fn cold<const VERTICES: usize>(bencher: Bencher, gap: f64) {
+    run(bencher, pairs(VERTICES, gap, 1e-3), Narrow::Accurate, false);
+}
+
+#[divan::bench(args = GAPS, consts = [12, 20, 40])]
+fn warm<const VERTICES: usize>(bencher: Bencher, gap: f64) {
+    run(bencher, pairs(VERTICES, gap, 1e-3), Narrow::Accurate, true);
+}
+
+#[divan::bench(args = GAPS, consts = [12, 20, 40])]
+fn fast<const VERTICES: usize>(bencher: Bencher, gap: f64) {
+    run(bencher, pairs(VERTICES, gap, 1e-3), Narrow::Fast, true);
+}
+
+#[divan::bench(args = [12, 20, 40])]
+fn pose(bencher: Bencher, vertices: usize) {
+    let shapes: Vec<Pair> = pairs(vertices, 0.0, 0.0);
+    let mut posed = Posed::default();
+    let q = Quat::from_euler_angles(0.1, 0.2, 0.3);
+    bencher.counter(ItemsCount::new(PAIRS)).bench_local(|| {
+        for pair in &shapes {
+            posed.pose(&pair.shapes[0], black_box(&q));
+            black_box(&posed);
+        }
+    });
+}
