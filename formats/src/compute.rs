@@ -44,6 +44,35 @@ pub enum Action {
     SetCohesion(String, f64),
 }
 
+/// What acts on all free bodies from outside, besides uniform gravity.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Field {
+    /// Attraction by a mass (kg) that rests at a place (m).
+    PointMass { mass: f64, position: [f64; 3] },
+    /// The same by one that is oblate about an axis: radius (m) and zonal harmonic J2 as its equator has them.
+    Oblate { mass: f64, position: [f64; 3], radius: f64, j2: f64, axis: [f64; 3] },
+    /// Axes that turn (rad/s) about a point (m): centrifugal and Coriolis force.
+    RotatingFrame { rate: [f64; 3], centre: [f64; 3] },
+}
+
+impl Field {
+    /// What no run could use, if anything.
+    fn fault(&self) -> Option<&'static str> {
+        let finite = |vectors: &[&[f64; 3]]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        let sound = match self {
+            Field::PointMass { mass, position } => positive(*mass) && finite(&[position]),
+            Field::Oblate { mass, position, radius, j2, axis } => {
+                let length = axis.iter().map(|x| x * x).sum::<f64>();
+                positive(*mass) && positive(*radius) && j2.is_finite() && finite(&[position]) && positive(length)
+            }
+            Field::RotatingFrame { rate, centre } => finite(&[rate, centre]),
+        };
+        (!sound).then_some("finite values, mass and radius > 0, an axis other than 0")
+    }
+}
+
 /// How self-gravity is summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -119,6 +148,14 @@ options! {
     gravity_constant: f64 = GRAVITATIONAL_CONSTANT, f64, [value_name = "X"];
     /// RMS relative error allowed in the self-gravity; auto sums directly below 1e-6, and the direct sum keeps any that is at least 1e-14.
     gravity_error: f64 = 1.0e-3, f64, [value_name = "X"];
+    /// Order of the expansions of fmm, 2 to 8; without it, as gravity_error asks.
+    gravity_order: Option<usize> = None, usize, [value_name = "N"];
+    /// Opening angle of fmm, 0 to 1: cells are far from each other if their radii sum up to less than this times their distance; without it, as gravity_error asks.
+    gravity_opening: Option<f64> = None, f64, [value_name = "X"];
+    /// Steps from one evaluation of self-gravity to the next; in between it is extrapolated. Evaluated sooner when a body may have moved by a quarter of the mean radius.
+    gravity_refresh: u64 = 1, u64, [value_name = "N"];
+    /// What acts from outside: [PointMass(mass: 6e24, position: (1e7, 0.0, 0.0))].
+    fields: Vec<Field> = Vec::new(), Fields, [value_name = "RON"];
     /// Share of every free body's velocity that is taken away at the start of each step, which brings an aggregate to true rest: 0 none; --quench alone asks for 0.01.
     quench: f64 = 0.0, f64, [num_args = 0..=1, require_equals = true, default_missing_value = "0.01", value_name = "X"];
     /// Steps between two snapshots.
@@ -131,20 +168,22 @@ options! {
     events: Vec<Event> = Vec::new(), Events, [value_name = "RON"];
 }
 
-/// A list of events given on the command line.
+/// A list given on the command line.
 #[derive(Debug, Clone)]
-pub struct Events(Vec<Event>);
+pub struct List<T>(Vec<T>);
+pub type Events = List<Event>;
+pub type Fields = List<Field>;
 
-impl std::str::FromStr for Events {
+impl<T: serde::de::DeserializeOwned> std::str::FromStr for List<T> {
     type Err = ron::error::SpannedError;
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        ron::from_str(text).map(Events)
+        ron::from_str(text).map(List)
     }
 }
 
-impl From<Events> for Vec<Event> {
-    fn from(events: Events) -> Self {
-        events.0
+impl<T> From<List<T>> for Vec<T> {
+    fn from(list: List<T>) -> Self {
+        list.0
     }
 }
 
@@ -209,6 +248,25 @@ impl Compute {
             format!("{} with gravity: fmm", self.gravity_error),
             "at least 1e-6, or gravity: direct",
         );
+        let order = self.gravity_order;
+        expect(order.is_none_or(|p| (2..=8).contains(&p)), "gravity_order", format!("{order:?}"), "2 to 8");
+        let opening = self.gravity_opening;
+        expect(
+            opening.is_none_or(|x| x > 0.0 && x < 1.0),
+            "gravity_opening",
+            format!("{opening:?}"),
+            "more than 0 and less than 1",
+        );
+        expect(self.gravity_refresh > 0, "gravity_refresh", format!("{}", self.gravity_refresh), "at least 1");
+        for (k, field) in self.fields.iter().enumerate() {
+            let fault = field.fault();
+            expect(
+                fault.is_none(),
+                &format!("fields, number {}", k + 1),
+                format!("{field:?}"),
+                fault.unwrap_or_default(),
+            );
+        }
         expect((0.0..=1.0).contains(&self.quench), "quench", format!("{}", self.quench), "0 to 1");
         expect(self.output_every > 0, "output_every", format!("{}", self.output_every), "at least 1");
         expect(self.threads <= MOST_THREADS, "threads", format!("{}", self.threads), "0 to 1024");

@@ -43,6 +43,8 @@ pub struct Snapshot {
     pub contacts: ContactArrays,
     /// Only where a law remembers.
     pub memory: Option<MemoryArrays>,
+    /// Only where self-gravity is not evaluated at every step.
+    pub gravity: Option<GravityArrays>,
 }
 
 /// The JSON text `meta`.
@@ -63,6 +65,26 @@ pub struct Meta {
     pub materials: Vec<MaterialName>,
     pub laws: Vec<LawName>,
     pub ledger: Ledger,
+    /// Where self-gravity is not evaluated at every step.
+    #[serde(default)]
+    pub attraction: Option<Attraction>,
+}
+
+/// The last two evaluations of self-gravity, from which it is extrapolated; the accelerations are arrays.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Attraction {
+    /// Steps since the last evaluation.
+    pub age: u64,
+    /// Times of the last evaluation and of the one before, s; equal if there was none.
+    pub times: [f64; 2],
+    /// Potential energies then, J.
+    pub potentials: [f64; 2],
+    /// As far as a body may have moved since, against the centre of mass, m.
+    pub moved: f64,
+    /// What was taken away in the last evaluation, see steps.csv.
+    pub removed: f64,
+    /// RMS relative error of the extrapolation to the last evaluation.
+    pub extrapolation_error: f64,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -92,6 +114,14 @@ pub struct Parameters {
     /// m^3 kg^-1 s^-2
     pub gravity_constant: f64,
     pub gravity_error: f64,
+    #[serde(default)]
+    pub gravity_order: Option<usize>,
+    #[serde(default)]
+    pub gravity_opening: Option<f64>,
+    #[serde(default)]
+    pub gravity_refresh: u64,
+    #[serde(default)]
+    pub fields: Vec<crate::compute::Field>,
     /// Uniform gravity now in force, m/s^2.
     pub uniform_gravity: [f64; 3],
     pub quench: f64,
@@ -135,6 +165,7 @@ impl Default for Meta {
             materials: Vec::new(),
             laws: Vec::new(),
             ledger: Ledger::default(),
+            attraction: None,
         }
     }
 }
@@ -270,6 +301,16 @@ arrays! {
     }
 }
 
+arrays! {
+    /// One row a body; there only where self-gravity is not evaluated at every step.
+    GravityArrays {
+        /// Acceleration by self-gravity when it was last evaluated, m/s^2
+        gravity_last: [f64; 3],
+        /// The same at the evaluation before, m/s^2
+        gravity_before: [f64; 3],
+    }
+}
+
 struct Archive(ZipWriter<Cursor<Vec<u8>>>);
 
 impl Archive {
@@ -356,6 +397,7 @@ impl Snapshot {
             self.bodies.write(&mut archive)?;
             self.contacts.write(&mut archive)?;
             self.memory.as_ref().map_or(Ok(()), |memory| memory.write(&mut archive))?;
+            self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(&mut archive))?;
             Ok::<_, zip::result::ZipError>(archive.0.finish()?.into_inner())
         })()
         .expect("writing to memory")
@@ -384,14 +426,15 @@ impl Snapshot {
         let contacts = ContactArrays::read(&mut entries);
         let remembers = entries.archive.index_for_name("contact_bonded.npy").is_some();
         let memory = remembers.then(|| MemoryArrays::read(&mut entries));
+        let gravity = meta.attraction.is_some().then(|| GravityArrays::read(&mut entries));
         entries.faults.into_result(())?;
-        let snapshot = Snapshot { meta, bodies, contacts, memory };
+        let snapshot = Snapshot { meta, bodies, contacts, memory, gravity };
         snapshot.check_indices().map_err(refuse)?;
         Ok(snapshot)
     }
 
     fn check_indices(&self) -> Result<(), String> {
-        let Snapshot { meta, bodies, contacts, memory } = self;
+        let Snapshot { meta, bodies, contacts, memory, gravity } = self;
         let bodies_count = bodies.body_id.len();
         if memory.as_ref().is_some_and(|memory| memory.contact_bonded.len() != contacts.contact_body.len()) {
             return Err("the arrays of contacts have different numbers of rows".into());
@@ -399,7 +442,8 @@ impl Snapshot {
         let in_range = contacts.contact_body.iter().flatten().all(|&b| (b as usize) < bodies_count)
             && contacts.contact_law.iter().all(|&l| (l as usize) < meta.laws.len())
             && bodies.body_colour.iter().all(|&c| (c as usize) < meta.colours.len())
-            && bodies.body_material.iter().all(|&m| (m as usize) < meta.materials.len());
+            && bodies.body_material.iter().all(|&m| (m as usize) < meta.materials.len())
+            && gravity.as_ref().is_none_or(|gravity| gravity.gravity_last.len() == bodies_count);
         if in_range { Ok(()) } else { Err("an index points outside its table".into()) }
     }
 }

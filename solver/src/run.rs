@@ -61,6 +61,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         expect_finite(&state).inspect_err(|_| progress.finish())?;
         course.steps += 1;
         course.sweeps += report.sweeps;
+        course.gravity = report.gravity.sampled.or(course.gravity);
         if !report.converged {
             course.unconverged += 1;
             if course.unconverged <= TOLD {

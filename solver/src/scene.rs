@@ -1,9 +1,10 @@
 //! Shelf: what is constant during a run.
 
-use cd_formats::compute::{Compute, Event, GravityMethod};
+use cd_formats::compute::{Compute, Event, Field, GravityMethod};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::{LawName, MaterialName};
 
+use crate::gravity::fields::Outside;
 use crate::gravity::{Gravity, Method};
 use crate::laws::Law;
 use crate::math::rotation;
@@ -162,7 +163,27 @@ impl Scene {
             GravityMethod::Fmm => Method::Fmm,
             GravityMethod::Auto => Method::Auto,
         };
-        Gravity::new(method, self.options.gravity_error)
+        let mut gravity = Gravity::new(method, self.options.gravity_error);
+        gravity.order = self.options.gravity_order;
+        gravity.opening = self.options.gravity_opening;
+        gravity
+    }
+
+    /// The fields that act from outside.
+    pub fn outside(&self) -> Vec<Outside> {
+        let constant = self.options.gravity_constant;
+        let primary = |mass: f64, position: [f64; 3], oblateness: f64, axis: [f64; 3]| Outside::Primary {
+            strength: constant * mass,
+            centre: position.into(),
+            oblateness,
+            axis: Vec3::from(axis).normalize(),
+        };
+        let of = |field: &Field| match *field {
+            Field::PointMass { mass, position } => primary(mass, position, 0.0, [0.0, 0.0, 1.0]),
+            Field::Oblate { mass, position, radius, j2, axis } => primary(mass, position, j2 * radius * radius, axis),
+            Field::RotatingFrame { rate, centre } => Outside::Turning { rate: rate.into(), centre: centre.into() },
+        };
+        self.options.fields.iter().map(of).collect()
     }
 
     /// The models that this scene uses, for the summary.

@@ -61,6 +61,15 @@ pub struct SolvedContact {
     pub bond: Option<f64>,
 }
 
+/// The last two evaluations of self-gravity, where it is not evaluated at every step; rows are free bodies.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Attraction {
+    pub record: cd_formats::snapshot::Attraction,
+    /// m/s^2
+    pub last: Vec<Vec3>,
+    pub before: Vec<Vec3>,
+}
+
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     pub step: u64,
@@ -92,6 +101,7 @@ pub struct State {
     pub bonding: Bonding,
     /// Events that have happened.
     pub events_done: usize,
+    pub attraction: Option<Attraction>,
     pub ledger: Ledger,
 }
 

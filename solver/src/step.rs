@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::assemble::{self, Free, System, relative_velocity};
+use crate::assemble::{self, Free, GravityReport, System, relative_velocity};
 use crate::detect;
 use crate::integrate::{self, Configuration};
 use crate::math::lanes::Width;
@@ -53,8 +53,7 @@ pub struct StepReport {
     pub rotational: f64,
     /// In the contact configuration, J.
     pub potential: f64,
-    /// Part of self-gravity that was taken away for forces and torques to sum to zero; 0 for the direct sum.
-    pub gravity_error: f64,
+    pub gravity: GravityReport,
     /// |momentum - expected| over the largest sum of m |v| so far.
     pub momentum_drift: f64,
 }
@@ -65,7 +64,8 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     assemble::interventions(scene, state);
     let q_c = integrate::predict(scene, state); // M1  x_c = x + (1-θ) h V
     lap.stop(&mut clock.integration);
-    let free = assemble::free_velocity(scene, state, &q_c); // M2  V_free = V + h M⁻¹ F(x_c)
+    let mut free = assemble::free_velocity(scene, state, &q_c); // M2  V_free = V + h M⁻¹ F(x_c)
+    state.attraction = free.attraction.take();
     lap.stop(&mut clock.gravity);
     let contacts = detect::contacts(scene, &q_c, &free.v, scene.options.dt); // M3  g, (n, t, s)
     lap.stop(&mut clock.detection);
@@ -209,7 +209,7 @@ fn book(
         kinetic: motion.kinetic,
         rotational: motion.rotational,
         potential: free.potential,
-        gravity_error: free.gravity_error,
+        gravity: free.gravity,
         momentum_drift: if ledger.momentum_scale > 0.0 { drift / ledger.momentum_scale } else { 0.0 },
     }
 }

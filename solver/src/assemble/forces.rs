@@ -1,12 +1,15 @@
 //! Everything that moves a body besides contacts: gravity, imposed forces and velocities, events.
 
 use cd_formats::compute::Action;
+use cd_formats::snapshot::Attraction as Record;
 
-use crate::gravity::{Field, Gravity, Method};
+use crate::gravity::fields::{Outside, turned};
+use crate::gravity::sample::{self, Sampled};
+use crate::gravity::{Field, Gravity, Method, balance};
 use crate::integrate::Configuration;
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{Bonding, State};
+use crate::state::{Attraction, Bonding, State};
 
 /// Velocities at the step's end if nothing touched, and what the forces bring into the ledger.
 pub struct Free {
@@ -14,16 +17,28 @@ pub struct Free {
     pub v: Vec<Vec3>,
     /// rad/s, world frame.
     pub w: Vec<Vec3>,
-    /// Potential energy in self-gravity and uniform gravity, in the contact configuration, J.
+    /// Potential energy in self-gravity, uniform gravity and outer fields, in the contact configuration, J.
     pub potential: f64,
-    /// See `StepReport`.
-    pub gravity_error: f64,
-    /// Impulse of uniform gravity and imposed forces on the free bodies, N s.
+    pub gravity: GravityReport,
+    /// Self-gravity for the steps that follow, see [`Attraction`].
+    pub attraction: Option<Attraction>,
+    /// Impulse of uniform gravity, outer fields and imposed forces on the free bodies, N s.
     pub impulse: Vec3,
     /// Their angular impulse about the origin, N m s.
     pub angular_impulse: Vec3,
-    /// Imposed force and moment (N, N m) by loaded body.
+    /// Forces and moments (N, N m) by body whose work depends on where the body goes: imposed ones, and Coriolis'.
     pub loads: Vec<(usize, Vec3, Vec3)>,
+}
+
+/// How self-gravity was found.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct GravityReport {
+    /// RMS of what was taken away for forces and torques to sum to zero, over that of the accelerations.
+    pub removed: f64,
+    /// Against the direct sum, in steps that look.
+    pub sampled: Option<Sampled>,
+    /// RMS relative error of the extrapolation to the last evaluation.
+    pub extrapolation: f64,
 }
 
 /// Events whose time has come, and the option `quench`, at a step's start.
@@ -92,23 +107,25 @@ fn centre_of_mass(scene: &Scene, x: &[Vec3]) -> Vec3 {
 /// Free velocities: V + h F/m with all forces in the contact configuration; imposed velocities at the step's end.
 pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free {
     let h = scene.options.dt;
+    let pull = attraction(scene, state, &q_c.x);
+    let outside = scene.outside();
     let mut free = Free {
         v: state.v.clone(),
         w: q_c.w.clone(),
-        potential: 0.0,
-        gravity_error: 0.0,
+        potential: pull.energy,
+        gravity: pull.report,
+        attraction: pull.next,
         impulse: Vec3::zeros(),
         angular_impulse: Vec3::zeros(),
         loads: loads(scene, state),
     };
-    let Field { acceleration, potential, removed } = self_gravity(scene, scene.gravity(), &q_c.x);
-    free.gravity_error = removed;
     for (k, &i) in scene.free.iter().enumerate() {
         let i = i as usize;
         let (mass, x) = (scene.bodies[i].mass, q_c.x[i]);
-        free.v[i] += (state.gravity + acceleration[k]) * h;
-        free.potential += mass * (0.5 * potential[k] - state.gravity.dot(&x));
-        let weight = state.gravity * (mass * h);
+        let (push, potential) = pushed(&outside, state.gravity, &x);
+        free.v[i] += (push + pull.acceleration[k]) * h;
+        free.potential += mass * potential;
+        let weight = push * (mass * h);
         free.impulse += weight;
         free.angular_impulse += x.cross(&weight);
     }
@@ -119,6 +136,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
         free.impulse += force * h;
         free.angular_impulse += (q_c.x[*i].cross(force) + moment) * h;
     }
+    coriolis(scene, state, q_c, outside.iter().map(Outside::rate).sum(), &mut free);
     let end = state.time + h;
     for drive in &scene.drives {
         let value = Vec3::from_fn(|k, _| drive.velocity[k].at(end));
@@ -129,30 +147,140 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
     free
 }
 
+/// Acceleration and potential by uniform gravity and what else acts from outside on a body at rest.
+fn pushed(outside: &[Outside], gravity: Vec3, x: &Vec3) -> (Vec3, f64) {
+    let uniform = (gravity, -gravity.dot(x));
+    outside.iter().map(|field| field.at(x)).fold(uniform, |sum, term| (sum.0 + term.0, sum.1 + term.1))
+}
+
+/// Coriolis' force in axes that turn at `rate`, on the velocity weighted over the step as (1-theta) V + theta V+; and
+/// what turns the spins of spheres against the axes. Without contacts and for theta = 1/2 it does no work, exactly.
+fn coriolis(scene: &Scene, state: &State, q_c: &Configuration, rate: Vec3, free: &mut Free) {
+    if rate == Vec3::zeros() {
+        return;
+    }
+    let (h, theta) = (scene.options.dt, scene.options.theta);
+    for &i in &scene.free {
+        let i = i as usize;
+        let body = &scene.bodies[i];
+        let v = turned(&(free.v[i] - rate.cross(&state.v[i]) * (2.0 * (1.0 - theta) * h)), &(rate * (2.0 * theta * h)));
+        let w = turned(&(free.w[i] - rate.cross(&state.w[i]) * ((1.0 - theta) * h)), &(rate * (theta * h)));
+        let (impulse, turn) = ((v - free.v[i]) * body.mass, (w - free.w[i]) * body.inertia[0]);
+        (free.v[i], free.w[i]) = (v, w);
+        free.impulse += impulse;
+        free.angular_impulse += q_c.x[i].cross(&impulse) + turn;
+        free.loads.push((i, impulse / h, turn / h));
+    }
+}
+
 /// Up to this many bodies the energies that a run's drift is taken from are summed directly: twice a
 /// run, within a second or two.
 const DIRECT_ENERGY: usize = 50_000;
 
-/// Self-gravity at each free body; zeros when the scene has none.
-fn self_gravity(scene: &Scene, gravity: Gravity, x: &[Vec3]) -> Field {
-    if !scene.options.self_gravity {
-        let n = scene.free.len();
-        return Field { acceleration: vec![Vec3::zeros(); n], potential: vec![0.0; n], removed: 0.0 };
-    }
-    let positions: Vec<Vec3> = scene.free.iter().map(|&i| x[i as usize]).collect();
-    let masses: Vec<f64> = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).collect();
-    gravity.field(&positions, &masses, scene.options.gravity_constant)
+/// Steps between two looks at the error of self-gravity.
+const LOOK_EVERY: u64 = 100;
+
+/// Part of the mean radius that a body may move between two evaluations of self-gravity.
+const MOST_MOVED: f64 = 0.25;
+
+/// Self-gravity in a step.
+struct Pull {
+    /// By free body, m/s^2.
+    acceleration: Vec<Vec3>,
+    /// J
+    energy: f64,
+    report: GravityReport,
+    next: Option<Attraction>,
 }
 
-/// Potential energy of the free bodies at `x` in self-gravity and uniform gravity (zero at the origin), J.
+/// Self-gravity at each free body; zeros when the scene has none.
+fn attraction(scene: &Scene, state: &State, x: &[Vec3]) -> Pull {
+    if !scene.options.self_gravity {
+        let acceleration = vec![Vec3::zeros(); scene.free.len()];
+        return Pull { acceleration, energy: 0.0, report: GravityReport::default(), next: None };
+    }
+    let (positions, masses) = points(scene, x);
+    let mut pull = if scene.options.gravity_refresh == 1 {
+        let (acceleration, energy, removed) = evaluated(scene, &positions, &masses);
+        let report = GravityReport { removed, ..GravityReport::default() };
+        Pull { acceleration, energy, report, next: None }
+    } else {
+        extrapolated(scene, state, &positions, &masses)
+    };
+    let approximate = scene.options.gravity_refresh > 1 || scene.gravity().method_for(masses.len()) == Method::Fmm;
+    if approximate && state.step.is_multiple_of(LOOK_EVERY) {
+        let constant = scene.options.gravity_constant;
+        pull.report.sampled = Some(sample::error(&positions, &masses, constant, &pull.acceleration, state.step));
+    }
+    pull
+}
+
+fn points(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
+    scene.free.iter().map(|&i| (x[i as usize], scene.bodies[i as usize].mass)).unzip()
+}
+
+/// Accelerations, energy and what was removed, see [`Field`].
+fn evaluated(scene: &Scene, positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
+    let Field { acceleration, potential, removed } =
+        scene.gravity().field(positions, masses, scene.options.gravity_constant);
+    (acceleration, 0.5 * potential.iter().zip(masses).map(|(p, m)| p * m).sum::<f64>(), removed)
+}
+
+/// Self-gravity from its last two evaluations, as far apart as those at most, or evaluated again. In between the error
+/// goes as the square of the time since; forces and torques sum to zero all the same.
+fn extrapolated(scene: &Scene, state: &State, positions: &[Vec3], masses: &[f64]) -> Pull {
+    let options = &scene.options;
+    let now = state.time + (1.0 - options.theta) * options.dt;
+    let mass: f64 = masses.iter().sum();
+    let velocities = || scene.free.iter().map(|&i| state.v[i as usize]);
+    let mean = velocities().zip(masses).map(|(v, m)| v * *m).sum::<Vec3>() / mass;
+    let fastest = velocities().map(|v| (v - mean).norm()).fold(0.0, f64::max);
+    let Some(old) = &state.attraction else {
+        let (acceleration, energy, removed) = evaluated(scene, positions, masses);
+        let record = Record { times: [now; 2], potentials: [energy; 2], removed, ..Record::default() };
+        let next = Attraction { record, last: acceleration.clone(), before: acceleration.clone() };
+        let report = GravityReport { removed, ..GravityReport::default() };
+        return Pull { acceleration, energy, report, next: Some(next) };
+    };
+    let record = &old.record;
+    let [last, before] = record.times;
+    let part = if last > before { (now - last) / (last - before) } else { 0.0 };
+    let mut acceleration: Vec<Vec3> = old.last.iter().zip(&old.before).map(|(a, b)| a + (a - b) * part).collect();
+    let (age, moved) = (record.age + 1, record.moved + fastest * options.dt);
+    // A thousandth of a step of slack, as times are sums.
+    let reached = last > before && now - last <= last - before + 1e-3 * options.dt;
+    let report = |removed, extrapolation| GravityReport { removed, sampled: None, extrapolation };
+    if reached && age < options.gravity_refresh && moved < MOST_MOVED * scene.mean_radius {
+        let removed = balance(positions, masses, &mut acceleration);
+        let energy = record.potentials[0] + (record.potentials[0] - record.potentials[1]) * part;
+        let report = report(record.removed.max(removed), record.extrapolation_error);
+        let record = Record { age, moved, ..record.clone() };
+        return Pull { acceleration, energy, report, next: Some(Attraction { record, ..old.clone() }) };
+    }
+    let (fresh, energy, removed) = evaluated(scene, positions, masses);
+    let square = |v: &mut dyn Iterator<Item = Vec3>| v.map(|v| v.norm_squared()).sum::<f64>();
+    let away = square(&mut acceleration.iter().zip(&fresh).map(|(a, b)| a - b));
+    let scale = square(&mut fresh.iter().copied());
+    let extrapolation_error = if scale > 0.0 { (away / scale).sqrt() } else { 0.0 };
+    let times = [now, last];
+    let potentials = [energy, record.potentials[0]];
+    let record = Record { age: 0, times, potentials, moved: 0.0, removed, extrapolation_error };
+    let next = Attraction { record, last: fresh.clone(), before: old.last.clone() };
+    Pull { acceleration: fresh, energy, report: report(removed, extrapolation_error), next: Some(next) }
+}
+
+/// Potential energy of the free bodies at `x` in self-gravity, uniform gravity (zero at the origin) and outer fields, J.
 pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
+    let (positions, masses) = points(scene, x);
+    let outside = scene.outside();
+    let outer: f64 = positions.iter().zip(&masses).map(|(x, m)| m * pushed(&outside, state.gravity, x).1).sum();
+    if !scene.options.self_gravity {
+        return outer;
+    }
     let direct = Gravity::new(Method::Direct, scene.options.gravity_error);
     let gravity = if scene.free.len() <= DIRECT_ENERGY { direct } else { scene.gravity() };
-    let potential = self_gravity(scene, gravity, x).potential;
-    let of = |(k, &i): (usize, &u32)| {
-        scene.bodies[i as usize].mass * (0.5 * potential[k] - state.gravity.dot(&x[i as usize]))
-    };
-    scene.free.iter().enumerate().map(of).sum()
+    let potential = gravity.field(&positions, &masses, scene.options.gravity_constant).potential;
+    outer + 0.5 * potential.iter().zip(&masses).map(|(p, m)| p * m).sum::<f64>()
 }
 
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.

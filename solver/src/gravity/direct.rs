@@ -46,12 +46,17 @@ impl Sources {
 /// assert_eq!((phi[0], phi[1]), (-5.0 / 2.0, -3.0 / 2.0));
 /// ```
 pub fn accelerations(positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
-    accelerations_at_width(positions, masses, constant, Width::detect())
+    at(positions, positions, masses, constant)
 }
 
-fn accelerations_at_width(positions: &[Vec3], masses: &[f64], constant: f64, width: Width) -> (Vec<Vec3>, Vec<f64>) {
+/// The same at any places.
+pub fn at(places: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
+    at_width(places, positions, masses, constant, Width::detect())
+}
+
+fn at_width(places: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64, width: Width) -> (Vec<Vec3>, Vec<f64>) {
     let sources = Sources::new(positions, masses);
-    positions
+    places
         .par_iter()
         .with_min_len(16)
         .map(|p| {
@@ -142,9 +147,9 @@ mod tests {
     #[test]
     fn all_widths_give_the_same_bits() {
         let (x, m) = cloud(61);
-        let expected = accelerations_at_width(&x, &m, 1.5, Width::all()[0]);
+        let expected = at_width(&x, &x, &m, 1.5, Width::all()[0]);
         for width in Width::all() {
-            assert_eq!(accelerations_at_width(&x, &m, 1.5, width), expected);
+            assert_eq!(at_width(&x, &x, &m, 1.5, width), expected);
         }
     }
 

@@ -1,6 +1,8 @@
 //! Bench: Newtonian attraction among point masses.
 
 pub mod direct;
+pub mod fields;
+pub mod sample;
 // No iterators in the kernels: they are functions of their own, which a compiler may leave outside the instruction set
 // that their caller is compiled for.
 #[allow(clippy::needless_range_loop)]
@@ -156,7 +158,7 @@ impl Gravity {
 
 /// Takes the rigid motion out of accelerations that their own errors give: a_i -= F/M + (I^-1 T) x x_i about the centre
 /// of mass, with F = sum m a, T = sum x x m a. Returns the RMS of what was removed over that of `a`, by mass.
-fn balance(positions: &[Vec3], masses: &[f64], acceleration: &mut [Vec3]) -> f64 {
+pub fn balance(positions: &[Vec3], masses: &[f64], acceleration: &mut [Vec3]) -> f64 {
     let mass: f64 = masses.iter().sum();
     if mass <= 0.0 {
         return 0.0;

@@ -63,6 +63,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         laws: scene.laws.clone(),
         bonding: Bonding::New,
         events_done: 0,
+        attraction: None,
         ledger: Ledger::default(),
     };
     let start = datbox.join(START);

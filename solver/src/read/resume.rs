@@ -8,7 +8,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{Bonding, Contact, SolvedContact, State, Status};
+use crate::state::{Attraction, Bonding, Contact, SolvedContact, State, Status};
 
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
 /// A snapshot of other bodies or laws than the scene's is refused.
@@ -16,6 +16,7 @@ pub fn last(outbox: &Path, scene: &Scene, state: &mut State) -> Result<Option<u6
     let Some((step, path)) = snapshot::list(outbox).pop() else { return Ok(None) };
     let snapshot = Snapshot::read(&path)?;
     check(&path, scene, &snapshot)?;
+    state.attraction = attraction(scene, &snapshot);
     restore(snapshot, state);
     if state.step > scene.start.0 {
         state.bonding = Bonding::No;
@@ -114,8 +115,15 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
     Ok(())
 }
 
+/// Self-gravity as it was last evaluated.
+fn attraction(scene: &Scene, snapshot: &Snapshot) -> Option<Attraction> {
+    let (record, gravity) = (snapshot.meta.attraction.clone()?, snapshot.gravity.as_ref()?);
+    let of_free = |rows: &[[f64; 3]]| scene.free.iter().map(|&i| Vec3::from(rows[i as usize])).collect();
+    Some(Attraction { record, last: of_free(&gravity.gravity_last), before: of_free(&gravity.gravity_before) })
+}
+
 fn restore(snapshot: Snapshot, state: &mut State) {
-    let Snapshot { meta, bodies, contacts, memory } = snapshot;
+    let Snapshot { meta, bodies, contacts, memory, .. } = snapshot;
     let vectors = |rows: Vec<[f64; 3]>| rows.into_iter().map(Vec3::from).collect::<Vec<_>>();
     state.step = meta.step;
     state.time = meta.time;

@@ -102,7 +102,10 @@ columns! {
     contact_work = state.ledger.contact_work,
     outside_work = state.ledger.outside_work,
     momentum_drift = report.momentum_drift,
-    gravity_error = report.gravity_error,
+    gravity_error = report.gravity.removed,
+    gravity_extrapolation = report.gravity.extrapolation,
+    gravity_sampled = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.rms),
+    gravity_sampled_largest = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.largest),
 }
 
 columns! {

@@ -1,8 +1,8 @@
 //! The state as a snapshot.
 
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, MemoryArrays, Meta, Parameters, SHAPE_PLANE, SHAPE_SPHERE,
-    STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Snapshot,
+    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, GravityArrays, MemoryArrays, Meta, Parameters, SHAPE_PLANE,
+    SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Snapshot,
 };
 
 use crate::laws::Law;
@@ -13,7 +13,13 @@ use crate::state::{SolvedContact, State, Status};
 /// All of the state, with what of the scene its reader needs.
 pub fn of(scene: &Scene, state: &State) -> Snapshot {
     let memory = state.laws.iter().any(Law::remembers).then(|| memory(state));
-    Snapshot { meta: meta(scene, state), bodies: bodies(scene, state), contacts: contacts(state), memory }
+    Snapshot {
+        meta: meta(scene, state),
+        bodies: bodies(scene, state),
+        contacts: contacts(state),
+        memory,
+        gravity: gravity(scene, state),
+    }
 }
 
 fn meta(scene: &Scene, state: &State) -> Meta {
@@ -33,6 +39,10 @@ fn meta(scene: &Scene, state: &State) -> Meta {
             gravity: options.gravity,
             gravity_constant: options.gravity_constant,
             gravity_error: options.gravity_error,
+            gravity_order: options.gravity_order,
+            gravity_opening: options.gravity_opening,
+            gravity_refresh: options.gravity_refresh,
+            fields: options.fields.clone(),
             uniform_gravity: state.gravity.into(),
             quench: state.quench,
             events_done: state.events_done as u64,
@@ -41,6 +51,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
         materials: scene.materials.clone(),
         laws: scene.law_names.clone(),
         ledger: state.ledger.clone(),
+        attraction: state.attraction.as_ref().map(|attraction| attraction.record.clone()),
     }
 }
 
@@ -73,6 +84,16 @@ fn equal_volume_radius(body: &Body) -> f64 {
         Shape::Sphere { radius } => radius,
         Shape::Plane { half_lengths } => (8.0 * half_lengths.product() * 3.0 / (4.0 * std::f64::consts::PI)).cbrt(),
     }
+}
+
+fn gravity(scene: &Scene, state: &State) -> Option<GravityArrays> {
+    let attraction = state.attraction.as_ref()?;
+    let of_all = |rows: &[Vec3]| {
+        let mut all = vec![[0.0; 3]; scene.bodies.len()];
+        scene.free.iter().zip(rows).for_each(|(&i, row)| all[i as usize] = (*row).into());
+        all
+    };
+    Some(GravityArrays { gravity_last: of_all(&attraction.last), gravity_before: of_all(&attraction.before) })
 }
 
 fn contacts(state: &State) -> ContactArrays {

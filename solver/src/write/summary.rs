@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::time::Duration;
 
 use crate::assemble::potential_energy;
+use crate::gravity::sample::Sampled;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::State;
@@ -15,6 +16,8 @@ pub struct Course {
     pub steps: u64,
     pub sweeps: u64,
     pub unconverged: u64,
+    /// The last look at the error of self-gravity.
+    pub gravity: Option<Sampled>,
     pub threads: usize,
     pub wall: Duration,
     pub clock: Clock,
@@ -64,6 +67,10 @@ pub fn text(scene: &Scene, state: &State, course: &Course) -> String {
     line("unconverged steps", format!("{} now, {} in all{last}", course.unconverged, ledger.steps_unconverged));
     line("largest penetration", format!("{:.2e} of the mean radius", ledger.penetration_largest));
     line("energy drift", format!("{:.2e}", energy_drift(scene, state)));
+    if let Some(Sampled { rms, largest }) = course.gravity {
+        let asked = scene.options.gravity_error;
+        line("gravity error", format!("{rms:.1e} RMS, {largest:.1e} at most of 64 bodies; {asked:.0e} asked for"));
+    }
     line("momentum drift", format!("{linear:.2e} linear, {angular:.2e} angular"));
     let Clock { gravity, detection, assembly, solve, integration, writing } = course.clock;
     let rooms = [

@@ -5,6 +5,7 @@ mod bonds;
 mod case;
 mod extremes;
 mod flight;
+mod gravity;
 mod invariants;
 mod laws;
 mod peer;

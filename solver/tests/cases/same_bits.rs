@@ -126,6 +126,18 @@ fn bonds_outlive_a_restart() {
 }
 
 #[test]
+fn a_resumed_run_extrapolates_gravity_as_the_unbroken_one() {
+    let scene = || {
+        let mut case = scene(4);
+        case.options.gravity_refresh = 7;
+        case
+    };
+    let unbroken = files(&scene(), &[&[]]);
+    let resumed = files(&scene(), &[&["--steps", "15"], &["--resume", "--steps", "30"], &["--resume"]]);
+    same(&unbroken, &resumed);
+}
+
+#[test]
 fn a_killed_run_goes_on_from_its_last_snapshot() {
     let unbroken = files(&scene(4), &[&[]]);
     let case = scene(4);

@@ -1,0 +1,102 @@
+//! Fields from outside: a primary's attraction, and the forces of turning axes.
+
+use crate::math::Vec3;
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Outside {
+    /// Attraction by a body at rest.
+    Primary {
+        /// G M, m^3/s^2
+        strength: f64,
+        /// m
+        centre: Vec3,
+        /// J2 R^2, m^2: zonal harmonic and equatorial radius squared; 0 for a sphere.
+        oblateness: f64,
+        /// Unit vector.
+        axis: Vec3,
+    },
+    /// Axes that turn about a point.
+    Turning {
+        /// rad/s
+        rate: Vec3,
+        /// m
+        centre: Vec3,
+    },
+}
+
+impl Outside {
+    /// What a body at rest in these axes feels, m/s^2, and its potential, J/kg. With r from the centre, s = r.axis/|r|
+    /// and e = J2 R^2/|r|^2:
+    ///
+    /// ```text
+    /// primary:      phi = -G M/|r| (1 - e (3 s^2 - 1)/2),   a = -G M/|r|^3 (r (1 + 3/2 e (1 - 5 s^2)) + 3 e s |r| axis)
+    /// turning axes: phi = -|W x r|^2/2,                     a = -W x (W x r)
+    /// ```
+    ///
+    /// At a primary's centre there is no force.
+    pub fn at(&self, x: &Vec3) -> (Vec3, f64) {
+        match *self {
+            Outside::Primary { strength, centre, oblateness, axis } => {
+                let r = x - centre;
+                let distance = r.norm();
+                if distance == 0.0 {
+                    return (Vec3::zeros(), 0.0);
+                }
+                let (s, e) = (r.dot(&axis) / distance, oblateness / (distance * distance));
+                let along = r * (1.0 + 1.5 * e * (1.0 - 5.0 * s * s)) + axis * (3.0 * e * s * distance);
+                let potential = -strength / distance * (1.0 - 0.5 * e * (3.0 * s * s - 1.0));
+                (along * (-strength / (distance * distance * distance)), potential)
+            }
+            Outside::Turning { rate, centre } => {
+                let moving = rate.cross(&(x - centre));
+                (-rate.cross(&moving), -0.5 * moving.norm_squared())
+            }
+        }
+    }
+
+    /// How fast the axes turn, rad/s.
+    pub fn rate(&self) -> Vec3 {
+        match *self {
+            Outside::Turning { rate, .. } => rate,
+            Outside::Primary { .. } => Vec3::zeros(),
+        }
+    }
+}
+
+/// The vector u with u + k x u = b.
+pub fn turned(b: &Vec3, k: &Vec3) -> Vec3 {
+    (b + k * k.dot(b) - k.cross(b)) / (1.0 + k.norm_squared())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn acceleration_is_the_slope_of_the_potential() {
+        let centre = Vec3::new(1.0, -2.0, 0.5);
+        let axis = Vec3::new(1.0, 2.0, 2.0) / 3.0;
+        let fields = [
+            Outside::Primary { strength: 7.0, centre, oblateness: 0.0, axis },
+            Outside::Primary { strength: 7.0, centre, oblateness: 0.3, axis },
+            Outside::Turning { rate: Vec3::new(0.3, -0.1, 0.7), centre },
+        ];
+        let x = Vec3::new(3.0, 1.0, -1.0);
+        for field in fields {
+            let h = 1e-5;
+            let slope = Vec3::from_fn(|k, _| {
+                let step = Vec3::ith(k, h);
+                (field.at(&(x + step)).1 - field.at(&(x - step)).1) / (2.0 * h)
+            });
+            // Central differences of numbers near 1: h^2 and 1e-16 / h.
+            assert!((field.at(&x).0 + slope).norm() < 1e-9, "{field:?}");
+        }
+    }
+
+    #[test]
+    fn turned_solves_its_equation() {
+        let (b, k) = (Vec3::new(1.0, -2.0, 3.0), Vec3::new(0.4, 0.1, -2.0));
+        let u = turned(&b, &k);
+        assert!((u + k.cross(&u) - b).norm() < 1e-14);
+    }
+}

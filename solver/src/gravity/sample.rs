@@ -1,0 +1,65 @@
+//! The error of self-gravity as it stands, found on a few bodies by direct sum.
+
+use super::direct;
+use crate::math::Vec3;
+
+/// Bodies looked at.
+const BODIES: u64 = 64;
+
+/// Errors against the direct sum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sampled {
+    /// sqrt(sum |da|^2 / sum |a|^2)
+    pub rms: f64,
+    /// Largest |da|/|a|.
+    pub largest: f64,
+}
+
+/// Compares accelerations with the direct sum on bodies that `seed` picks, the same ones on every machine.
+pub fn error(positions: &[Vec3], masses: &[f64], constant: f64, acceleration: &[Vec3], seed: u64) -> Sampled {
+    if positions.is_empty() {
+        return Sampled { rms: 0.0, largest: 0.0 };
+    }
+    let picked: Vec<usize> = (0..BODIES.min(positions.len() as u64))
+        .map(|k| (scrambled(seed.wrapping_mul(BODIES).wrapping_add(k)) % positions.len() as u64) as usize)
+        .collect();
+    let places: Vec<Vec3> = picked.iter().map(|&i| positions[i]).collect();
+    let (exact, _) = direct::at(&places, positions, masses, constant);
+    let (mut error, mut scale, mut largest) = (0.0, 0.0, 0.0f64);
+    for (&i, exact) in picked.iter().zip(&exact) {
+        let away = (acceleration[i] - exact).norm_squared();
+        error += away;
+        scale += exact.norm_squared();
+        if exact.norm_squared() > 0.0 {
+            largest = largest.max((away / exact.norm_squared()).sqrt());
+        }
+    }
+    Sampled { rms: if scale > 0.0 { (error / scale).sqrt() } else { 0.0 }, largest }
+}
+
+/// Source: S. Vigna, splitmix64 (2015), public domain.
+fn scrambled(seed: u64) -> u64 {
+    let z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_the_error_that_was_put_in() {
+        let positions: Vec<Vec3> =
+            (0..500).map(|k| Vec3::new((k as f64).sin(), (1.7 * k as f64).sin(), (2.9 * k as f64).cos())).collect();
+        let masses = vec![1.0; positions.len()];
+        let (exact, _) = direct::accelerations(&positions, &masses, 2.0);
+        let wrong: Vec<Vec3> = exact.iter().map(|a| a * 1.001).collect();
+        for seed in 0..3 {
+            let found = error(&positions, &masses, 2.0, &wrong, seed);
+            assert!((found.rms - 1e-3).abs() < 1e-12 && (found.largest - 1e-3).abs() < 1e-12, "{found:?}");
+            assert_eq!(error(&positions, &masses, 2.0, &exact, seed), Sampled { rms: 0.0, largest: 0.0 });
+        }
+    }
+}
