@@ -208,12 +208,12 @@ impl Case {
         Snapshot::read(&list.last().expect("a run writes its last state").1).unwrap()
     }
 
-    /// A column of OUTBOX/steps.csv.
+    /// A column of OUTBOX/steps.csv; empty fields are NaN.
     pub fn column(&self, name: &str) -> Vec<f64> {
         let text = std::fs::read_to_string(self.path().join("OUTBOX/steps.csv")).unwrap();
         let (header, rows) = text.split_once('\n').unwrap();
         let k = header.split(',').position(|column| column == name).expect(name);
-        rows.lines().map(|row| row.split(',').nth(k).unwrap().parse().unwrap()).collect()
+        rows.lines().map(|row| row.split(',').nth(k).unwrap()).map(|cell| cell.parse().unwrap_or(f64::NAN)).collect()
     }
 }
 
