@@ -105,5 +105,5 @@ fn what_it_shows_is_accepted() {
         read.unwrap_or_else(|faults| panic!("{ron}\n{faults}"));
         shown += 1;
     }
-    assert_eq!((shown, text.matches("```ron").count()), (2, 2));
+    assert_eq!((shown, text.matches("```ron").count()), (3, 3));
 }
