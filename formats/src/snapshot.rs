@@ -66,7 +66,7 @@ pub struct Meta {
     pub laws: Vec<LawName>,
     pub ledger: Ledger,
     /// Where self-gravity is not evaluated at every step.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attraction: Option<Attraction>,
 }
 
@@ -114,13 +114,14 @@ pub struct Parameters {
     /// m^3 kg^-1 s^-2
     pub gravity_constant: f64,
     pub gravity_error: f64,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_order: Option<usize>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_opening: Option<f64>,
-    #[serde(default)]
-    pub gravity_refresh: u64,
-    #[serde(default)]
+    /// If more than 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gravity_refresh: Option<u64>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fields: Vec<crate::compute::Field>,
     /// Uniform gravity now in force, m/s^2.
     pub uniform_gravity: [f64; 3],

@@ -81,6 +81,10 @@ fn meta_is_described_field_by_field() {
     let mut meta = Meta::default();
     meta.materials.push(MaterialName { name: String::new(), density: 1.0 });
     meta.laws.push(LawName { nickname: String::new(), kind: String::new(), parameters: vec![] });
+    meta.attraction = Some(Default::default());
+    meta.parameters.gravity_order = Some(4);
+    meta.parameters.gravity_opening = Some(0.5);
+    meta.parameters.gravity_refresh = Some(2);
     let mut fields = Vec::new();
     names(&serde_json::to_value(&meta).unwrap(), &mut fields);
     assert!(fields.len() > 30, "{fields:?}"); // a check of the check

@@ -41,7 +41,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
             gravity_error: options.gravity_error,
             gravity_order: options.gravity_order,
             gravity_opening: options.gravity_opening,
-            gravity_refresh: options.gravity_refresh,
+            gravity_refresh: (options.gravity_refresh > 1).then_some(options.gravity_refresh),
             fields: options.fields.clone(),
             uniform_gravity: state.gravity.into(),
             quench: state.quench,
