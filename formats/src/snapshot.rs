@@ -427,7 +427,8 @@ impl Snapshot {
         let contacts = ContactArrays::read(&mut entries);
         let remembers = entries.archive.index_for_name("contact_bonded.npy").is_some();
         let memory = remembers.then(|| MemoryArrays::read(&mut entries));
-        let gravity = meta.attraction.is_some().then(|| GravityArrays::read(&mut entries));
+        let extrapolates = entries.archive.index_for_name("gravity_last.npy").is_some();
+        let gravity = extrapolates.then(|| GravityArrays::read(&mut entries));
         entries.faults.into_result(())?;
         let snapshot = Snapshot { meta, bodies, contacts, memory, gravity };
         snapshot.check_indices().map_err(refuse)?;

@@ -361,6 +361,7 @@ fn files(
         start.meta.laws = laws.cloned().unwrap_or_default();
     }
     start.meta.parameters.events_done = 0;
+    start.meta.attraction = None;
     let mut origin = String::from("body,case,step,number\n");
     let mut bodies = Vec::new();
     for (part, case) in parts.iter().zip(cases) {
