@@ -123,6 +123,10 @@ pub fn check(scene: &Scene, state: &State) -> Result<(), Faults> {
         let expected = "expected at least one whose motion is not imposed";
         faults.push(Fault::new(Path::new("DATBOX/BODIES.DAT"), None, "bodies", "none is free to move", expected));
     }
+    if !scene.turning.is_empty() && scene.outside().iter().any(|field| field.rate() != Vec3::zeros()) {
+        let found = "RotatingFrame, with bodies whose moments of inertia differ";
+        faults.push(Fault::new(Path::new("options"), None, "fields", found, "expected spheres alone, or fixed axes"));
+    }
     let last = last_step(scene);
     if last < state.step {
         let found = format!("{last} is before step {}, from which the run goes on", state.step);
