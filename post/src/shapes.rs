@@ -32,9 +32,9 @@ impl Solid {
     }
 }
 
-/// The polyhedron of each body of the snapshot `path`, none for other bodies: from DATBOX beside its OUTBOX.
+/// The polyhedra of each body of the snapshot `path`, none for other bodies: from DATBOX beside its OUTBOX.
 ///
-/// Errors: a BODIES.DAT that cannot be read, or in which such a body is no polyhedron.
+/// Errors: a BODIES.DAT that cannot be read, or that has not as many bodies.
 pub fn of(path: &Path, bodies: &BodyArrays) -> Result<Vec<Option<Arc<Solid>>>, Faults> {
     if !bodies.body_shape.contains(&SHAPE_PARTS) {
         return Ok(Vec::new());
@@ -44,32 +44,28 @@ pub fn of(path: &Path, bodies: &BodyArrays) -> Result<Vec<Option<Arc<Solid>>>, F
     let solids = read(&file)?;
     let mut faults = Faults::default();
     let mut solid = |row: usize| {
-        let found = solids.get(&bodies.body_id[row]).filter(|_| bodies.body_shape[row] == SHAPE_PARTS).cloned();
-        if found.is_none() && bodies.body_shape[row] == SHAPE_PARTS {
-            let object = format!("body {}", bodies.body_id[row]);
-            faults.push(Fault::new(&file, None, object, "no POLYR", "expected the polyhedron that the snapshot has"));
+        let id = bodies.body_id[row];
+        let found = solids.get(&id);
+        if found.is_none() {
+            let expected = format!("expected body {id}, which {} has", path.display());
+            faults.push(Fault::new(&file, None, "file", format!("{} bodies", solids.len()), expected));
         }
-        found
+        found.filter(|_| bodies.body_shape[row] == SHAPE_PARTS).cloned().flatten()
     };
     let found = (0..bodies.body_id.len()).map(&mut solid).collect();
     faults.into_result(found)
 }
 
-fn read(file: &Path) -> Result<HashMap<u64, Arc<Solid>>, Faults> {
+/// The polyhedra of all bodies by their numbers.
+fn read(file: &Path) -> Result<HashMap<u64, Option<Arc<Solid>>>, Faults> {
     let mut solids = HashMap::new();
     let mut faults = Faults::default();
     for (number, body) in (1..).zip(Bodies::read(file)?.0) {
         match solid(&body) {
-            Ok(Some(solid)) => drop(solids.insert(number, Arc::new(solid))),
-            Ok(None) => {}
+            Ok(solid) => drop(solids.insert(number, solid.map(Arc::new))),
             Err(found) => {
-                faults.push(Fault::new(
-                    file,
-                    Some(body.line),
-                    format!("body {number}"),
-                    found,
-                    "expected a closed surface",
-                ));
+                let object = format!("body {number}");
+                faults.push(Fault::new(file, Some(body.line), object, found, "expected a closed surface"));
             }
         }
     }
@@ -179,6 +175,30 @@ mod tests {
     fn without_inertia_the_longest_axis_comes_first() {
         let solid = solid(&body(0.0, None)).unwrap().unwrap();
         assert!(solid.vertices.iter().all(|v| (v.abs() - Vec3::new(3.0, 2.0, 1.0)).norm() < 1e-14));
+    }
+
+    #[test]
+    fn snapshots_take_their_polyhedra_from_the_datbox_beside() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("OUTBOX").join("snapshot-000000.npz");
+        let mut ball = body(0.0, None);
+        ball.contactors[0].shape = Shape::Sphere { radius: 1.0 };
+        let datbox = folder.path().join("DATBOX").join("BODIES.DAT");
+        let text = Bodies(vec![ball, body(0.0, Some([1.0; 3]))]).to_text();
+        cd_formats::atomic::write(&datbox, text.as_bytes()).unwrap();
+        let bodies = |ids: &[u64], shape: u8| BodyArrays {
+            body_id: ids.to_vec(),
+            body_shape: vec![shape; ids.len()],
+            ..BodyArrays::default()
+        };
+        let counts = |ids: &[u64], shape| -> Vec<usize> {
+            of(&path, &bodies(ids, shape)).unwrap().iter().map(|s| s.as_ref().map_or(0, |s| s.faces.len())).collect()
+        };
+        // A body of other contactors has none, whatever the snapshot calls its shape.
+        assert_eq!(counts(&[2, 1, 2], SHAPE_PARTS), [6, 0, 6]);
+        assert!(counts(&[2], 0).is_empty());
+        let said = of(&path, &bodies(&[3], SHAPE_PARTS)).unwrap_err().to_string();
+        assert!(said.contains("file: 2 bodies; expected body 3, which"), "{said}");
     }
 
     #[test]
