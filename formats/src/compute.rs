@@ -86,6 +86,17 @@ pub enum GravityMethod {
     Auto,
 }
 
+/// How the direction of contact of two polyhedra is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum NarrowPhase {
+    /// The feature of the last step, followed to its best neighbour.
+    Fast,
+    /// With a proof that it is the best of all, or a search of all.
+    #[default]
+    Accurate,
+}
+
 /// Smallest RMS relative error that the fast multipole method can be asked for.
 pub const LEAST_FMM_ERROR: f64 = 1e-6;
 
@@ -140,6 +151,8 @@ options! {
     max_sweeps: u64 = 2000, u64, [value_name = "N"];
     /// Distance within which contacts are listed, m; without it, that of each row of TACT_BEHAV.DAT.
     alert: Option<f64> = None, f64, [value_name = "M"];
+    /// How the direction of contact of two polyhedra is found: accurate, with a proof that it is the best of all; fast, near that of the last step.
+    narrow_phase: NarrowPhase = NarrowPhase::Accurate, NarrowPhase, [value_enum, value_name = "METHOD"];
     /// Newtonian attraction between all free bodies.
     self_gravity: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// How self-gravity is summed: direct, every pair; fmm, fast multipole method; auto, the faster of the two.

@@ -45,6 +45,16 @@ pub struct Snapshot {
     pub memory: Option<MemoryArrays>,
     /// Only where self-gravity is not evaluated at every step.
     pub gravity: Option<GravityArrays>,
+    /// Only in scenes with other bodies than spheres and plates.
+    pub shapes: Option<Shapes>,
+}
+
+/// What bodies of any shape need besides.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Shapes {
+    pub turning: TurningArrays,
+    pub contacts: ContactPartArrays,
+    pub pairs: PairArrays,
 }
 
 /// The JSON text `meta`.
@@ -111,6 +121,8 @@ pub struct Parameters {
     pub self_gravity: bool,
     #[serde(default)]
     pub gravity: crate::compute::GravityMethod,
+    #[serde(default)]
+    pub narrow_phase: crate::compute::NarrowPhase,
     /// m^3 kg^-1 s^-2
     pub gravity_constant: f64,
     pub gravity_error: f64,
@@ -189,6 +201,7 @@ elements! {
     [f64; 4] = "<f8", [4];
     [[f64; 3]; 3] = "<f8", [3, 3];
     u64 = "<u8", [];
+    [u64; 2] = "<u8", [2];
     u32 = "<u4", [];
     [u32; 2] = "<u4", [2];
     u16 = "<u2", [];
@@ -253,7 +266,7 @@ arrays! {
         body_inertia: [f64; 3],
         /// Radius of the sphere of equal volume, m
         body_radius: f64,
-        /// Half lengths of a plane along its axes, m; of a sphere, its radius three times
+        /// Half lengths of a plane along its axes, m; of others, the radius three times
         body_half_lengths: [f64; 3],
         /// 0 sphere, 1 plane, 2 one or more polyhedra
         body_shape: u8,
@@ -309,6 +322,60 @@ arrays! {
         gravity_last: [f64; 3],
         /// The same at the evaluation before, m/s^2
         gravity_before: [f64; 3],
+    }
+}
+
+arrays! {
+    /// One row a free body of unequal moments of inertia.
+    TurningArrays {
+        /// Row in the body arrays
+        turning_body: u32,
+        /// Angular momentum about the centre of mass, world frame, kg m^2/s
+        turning_momentum: [f64; 3],
+    }
+}
+
+arrays! {
+    /// One row a contact, as in the contact arrays.
+    ContactPartArrays {
+        /// Place of the contactor among those of the candidate, and of the antagonist, from 0
+        contact_rank: [u32; 2],
+        /// Its share of the area in which faces meet, m^2
+        contact_area: f64,
+    }
+}
+
+arrays! {
+    /// One row a pair of contactors that were near each other: what detection goes on from.
+    PairArrays {
+        /// Rows of the two bodies in the body arrays, the candidate first
+        pair_body: [u32; 2],
+        /// Places of the contactors among those of their bodies, from 0
+        pair_rank: [u32; 2],
+        /// Feature in which they were nearest, and direction; for cd-solve alone
+        pair_memory: [u64; 2],
+    }
+}
+
+impl Shapes {
+    fn write(&self, archive: &mut Archive) -> zip::result::ZipResult<()> {
+        self.turning.write(archive)?;
+        self.contacts.write(archive)?;
+        self.pairs.write(archive)
+    }
+
+    fn read(entries: &mut Entries) -> Self {
+        Shapes {
+            turning: TurningArrays::read(entries),
+            contacts: ContactPartArrays::read(entries),
+            pairs: PairArrays::read(entries),
+        }
+    }
+
+    /// Whether all indices name rows.
+    fn are_in_range(&self, bodies: usize, contacts: usize) -> bool {
+        let named = [&self.turning.turning_body[..], self.pairs.pair_body.as_flattened()];
+        named.into_iter().flatten().all(|&b| (b as usize) < bodies) && self.contacts.contact_rank.len() == contacts
     }
 }
 
@@ -399,6 +466,7 @@ impl Snapshot {
             self.contacts.write(&mut archive)?;
             self.memory.as_ref().map_or(Ok(()), |memory| memory.write(&mut archive))?;
             self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(&mut archive))?;
+            self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(&mut archive))?;
             Ok::<_, zip::result::ZipError>(archive.0.finish()?.into_inner())
         })()
         .expect("writing to memory")
@@ -429,19 +497,23 @@ impl Snapshot {
         let memory = remembers.then(|| MemoryArrays::read(&mut entries));
         let extrapolates = entries.archive.index_for_name("gravity_last.npy").is_some();
         let gravity = extrapolates.then(|| GravityArrays::read(&mut entries));
+        let has_shapes = entries.archive.index_for_name("turning_body.npy").is_some();
+        let shapes = has_shapes.then(|| Shapes::read(&mut entries));
         entries.faults.into_result(())?;
-        let snapshot = Snapshot { meta, bodies, contacts, memory, gravity };
+        let snapshot = Snapshot { meta, bodies, contacts, memory, gravity, shapes };
         snapshot.check_indices().map_err(refuse)?;
         Ok(snapshot)
     }
 
     fn check_indices(&self) -> Result<(), String> {
-        let Snapshot { meta, bodies, contacts, memory, gravity } = self;
+        let Snapshot { meta, bodies, contacts, memory, gravity, shapes } = self;
         let bodies_count = bodies.body_id.len();
         if memory.as_ref().is_some_and(|memory| memory.contact_bonded.len() != contacts.contact_body.len()) {
             return Err("the arrays of contacts have different numbers of rows".into());
         }
-        let in_range = contacts.contact_body.iter().flatten().all(|&b| (b as usize) < bodies_count)
+        let in_shapes = |shapes: &Shapes| shapes.are_in_range(bodies_count, contacts.contact_body.len());
+        let in_range = shapes.as_ref().is_none_or(in_shapes)
+            && contacts.contact_body.iter().flatten().all(|&b| (b as usize) < bodies_count)
             && contacts.contact_law.iter().all(|&l| (l as usize) < meta.laws.len())
             && bodies.body_colour.iter().all(|&c| (c as usize) < meta.colours.len())
             && bodies.body_material.iter().all(|&m| (m as usize) < meta.materials.len())

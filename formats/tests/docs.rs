@@ -3,7 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use cd_formats::compute::{Compute, Event, from_ron};
-use cd_formats::snapshot::{BodyArrays, ContactArrays, GravityArrays, LawName, MaterialName, MemoryArrays, Meta};
+use cd_formats::snapshot::{
+    BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, LawName, MaterialName, MemoryArrays, Meta, PairArrays,
+    TurningArrays,
+};
 
 fn page() -> (PathBuf, String) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/files.md");
@@ -52,6 +55,9 @@ fn arrays_are_those_of_snapshots() {
         .chain(ContactArrays::table().into_iter().map(|array| ("C", array)))
         .chain(MemoryArrays::table().into_iter().map(|array| ("C", array)))
         .chain(GravityArrays::table().into_iter().map(|array| ("N", array)))
+        .chain(TurningArrays::table().into_iter().map(|array| ("U", array)))
+        .chain(ContactPartArrays::table().into_iter().map(|array| ("C", array)))
+        .chain(PairArrays::table().into_iter().map(|array| ("K", array)))
         .collect();
     assert_eq!(documented.len(), arrays.len());
     for (row, (count, (name, descr, shape, help))) in documented.iter().zip(arrays) {
