@@ -66,6 +66,7 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
         return Err(Failure::Files(fault.into()));
     }
     let (scene, mut state) = read::case(case, &arguments.flags)?;
+    scene.notes.iter().for_each(|note| println!("{PROGRAM}: {note}"));
     let mut resumed = false;
     if arguments.resume {
         resumed = read::resume::last(&write::outbox(case), &scene, &mut state)?.is_some();

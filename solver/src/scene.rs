@@ -1,27 +1,71 @@
 //! Shelf: what is constant during a run.
 
-use cd_formats::compute::{Compute, Event, Field, GravityMethod};
+use cd_formats::compute::{Compute, Event, Field, GravityMethod, NarrowPhase};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::{LawName, MaterialName};
 
+use crate::geometry::Polyhedron;
 use crate::gravity::fields::Outside;
 use crate::gravity::{Gravity, Method};
 use crate::laws::Law;
 use crate::math::rotation;
 use crate::math::{Quat, Vec3};
 
-/// Shape of a body's one contactor, in the body's frame.
+/// Shape of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
-    /// m
+    /// One sphere about the centre of mass; m.
     Sphere { radius: f64 },
     /// A rectangular plate; half lengths along its axes, m.
     Plane { half_lengths: Vec3 },
+    /// What `Scene::parts` says: anything else, or several contactors.
+    Parts,
+}
+
+/// Shape of a contactor, in its own frame; m.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Geometry {
+    Sphere {
+        radius: f64,
+    },
+    /// Convex, about its centroid.
+    Polyhedron(Polyhedron),
+    /// About the third axis; contact on the inside if hollow.
+    Cylinder {
+        half_height: f64,
+        radius: f64,
+        hollow: bool,
+    },
+    /// The cuboid is the same plate as a polyhedron.
+    Plane {
+        half_lengths: Vec3,
+        cuboid: Polyhedron,
+    },
+}
+
+/// A contactor of a body, in scenes with other bodies than spheres and plates.
+#[derive(Debug, Clone)]
+pub struct Part {
+    pub body: u32,
+    /// Place among the contactors of its body, from 0.
+    pub rank: u16,
+    pub geometry: Geometry,
+    /// Its centre and axes in the body's frame, m.
+    pub offset: Vec3,
+    pub axes: Quat,
+    /// Of the ball about its centre that holds it, m.
+    pub radius: f64,
+    /// Index into `Scene::colours`.
+    pub colour: u16,
+    /// Row and column in the visibility table.
+    pub class: u16,
 }
 
 #[derive(Debug, Clone)]
 pub struct Body {
     pub shape: Shape,
+    /// Of the sphere of equal volume, m.
+    pub radius: f64,
     /// kg
     pub mass: f64,
     /// Principal moments, kg m^2; a sphere's are equal.
@@ -102,8 +146,9 @@ pub struct Visibility {
 }
 
 impl Visibility {
-    pub fn see(&self, a: &Body, b: &Body) -> Option<See> {
-        self.table[a.class as usize * self.classes + b.class as usize]
+    /// Of two classes.
+    pub fn see(&self, a: u16, b: u16) -> Option<See> {
+        self.table[a as usize * self.classes + b as usize]
     }
 }
 
@@ -125,14 +170,18 @@ pub struct Scene {
     pub law_names: Vec<LawName>,
     /// Positions in BODIES.DAT, m, from which LMGC90's files count displacements.
     pub reference: Vec<Vec3>,
+    /// Orientations at the start, body to world, where DOF.INI does not say them.
+    pub axes: Vec<Quat>,
     /// Free bodies, in order.
     pub free: Vec<u32>,
     /// Spheres, free or driven, in order.
     pub spheres: Vec<u32>,
     /// Plates, in order.
     pub planes: Vec<u32>,
-    /// Whether some body is neither a sphere nor a plate.
-    pub general: bool,
+    /// The contactors of all bodies, body by body, if some body is neither a sphere nor a plate; else none.
+    pub parts: Vec<Part>,
+    /// What users should know about the files' bodies.
+    pub notes: Vec<String>,
     /// Free bodies whose moments of inertia differ, in order: their angular velocity changes without a torque.
     pub turning: Vec<u32>,
     /// Mean radius of the free spheres, m; the length that penetrations are compared with.
@@ -147,13 +196,25 @@ impl Scene {
         let curvature = |i: u32| match self.bodies[i as usize].shape {
             Shape::Sphere { radius } => 1.0 / radius,
             Shape::Plane { .. } => 0.0,
+            Shape::Parts => 1.0 / self.bodies[i as usize].radius,
         };
         1.0 / (curvature(a) + curvature(b))
     }
 
     /// Whether there are bodies whose contacts need full blocks.
     pub fn is_general(&self) -> bool {
-        self.general
+        !self.parts.is_empty()
+    }
+
+    /// Class of the contactor `rank` of a body, if it has that many.
+    pub fn class_of(&self, body: u32, rank: u16) -> Option<u16> {
+        match self.bodies[body as usize].shape {
+            Shape::Parts => {
+                let place = self.parts.binary_search_by_key(&(body, rank), |part| (part.body, part.rank)).ok()?;
+                Some(self.parts[place].class)
+            }
+            _ => (rank == 0).then_some(self.bodies[body as usize].class),
+        }
     }
 
     /// How self-gravity is summed.
@@ -189,9 +250,21 @@ impl Scene {
     /// The models that this scene uses, for the summary.
     pub fn models(&self) -> Vec<String> {
         let driven_spheres = self.spheres.iter().filter(|&&i| self.bodies[i as usize].driven).count();
+        let parts = |driven: bool, chosen: fn(&Geometry) -> bool| {
+            let of_shape = |part: &&Part| self.bodies[part.body as usize].shape == Shape::Parts;
+            let parts = self.parts.iter().filter(of_shape);
+            parts.filter(|part| self.bodies[part.body as usize].driven == driven && chosen(&part.geometry)).count()
+        };
+        let ball = |geometry: &Geometry| matches!(geometry, Geometry::Sphere { .. });
+        let polyhedron = |geometry: &Geometry| matches!(geometry, Geometry::Polyhedron(_));
+        let cylinder = |geometry: &Geometry| matches!(geometry, Geometry::Cylinder { .. });
         let counts = [
             (self.spheres.len() - driven_spheres, "sphere"),
             (driven_spheres, "driven sphere"),
+            (parts(false, polyhedron), "polyhedral contactor"),
+            (parts(true, polyhedron), "driven polyhedral contactor"),
+            (parts(false, ball) + parts(true, ball), "spherical contactor"),
+            (parts(true, cylinder), "cylinder"),
             (self.planes.len(), "plane"),
             (self.loads.len(), "imposed force"),
         ];
@@ -204,6 +277,12 @@ impl Scene {
         }));
         if self.law_names.is_empty() {
             models.push("no contacts: no row of TACT_BEHAV.DAT concerns these bodies".into());
+        }
+        if self.is_general() {
+            models.push(match self.options.narrow_phase {
+                NarrowPhase::Fast => "narrow phase fast".into(),
+                NarrowPhase::Accurate => "narrow phase accurate".into(),
+            });
         }
         if self.options.self_gravity {
             let gravity = self.gravity();

@@ -3,6 +3,7 @@
 use cd_formats::compute::Action;
 use cd_formats::snapshot::Ledger;
 
+use crate::geometry::Memory;
 use crate::laws::Law;
 use crate::math::{Quat, Vec3};
 use crate::scene::Scene;
@@ -13,7 +14,9 @@ pub struct Contact {
     /// Body indices; n points from the antagonist to the candidate.
     pub candidate: u32,
     pub antagonist: u32,
-    /// Features that touch; the same pair and features next step are the same contact.
+    /// Which contactors of the two bodies.
+    pub ranks: (u16, u16),
+    /// Features that touch; the same contactors and features next step are the same contact.
     pub features: (u32, u32),
     /// World frame, m.
     pub point: Vec3,
@@ -21,14 +24,24 @@ pub struct Contact {
     pub frame: [Vec3; 3],
     /// m, < 0 interpenetrating.
     pub gap: f64,
+    /// Its share of the area in which faces meet, m^2; 0 where none do.
+    pub area: f64,
     /// Index into `Scene::laws`.
     pub law: u8,
 }
 
+/// What detection keeps of two contactors that were near each other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairMemory {
+    /// Indices into `Scene::parts`, the candidate first.
+    pub parts: [u32; 2],
+    pub memory: Memory,
+}
+
 impl Contact {
     /// What makes it the same contact in another step; contacts are kept in this order.
-    pub fn key(&self) -> (u32, u32, u32, u32) {
-        (self.candidate, self.antagonist, self.features.0, self.features.1)
+    pub fn key(&self) -> (u32, u32, (u16, u16), (u32, u32)) {
+        (self.candidate, self.antagonist, self.ranks, self.features)
     }
 }
 
@@ -90,6 +103,8 @@ pub struct State {
     pub spin: Vec<Vec3>,
     /// The contacts of the last step by key, from which the next step starts.
     pub contacts: Vec<SolvedContact>,
+    /// Pairs of contactors that were near each other in the last step, in order.
+    pub pairs: Vec<PairMemory>,
     /// Uniform gravity now in force, m/s^2.
     pub gravity: Vec3,
     /// Share of velocity taken away at each step's start.

@@ -67,7 +67,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     let mut free = assemble::free_velocity(scene, state, &q_c); // M2  V_free = V + h M⁻¹ F(x_c)
     state.attraction = free.attraction.take();
     lap.stop(&mut clock.gravity);
-    let contacts = detect::contacts(scene, &q_c, &free.v, scene.options.dt); // M3  g, (n, t, s)
+    let (contacts, pairs) = detect::contacts(scene, &q_c, &free.v, scene.options.dt, &state.pairs); // M3  g, (n, t, s)
     lap.stop(&mut clock.detection);
     let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
     lap.stop(&mut clock.assembly);
@@ -76,7 +76,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     let solved = end_of_contacts(scene, &q_c, contacts, &free, &system, &solution);
     let report = book(scene, state, &q_c, &free, &system, &solution, &solved);
     integrate::advance(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
-    state.contacts = solved.contacts;
+    (state.contacts, state.pairs) = (solved.contacts, pairs);
     state.bonding = Bonding::No;
     lap.stop(&mut clock.integration);
     report
@@ -88,7 +88,7 @@ pub fn next_problem(scene: &Scene, state: &State) -> assemble::StoredProblem {
     assemble::interventions(scene, &mut state);
     let q_c = integrate::predict(scene, &state);
     let free = assemble::free_velocity(scene, &state, &q_c);
-    let contacts = detect::contacts(scene, &q_c, &free.v, scene.options.dt);
+    let (contacts, _) = detect::contacts(scene, &q_c, &free.v, scene.options.dt, &state.pairs);
     let system = assemble::contact_problem(scene, &state, &q_c, &contacts, &free.v, &free.w);
     assemble::stored_problem(&system, &contacts)
 }

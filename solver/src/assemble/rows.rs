@@ -117,7 +117,7 @@ pub fn contact_problem(
             }
             // A plate's motion at the contact point is in the row's shift.
             _ if full.is_some() => Record { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: 0.0 },
-            Shape::Plane { .. } => {
+            Shape::Plane { .. } | Shape::Parts => {
                 Record { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0 }
             }
         })
@@ -133,7 +133,12 @@ pub fn contact_problem(
         let [n, ..] = contact.frame;
         let u_before = relative_velocity(contact, &q_c.x, &state.v, &q_c.w);
         let law = &state.laws[contact.law as usize];
-        let radius = scene.effective_radius(contact.candidate, contact.antagonist);
+        // A stress acts on the area in which faces meet, where there is one.
+        let radius = if contact.area > 0.0 {
+            (contact.area / std::f64::consts::PI).sqrt()
+        } else {
+            scene.effective_radius(contact.candidate, contact.antagonist)
+        };
         let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
         let bond = previous.and_then(|old| old.bond).or(if bonds_now { law.bond(contact.gap, radius) } else { None });
         let at = Approach { gap: contact.gap, h, u_n: n.dot(&u_before), radius, slid_before, bond };

@@ -80,10 +80,12 @@ mod tests {
         let contact = |k: usize| Contact {
             candidate: pairs[k][0],
             antagonist: pairs[k][1],
+            ranks: (0, 0),
             features: (0, 0),
             point: Vec3::zeros(),
             frame: frames[k],
             gap: 0.0,
+            area: 0.0,
             law: 0,
         };
         let row = |k: usize| Row {

@@ -7,22 +7,39 @@
 
 mod broad;
 pub mod narrow;
+mod parts;
 
 use rayon::prelude::*;
 
 use crate::math::{Vec3, group, local_frame};
 use crate::scene::{Scene, Shape};
-use crate::state::Contact;
+use crate::state::{Contact, PairMemory};
 
 use crate::integrate::Configuration;
 
 /// All listed contacts, in the order of [`Contact::key`].
 ///
 /// `v_free`: velocities after the step if nothing touched, m/s; `h`: s.
-pub fn contacts(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], h: f64) -> Vec<Contact> {
+/// `pairs`: what the last step kept of its pairs; returns what is to be kept of this one's.
+pub fn contacts(
+    scene: &Scene,
+    q_c: &Configuration,
+    v_free: &[Vec3],
+    h: f64,
+    pairs: &[PairMemory],
+) -> (Vec<Contact>, Vec<PairMemory>) {
     let travel: Vec<f64> = v_free.iter().map(|v| h * v.norm()).collect();
+    if scene.is_general() {
+        let (found, pairs) = parts::contacts(scene, q_c, &travel, h, pairs);
+        return (in_order(scene, found), pairs);
+    }
     let mut found = among_spheres(scene, q_c, &travel);
     found.extend(with_planes(scene, q_c, &travel, h));
+    (in_order(scene, found), Vec::new())
+}
+
+/// In the order of [`Contact::key`].
+fn in_order(scene: &Scene, found: Vec<Contact>) -> Vec<Contact> {
     // By candidate first, so that only the few contacts of one body remain to be sorted.
     let candidates: Vec<u32> = found.iter().map(|contact| contact.candidate).collect();
     let (order, starts) = group(&candidates, scene.bodies.len());
@@ -36,7 +53,7 @@ pub fn contacts(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], h: f64) -> 
 fn among_spheres(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<Contact> {
     let radius = |i: u32| match scene.bodies[i as usize].shape {
         Shape::Sphere { radius } => radius,
-        Shape::Plane { .. } => unreachable!("spheres lists spheres"),
+        _ => unreachable!("spheres lists spheres"),
     };
     let centres: Vec<Vec3> = scene.spheres.iter().map(|&i| q_c.x[i as usize]).collect();
     let reach: Vec<f64> =
@@ -75,7 +92,7 @@ fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64], h: f64) -> Ve
 /// The contact of a pair, if the two see each other, are near enough, and not both driven.
 fn list(scene: &Scene, candidate: u32, antagonist: u32, found: narrow::Found, travel: f64) -> Option<Contact> {
     let (a, b) = (&scene.bodies[candidate as usize], &scene.bodies[antagonist as usize]);
-    let see = scene.visibility.see(a, b)?;
+    let see = scene.visibility.see(a.class, b.class)?;
     let range = see.alert.max(travel);
     // The range of a bond needs the radii, which a near pair is not asked for.
     let law = &scene.laws[see.law as usize];
@@ -90,10 +107,12 @@ fn list(scene: &Scene, candidate: u32, antagonist: u32, found: narrow::Found, tr
     Some(Contact {
         candidate,
         antagonist,
+        ranks: (0, 0),
         features: (0, found.feature),
         point: found.point,
         frame: local_frame(found.normal),
         gap: found.gap,
+        area: 0.0,
         law: see.law,
     })
 }

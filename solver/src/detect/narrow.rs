@@ -7,7 +7,7 @@ pub const UPPER: u32 = 0;
 pub const LOWER: u32 = 1;
 pub const RIM: u32 = 2;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Found {
     /// m, < 0 interpenetrating.
     pub gap: f64,
@@ -53,6 +53,46 @@ pub fn sphere_plane(centre: &Vec3, radius: f64, plate: &Vec3, orientation: &Quat
     Found { gap, normal, point: centre - normal * (radius + 0.5 * gap), feature }
 }
 
+/// Features of a cylinder: its round side, the end along its axis, the other end, the rims.
+pub const SIDE: u32 = 0;
+pub const END: u32 = 1;
+pub const OTHER_END: u32 = 2;
+pub const RIMS: u32 = 3;
+
+/// A sphere against a cylinder of `[half height, radius]` along its third axis: the nearest point of a solid one, from
+/// within through the nearest face; of a hollow one, which is closed, the side and the nearer end as seen from within.
+pub fn sphere_cylinder(
+    centre: &Vec3,
+    radius: f64,
+    cylinder: &Vec3,
+    orientation: &Quat,
+    [half_height, wide]: [f64; 2],
+    hollow: bool,
+) -> [Option<Found>; 2] {
+    let local = orientation.inverse_transform_vector(&(centre - cylinder));
+    let rho = local.x.hypot(local.y);
+    let outward = if rho > 0.0 { Vec3::new(local.x / rho, local.y / rho, 0.0) } else { Vec3::x() };
+    let up = Vec3::z() * 1f64.copysign(local.z);
+    let end = if local.z >= 0.0 { END } else { OTHER_END };
+    let (beside, beyond) = (rho - wide, local.z.abs() - half_height);
+    let found = |normal: Vec3, distance: f64, feature: u32| {
+        let (normal, gap) = (orientation * normal, distance - radius);
+        Some(Found { gap, normal, point: centre - normal * (radius + 0.5 * gap), feature })
+    };
+    if hollow {
+        return [found(-outward, -beside, SIDE), found(-up, -beyond, end)];
+    }
+    let solid = if beside > 0.0 && beyond > 0.0 {
+        let distance = beside.hypot(beyond);
+        found((outward * beside + up * beyond) / distance, distance, RIMS)
+    } else if beside >= beyond {
+        found(outward, beside, SIDE)
+    } else {
+        found(up, beyond, end)
+    };
+    [solid, None]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -79,6 +119,27 @@ mod tests {
         let inside = at(0.0, 0.0, 0.4);
         assert_eq!((inside.normal, inside.feature), (Vec3::z(), UPPER));
         assert!((inside.gap + 0.35).abs() < 1e-16);
+    }
+
+    #[test]
+    fn cylinders_are_met_outside_at_their_rims_and_inside() {
+        // Radius 2, half height 1, its axis along x.
+        let turn = Quat::from_scaled_axis(Vec3::y() * std::f64::consts::FRAC_PI_2);
+        let at = |x, y, z, hollow| {
+            sphere_cylinder(&Vec3::new(x, y, z), 0.25, &Vec3::zeros(), &turn, [1.0, 2.0], hollow)
+                .map(Option::unwrap_or_default)
+        };
+        let check = |found: Found, gap: f64, normal: [f64; 3], feature: u32| {
+            assert!((found.gap - gap).abs() < 1e-15 && (found.normal - Vec3::from(normal)).norm() < 1e-15, "{found:?}");
+            assert_eq!(found.feature, feature);
+        };
+        check(at(0.5, 2.5, 0.0, false)[0], 0.25, [0.0, 1.0, 0.0], SIDE);
+        check(at(1.5, 0.5, 0.0, false)[0], 0.25, [1.0, 0.0, 0.0], END);
+        check(at(-1.3, 0.0, 2.4, false)[0], 0.25, [-0.6, 0.0, 0.8], RIMS);
+        check(at(-0.9, 0.0, 0.0, false)[0], -0.35, [-1.0, 0.0, 0.0], OTHER_END);
+        let [side, end] = at(0.5, 0.0, -1.5, true);
+        check(side, 0.25, [0.0, 0.0, 1.0], SIDE);
+        check(end, 0.25, [-1.0, 0.0, 0.0], END);
     }
 
     #[test]

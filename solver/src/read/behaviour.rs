@@ -6,12 +6,40 @@ use cd_formats::compute::Action;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::LawName;
 use cd_formats::tact_behav::{Side, TactBehav};
-use cd_formats::vloc_rloc::VlocRloc;
+use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 
 use crate::laws::{Cohesion, KINDS, Law};
 use crate::math::{Quat, Vec3};
-use crate::scene::{Body, Scene, See, Shape, Visibility};
+use crate::scene::{Body, Geometry, Part, Scene, See, Shape, Visibility};
 use crate::state::{Contact, SolvedContact, Status};
+
+/// Names of the contactors that are told apart by the visibility table.
+const CONTACTORS: [[&str; 2]; 5] = [["SPHER", "SPHEb"], ["PLANx"; 2], ["POLYR"; 2], ["CYLND"; 2], ["DNLYC"; 2]];
+
+fn kind_of(geometry: &Geometry) -> usize {
+    match geometry {
+        Geometry::Sphere { .. } => 0,
+        Geometry::Plane { .. } => 1,
+        Geometry::Polyhedron(_) => 2,
+        Geometry::Cylinder { hollow: false, .. } => 3,
+        Geometry::Cylinder { hollow: true, .. } => 4,
+    }
+}
+
+/// Kind and class of the contactor that a side of a contact names, if the body has it.
+fn contactor(scene: &Scene, side: &ContactSide) -> Option<(usize, u16)> {
+    let body = &scene.bodies[side.body];
+    let (kind, class) = match body.shape {
+        Shape::Sphere { .. } => (0, body.class),
+        Shape::Plane { .. } => (1, body.class),
+        Shape::Parts => {
+            let of_body = |part: &&Part| part.body as usize == side.body && part.rank as usize == side.rank;
+            let part = scene.parts.iter().find(of_body)?;
+            (kind_of(&part.geometry), part.class)
+        }
+    };
+    CONTACTORS[kind].contains(&side.contactor.as_str()).then_some((kind, class))
+}
 
 /// Puts laws and visibility into the scene.
 pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Faults) {
@@ -50,19 +78,19 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
     }
 
     let colours = scene.colours.len().max(1);
-    let class = |sphere: bool, colour: usize| if sphere { colour } else { colours + colour };
+    let class = |kind: usize, colour: u16| (kind * colours + colour as usize) as u16;
     for body in &mut scene.bodies {
-        body.class = class(body.is_sphere(), body.colour as usize) as u16;
+        body.class = class(usize::from(!body.is_sphere()), body.colour);
     }
-    let classes = 2 * colours;
+    for part in &mut scene.parts {
+        part.class = class(kind_of(&part.geometry), part.colour);
+    }
+    let classes = CONTACTORS.len() * colours;
     let mut table: Vec<Option<See>> = vec![None; classes * classes];
     let class_of = |side: &Side| {
         let colour = scene.colours.iter().position(|colour| *colour == side.colour)?;
-        match side.contactor.as_str() {
-            "SPHER" => Some(class(true, colour)),
-            "PLANx" => Some(class(false, colour)),
-            _ => None,
-        }
+        let kind = CONTACTORS.iter().position(|names| names.contains(&side.contactor.as_str()))?;
+        Some(class(kind, colour as u16) as usize)
     };
     for row in &tact.visibility {
         let law = tact.laws.iter().position(|law| law.nickname == row.law).and_then(|k| number[k]);
@@ -70,11 +98,19 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
         let (Some(a), Some(b), Some(law)) = (class_of(&row.candidate), class_of(&row.antagonist), law) else {
             continue;
         };
+        let kinds = [a, b].map(|class| CONTACTORS[class / colours][0]);
+        let cylinder = kinds.contains(&"CYLND") || kinds.contains(&"DNLYC");
+        let concerns = |class: usize| scene.parts.iter().any(|part| part.class as usize == class);
+        if kinds.contains(&"POLYR") && cylinder && concerns(a) && concerns(b) {
+            let found = format!("{} and {} see each other", kinds[0], kinds[1]);
+            let expected = "expected no such row: contacts of polyhedra with cylinders are not computed";
+            faults.push(Fault::new(&file, Some(row.line), "see", found, expected));
+        }
         let see = See { law, alert: scene.options.alert.unwrap_or(row.alert) };
         table[a * classes + b] = Some(see);
         table[b * classes + a] = Some(see);
     }
-    let radius = |body: &Body| if let Shape::Sphere { radius } = body.shape { radius } else { 0.0 };
+    let radius = |body: &Body| if let Shape::Plane { .. } = body.shape { 0.0 } else { body.radius };
     let largest = scene.bodies.iter().map(radius).fold(0.0, f64::max);
     let range = |see: &See| see.alert.max(scene.laws[see.law as usize].range(largest));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
@@ -127,20 +163,13 @@ pub fn history(
             ));
             continue;
         }
-        let [a, b] = sides.map(|side| &scene.bodies[side.body]);
-        let named = |side: &str, body: &Body| (side == "SPHER") == body.is_sphere();
-        if !named(&record.candidate.contactor, a) || !named(&record.antagonist.contactor, b) || !a.is_sphere() {
+        let [Some((kind_a, class_a)), Some((kind_b, class_b))] = sides.map(|side| contactor(scene, side)) else {
             let found = format!("{} of bodies {} and {}", record.kind, sides[0].body + 1, sides[1].body + 1);
-            faults.push(Fault::new(
-                &file,
-                Some(record.line),
-                "contact",
-                found,
-                "expected SPSPx or SPPLx of the bodies' own contactors",
-            ));
+            let expected = "expected a kind of the bodies' own contactors";
+            faults.push(Fault::new(&file, Some(record.line), "contact", found, expected));
             continue;
-        }
-        let Some(see) = scene.visibility.see(a, b) else { continue };
+        };
+        let Some(see) = scene.visibility.see(class_a, class_b) else { continue };
         let status = match record.status.as_str() {
             status if status.ends_with("slide") || status.ends_with("slid") => Status::Slide,
             "noctc" | "nknow" => Status::NoContact,
@@ -154,15 +183,22 @@ pub fn history(
         let frame = record.frame.map(Vec3::from);
         // The file does not name a plate's face; the normal tells.
         let third_axis = orientations[record.antagonist.body] * Vec3::z();
-        let face = if b.is_sphere() || frame[0].dot(&third_axis) >= 0.0 { 0 } else { 1 };
+        let face = if CONTACTORS[kind_b] != ["PLANx"; 2] || frame[0].dot(&third_axis) >= 0.0 { 0 } else { 1 };
+        // Features of polyhedra are not in the file, so that their contacts could not be found again: the next best
+        // is to start them from nothing.
+        if [kind_a, kind_b].iter().any(|kind| CONTACTORS[*kind] == ["POLYR"; 2]) {
+            continue;
+        }
         contacts.push(SolvedContact {
             contact: Contact {
                 candidate: record.candidate.body as u32,
                 antagonist: record.antagonist.body as u32,
+                ranks: (sides[0].rank as u16, sides[1].rank as u16),
                 features: (0, face),
                 point: Vec3::from(record.point),
                 frame,
                 gap: record.gap,
+                area: 0.0,
                 law: see.law,
             },
             impulse: Vec3::from(record.force) * h,

@@ -1,9 +1,8 @@
 //! BODIES.DAT, DRV_DOF.DAT and DOF.INI to bodies, drives and motion.
 
-use std::f64::consts::PI;
 use std::path::Path;
 
-use cd_formats::bodies::{self, Bodies};
+use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
@@ -13,7 +12,8 @@ use cd_formats::snapshot::MaterialName;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use crate::math::{Quat, Vec3};
-use crate::scene::{Body, Drive, Load, Scene, Shape, Visibility};
+use crate::read::parts::{Made, make};
+use crate::scene::{Body, Drive, Geometry, Load, Part, Scene, Shape, Visibility};
 
 /// The scene without its laws.
 pub fn scene(
@@ -27,28 +27,32 @@ pub fn scene(
     let file = datbox.join("BODIES.DAT");
     let mut colours: Vec<String> = Vec::new();
     let mut bodies = Vec::new();
+    let mut parts = Vec::new();
+    let mut frames = Vec::new();
     for (index, record) in records.0.iter().enumerate() {
-        match body(record, bulk, &mut colours) {
-            Ok(body) => bodies.push(body),
-            Err((found, expected)) => {
-                faults.push(Fault::new(&file, Some(record.line), format!("body {}", index + 1), found, expected));
-                bodies.push(placeholder());
-            }
-        }
+        let made = make(record, bulk, &mut colours).unwrap_or_else(|(found, expected)| {
+            faults.push(Fault::new(&file, Some(record.line), format!("body {}", index + 1), found, expected));
+            placeholder()
+        });
+        bodies.push(made.body);
+        parts.extend(made.parts.into_iter().map(|part| Part { body: index as u32, ..part }));
+        frames.push((made.shift, made.axes));
     }
     let (drives, loads) = motion_imposed(datbox, driven, &mut bodies, faults);
-    for (index, body) in bodies.iter().enumerate() {
-        if matches!(body.shape, Shape::Plane { .. }) && !body.driven {
-            let expected = "expected six vlocy lines in DRV_DOF.DAT: plates are walls, all their motion is imposed";
-            let line = Some(records.0[index].line);
-            faults.push(Fault::new(
-                &file,
-                line,
-                format!("body {}", index + 1),
-                "a PLANx that may move freely",
-                expected,
-            ));
-        }
+    for part in parts.iter().filter(|part: &&Part| !bodies[part.body as usize].driven) {
+        let (name, kind) = match part.geometry {
+            Geometry::Plane { .. } => ("PLANx", "plates"),
+            Geometry::Cylinder { hollow: false, .. } => ("CYLND", "cylinders"),
+            Geometry::Cylinder { hollow: true, .. } => ("DNLYC", "hollow cylinders"),
+            Geometry::Sphere { .. } | Geometry::Polyhedron(_) => continue,
+        };
+        let expected =
+            format!("expected six vlocy lines in DRV_DOF.DAT: {kind} are walls, all their motion is imposed");
+        let (line, object) = (Some(records.0[part.body as usize].line), format!("body {}", part.body + 1));
+        faults.push(Fault::new(&file, line, object, format!("a {name} that may move freely"), expected));
+    }
+    if !bodies.iter().any(|body| body.shape == Shape::Parts) {
+        parts.clear();
     }
 
     let indices = |chosen: &dyn Fn(&Body) -> bool| -> Vec<u32> {
@@ -56,8 +60,9 @@ pub fn scene(
     };
     let free = indices(&|body| !body.driven);
     let spheres = indices(&Body::is_sphere);
-    let planes = indices(&|body| !body.is_sphere());
-    let radii: Vec<f64> = free.iter().filter_map(|&i| radius(&bodies[i as usize])).collect();
+    let planes = indices(&|body| matches!(body.shape, Shape::Plane { .. }));
+    let turning = indices(&|body| !body.driven && !body.is_isotropic());
+    let radii: Vec<f64> = free.iter().map(|&i| bodies[i as usize].radius).collect();
     let mut events = options.events.clone();
     events.sort_by(|a, b| a.time.total_cmp(&b.time));
     Scene {
@@ -71,97 +76,41 @@ pub fn scene(
         materials: bulk.materials.iter().map(|m| MaterialName { name: m.name.clone(), density: m.density }).collect(),
         colours,
         law_names: Vec::new(),
-        reference: records.0.iter().map(|body| Vec3::from(body.position)).collect(),
+        reference: records.0.iter().zip(&frames).map(|(body, (shift, _))| Vec3::from(body.position) + shift).collect(),
+        axes: frames.iter().map(|(_, axes)| *axes).collect(),
         free,
         spheres,
         planes,
-        general: false,
-        turning: Vec::new(),
+        parts,
+        notes: notes(&bodies, &frames),
+        turning,
         mean_radius: radii.iter().sum::<f64>() / radii.len().max(1) as f64,
         listing_range: 0.0,
         bodies,
     }
 }
 
-fn radius(body: &Body) -> Option<f64> {
-    match body.shape {
-        Shape::Sphere { radius } => Some(radius),
-        Shape::Plane { .. } => None,
-    }
-}
-
 /// Stands in for a body that was refused, so that the rest can be checked.
-fn placeholder() -> Body {
+fn placeholder() -> Made {
     let shape = Shape::Sphere { radius: 1.0 };
-    Body { shape, mass: 1.0, inertia: [1.0; 3], driven: false, material: 0, colour: 0, class: 0 }
+    let body =
+        Body { shape, radius: 1.0, mass: 1.0, inertia: [1.0; 3], driven: false, material: 0, colour: 0, class: 0 };
+    Made { body, parts: Vec::new(), shift: Vec3::zeros(), axes: Quat::identity() }
 }
 
-/// What stands there and what was expected.
-type Refusal = (String, String);
-
-fn body(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) -> Result<Body, Refusal> {
-    let [contactor] = record.contactors.as_slice() else {
-        let found = format!("{} contactors", record.contactors.len());
-        return Err((found, "expected one: clusters are not computed".into()));
+/// Centres of mass that are not where the file says, beyond its digits.
+fn notes(bodies: &[Body], frames: &[(Vec3, Quat)]) -> Vec<String> {
+    let moved = |(_, (body, (shift, _))): &(usize, (&Body, &(Vec3, Quat)))| shift.norm() > 1e-6 * body.radius;
+    let moved: Vec<(usize, f64)> =
+        bodies.iter().zip(frames).enumerate().filter(moved).map(|(i, (_, (shift, _)))| (i + 1, shift.norm())).collect();
+    let Some((body, most)) = moved.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }) else {
+        return Vec::new();
     };
-    let Some(material) = bulk.materials.iter().position(|m| m.name == record.material) else {
-        let names: Vec<&str> = bulk.materials.iter().map(|m| m.name.as_str()).collect();
-        return Err((
-            format!("material '{}' is not defined", record.material),
-            format!("defined are {}", names.join(", ")),
-        ));
-    };
-    let density = bulk.materials[material].density;
-    if density <= 0.0 {
-        return Err((
-            format!("material '{}' has the density {density}", record.material),
-            "expected more than 0".into(),
-        ));
-    }
-    let framed = contactor.local_frame.as_ref().is_some_and(|frame| {
-        frame.offset != [0.0; 3] || frame.axes != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-    });
-    if framed {
-        let found = format!("contactor {} with a localframe", contactor.shape.name());
-        return Err((found, "expected the frame in DOF.INI (axes a, b, g)".into()));
-    }
-    let (shape, volume, inertia) = match contactor.shape {
-        bodies::Shape::Sphere { radius: r } => {
-            let volume = 4.0 / 3.0 * PI * r.powi(3);
-            (Shape::Sphere { radius: r }, volume, [0.4 * volume * r * r; 3])
-        }
-        bodies::Shape::Plane { half_lengths: [a, b, c] } => {
-            let volume = 8.0 * a * b * c;
-            let inertia = [b * b + c * c, a * a + c * c, a * a + b * b].map(|square| volume / 3.0 * square);
-            (Shape::Plane { half_lengths: Vec3::new(a, b, c) }, volume, inertia)
-        }
-        ref other => return Err((format!("contactor {}", other.name()), "computed are SPHER and PLANx".into())),
-    };
-    if let (bodies::Shape::Sphere { radius }, avrd) = (&contactor.shape, record.equivalent_radius) {
-        // The files hold 7 or 8 digits.
-        if avrd != 0.0 && (avrd - radius).abs() > 1e-6 * radius {
-            let expected =
-                format!("expected 0 or the contactor's radius {radius}: a sphere's mass follows from its own size");
-            return Err((format!("avrd {avrd}"), expected));
-        }
-    }
-    let mass = density * volume;
-    if !(mass.is_finite() && mass > 0.0 && inertia.iter().all(|i| (density * i).is_finite() && density * i > 0.0)) {
-        return Err((format!("mass {mass} kg"), "expected mass and inertia that a number can hold".into()));
-    }
-    let colour = colours.iter().position(|c| *c == contactor.colour).unwrap_or_else(|| {
-        colours.push(contactor.colour.clone());
-        colours.len() - 1
-    });
-    Ok(Body {
-        shape,
-        mass,
-        inertia: inertia.map(|i| density * i),
-        driven: false,
-        material: material as u16,
-        colour: colour as u16,
-        class: 0,
-    })
+    let bodies = if moved.len() == 1 { "body stands" } else { "bodies stand" };
+    vec![format!(
+        "BODIES.DAT: {} {bodies} with the centre of mass of the shape, not at coo1 to coo3; by up to {most:.3e} m, body {body}",
+        moved.len()
+    )]
 }
 
 fn motion_imposed(datbox: &Path, driven: &DrvDof, bodies: &mut [Body], faults: &mut Faults) -> (Vec<Drive>, Vec<Load>) {
@@ -221,8 +170,8 @@ pub fn motion(
 ) -> (Vec<Vec3>, Vec<Quat>, Vec<Vec3>, Vec<Vec3>) {
     let file = datbox.join("DOF.INI");
     let count = records.0.len();
-    let mut x: Vec<Vec3> = records.0.iter().map(|body| Vec3::from(body.position)).collect();
-    let mut q = vec![Quat::identity(); count];
+    let mut x = scene.reference.clone();
+    let mut q = scene.axes.clone();
     let mut v = vec![Vec3::zeros(); count];
     let mut w = vec![Vec3::zeros(); count];
     for row in &dof.bodies {

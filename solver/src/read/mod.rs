@@ -3,6 +3,7 @@
 
 mod behaviour;
 mod bodies;
+mod parts;
 pub mod resume;
 
 use std::path::Path;
@@ -48,6 +49,8 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     behaviour::check_events(&scene, &mut faults);
     let (x, q, v, w) = bodies::motion(&datbox, &bodies, &dof, &scene, &mut faults);
     let contacts = behaviour::history(&datbox, &history, &scene, &q, &mut faults);
+    let spin =
+        (scene.turning.iter().map(|&i| i as usize)).map(|i| scene.bodies[i].angular_momentum(&q[i], &w[i])).collect();
     let mut state = State {
         step: dof.step,
         time: dof.time,
@@ -56,7 +59,8 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         q,
         v,
         w,
-        spin: Vec::new(),
+        spin,
+        pairs: Vec::new(),
         contacts,
         gravity: Vec3::from(bulk.gravity),
         quench: scene.options.quench,

@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{self, LawName, STATUS_NO_CONTACT, STATUS_SLIDE, Snapshot};
+use cd_formats::snapshot::{self, LawName, STATUS_NO_CONTACT, STATUS_SLIDE, Shapes, Snapshot};
 use nalgebra::{Quaternion, UnitQuaternion};
 
+use crate::geometry::Memory;
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{Attraction, Bonding, Contact, SolvedContact, State, Status};
+use crate::state::{Attraction, Bonding, Contact, PairMemory, SolvedContact, State, Status};
 
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
 /// A snapshot of other bodies or laws than the scene's is refused.
@@ -17,7 +18,16 @@ pub fn last(outbox: &Path, scene: &Scene, state: &mut State) -> Result<Option<u6
     let snapshot = Snapshot::read(&path)?;
     check(&path, scene, &snapshot)?;
     state.attraction = attraction(scene, &snapshot);
+    let kept = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| pairs(scene, shapes, |row| row));
+    let complete = snapshot.shapes.as_ref().is_none_or(|shapes| {
+        kept.len() == shapes.pairs.pair_memory.len() && shapes.turning.turning_body == scene.turning
+    });
+    if !complete || snapshot.shapes.is_some() != scene.is_general() {
+        let found = "other contactors or moments of inertia";
+        return Err(Fault::new(&path, None, "snapshot", found, "expected those of DATBOX").into());
+    }
     restore(snapshot, state);
+    state.pairs = kept;
     if state.step > scene.start.0 {
         state.bonding = Bonding::No;
     }
@@ -95,6 +105,10 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
     faults.into_result(())?;
     let body: Vec<u32> = snapshot.bodies.body_id.iter().map(|&id| id as u32 - 1).collect();
     let mut started = state.clone();
+    let (kept, turning) = match &snapshot.shapes {
+        Some(shapes) => (pairs(scene, shapes, |row| body[row as usize]), shapes.turning.turning_body.clone()),
+        None => (Vec::new(), Vec::new()),
+    };
     restore(snapshot, &mut started);
     (state.step, state.time, state.h) = (started.step, started.time, started.h);
     for (row, &i) in body.iter().enumerate() {
@@ -102,13 +116,24 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
         (state.v[i], state.w[i]) = (started.v[row], started.w[row]);
     }
+    for (&i, spin) in scene.turning.iter().zip(&mut state.spin) {
+        *spin = scene.bodies[i as usize].angular_momentum(&state.q[i as usize], &state.w[i as usize]);
+    }
+    for (momentum, i) in started.spin.into_iter().zip(turning) {
+        if let Ok(place) = scene.turning.binary_search(&body[i as usize]) {
+            state.spin[place] = momentum;
+        }
+    }
+    state.pairs = kept;
     state.contacts = started.contacts;
     for solved in &mut state.contacts {
         let contact = &mut solved.contact;
         (contact.candidate, contact.antagonist) = (body[contact.candidate as usize], body[contact.antagonist as usize]);
     }
     let see = |contact: &Contact| {
-        scene.visibility.see(&scene.bodies[contact.candidate as usize], &scene.bodies[contact.antagonist as usize])
+        let a = scene.class_of(contact.candidate, contact.ranks.0)?;
+        let b = scene.class_of(contact.antagonist, contact.ranks.1)?;
+        scene.visibility.see(a, b)
     };
     state.contacts.retain_mut(|solved| see(&solved.contact).map(|see| solved.contact.law = see.law).is_some());
     state.contacts.sort_by_key(|solved| solved.contact.key());
@@ -122,8 +147,29 @@ fn attraction(scene: &Scene, snapshot: &Snapshot) -> Option<Attraction> {
     Some(Attraction { record, last: of_free(&gravity.gravity_last), before: of_free(&gravity.gravity_before) })
 }
 
+/// What a snapshot keeps of pairs of contactors that this scene has, `body` giving the body of each of its rows.
+fn pairs(scene: &Scene, shapes: &Shapes, body: impl Fn(u32) -> u32) -> Vec<PairMemory> {
+    let part = |row: u32, rank: u32| {
+        let key = (body(row), rank);
+        scene.parts.binary_search_by_key(&key, |part| (part.body, part.rank.into())).ok().map(|k| k as u32)
+    };
+    let rows = shapes.pairs.pair_body.iter().zip(&shapes.pairs.pair_rank).zip(&shapes.pairs.pair_memory);
+    let mut pairs: Vec<PairMemory> = rows
+        .filter_map(|((&[a, b], &[r, s]), &words)| {
+            Some(PairMemory { parts: [part(a, r)?, part(b, s)?], memory: Memory::from_words(words) })
+        })
+        .collect();
+    pairs.sort_by_key(|pair| pair.parts);
+    pairs
+}
+
 fn restore(snapshot: Snapshot, state: &mut State) {
-    let Snapshot { meta, bodies, contacts, memory, .. } = snapshot;
+    let Snapshot { meta, bodies, contacts, memory, shapes, .. } = snapshot;
+    let shapes = shapes.unwrap_or_default();
+    let ranks = |k: usize| {
+        let [a, b] = shapes.contacts.contact_rank.get(k).copied().unwrap_or_default();
+        (a as u16, b as u16)
+    };
     let vectors = |rows: Vec<[f64; 3]>| rows.into_iter().map(Vec3::from).collect::<Vec<_>>();
     state.step = meta.step;
     state.time = meta.time;
@@ -134,6 +180,7 @@ fn restore(snapshot: Snapshot, state: &mut State) {
         bodies.body_q.iter().map(|&[w, x, y, z]| UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z))).collect();
     state.v = vectors(bodies.body_v);
     state.w = vectors(bodies.body_w_world);
+    state.spin = vectors(shapes.turning.turning_momentum);
     state.events_done = meta.parameters.events_done as usize;
     state.ledger = meta.ledger;
     state.contacts = (0..contacts.contact_body.len())
@@ -141,10 +188,12 @@ fn restore(snapshot: Snapshot, state: &mut State) {
             contact: Contact {
                 candidate: contacts.contact_body[k][0],
                 antagonist: contacts.contact_body[k][1],
+                ranks: ranks(k),
                 features: contacts.contact_feature[k].into(),
                 point: Vec3::from(contacts.contact_point[k]),
                 frame: contacts.contact_frame[k].map(Vec3::from),
                 gap: contacts.contact_gap[k],
+                area: shapes.contacts.contact_area.get(k).copied().unwrap_or_default(),
                 law: contacts.contact_law[k],
             },
             impulse: Vec3::from(contacts.contact_impulse[k]),

@@ -1,13 +1,13 @@
 //! The state as a snapshot.
 
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, GravityArrays, MemoryArrays, Meta, Parameters, SHAPE_PLANE,
-    SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Snapshot,
+    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, GravityArrays, MemoryArrays, Meta, Parameters, SHAPE_PARTS, SHAPE_PLANE,
+    SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
 };
 
 use crate::laws::Law;
 use crate::math::Vec3;
-use crate::scene::{Body, Scene, Shape};
+use crate::scene::{Part, Scene, Shape};
 use crate::state::{SolvedContact, State, Status};
 
 /// All of the state, with what of the scene its reader needs.
@@ -19,6 +19,7 @@ pub fn of(scene: &Scene, state: &State) -> Snapshot {
         contacts: contacts(state),
         memory,
         gravity: gravity(scene, state),
+        shapes: scene.is_general().then(|| shapes(scene, state)),
     }
 }
 
@@ -37,6 +38,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
             alert: options.alert,
             self_gravity: options.self_gravity,
             gravity: options.gravity,
+            narrow_phase: options.narrow_phase,
             gravity_constant: options.gravity_constant,
             gravity_error: options.gravity_error,
             gravity_order: options.gravity_order,
@@ -67,23 +69,38 @@ fn bodies(scene: &Scene, state: &State) -> BodyArrays {
         body_w_world: of(&|i| state.w[i]),
         body_mass: body.iter().map(|b| b.mass).collect(),
         body_inertia: body.iter().map(|b| b.inertia).collect(),
-        body_radius: body.iter().map(equal_volume_radius).collect(),
+        body_radius: body.iter().map(|b| b.radius).collect(),
         body_half_lengths: of(&|i| match body[i].shape {
-            Shape::Sphere { radius } => Vec3::repeat(radius),
             Shape::Plane { half_lengths } => half_lengths,
+            Shape::Sphere { .. } | Shape::Parts => Vec3::repeat(body[i].radius),
         }),
-        body_shape: body.iter().map(|b| if b.is_sphere() { SHAPE_SPHERE } else { SHAPE_PLANE }).collect(),
+        body_shape: (body.iter())
+            .map(|b| match b.shape {
+                Shape::Sphere { .. } => SHAPE_SPHERE,
+                Shape::Plane { .. } => SHAPE_PLANE,
+                Shape::Parts => SHAPE_PARTS,
+            })
+            .collect(),
         body_driven: body.iter().map(|b| if b.driven { DRIVEN_ALL } else { 0 }).collect(),
         body_colour: body.iter().map(|b| b.colour).collect(),
         body_material: body.iter().map(|b| b.material).collect(),
     }
 }
 
-fn equal_volume_radius(body: &Body) -> f64 {
-    match body.shape {
-        Shape::Sphere { radius } => radius,
-        Shape::Plane { half_lengths } => (8.0 * half_lengths.product() * 3.0 / (4.0 * std::f64::consts::PI)).cbrt(),
-    }
+fn shapes(scene: &Scene, state: &State) -> Shapes {
+    let mut shapes = Shapes::default();
+    shapes.turning.turning_body = scene.turning.clone();
+    shapes.turning.turning_momentum = state.spin.iter().map(|&l| l.into()).collect();
+    shapes.contacts.contact_rank =
+        state.contacts.iter().map(|c| [c.contact.ranks.0, c.contact.ranks.1].map(u32::from)).collect();
+    shapes.contacts.contact_area = state.contacts.iter().map(|c| c.contact.area).collect();
+    let of_pairs = |value: fn(&Part) -> u32| -> Vec<[u32; 2]> {
+        state.pairs.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part as usize]))).collect()
+    };
+    shapes.pairs.pair_body = of_pairs(|part| part.body);
+    shapes.pairs.pair_rank = of_pairs(|part| part.rank.into());
+    shapes.pairs.pair_memory = state.pairs.iter().map(|pair| pair.memory.words()).collect();
+    shapes
 }
 
 fn gravity(scene: &Scene, state: &State) -> Option<GravityArrays> {

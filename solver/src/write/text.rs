@@ -9,7 +9,7 @@ use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
 use crate::laws::Cohesion;
 use crate::math::Vec3;
-use crate::scene::Scene;
+use crate::scene::{Geometry, Part, Scene, Shape};
 use crate::state::{SolvedContact, State, Status};
 
 /// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, k the number of the output counted from 1.
@@ -41,16 +41,49 @@ fn motion(scene: &Scene, state: &State) -> Dof {
     Dof { step: state.step, time: state.time, bodies }
 }
 
+/// Contactor of the name that LMGC90 gives it.
+fn name(part: &Part) -> &'static str {
+    match part.geometry {
+        Geometry::Sphere { .. } if part.offset == Vec3::zeros() => "SPHER",
+        Geometry::Sphere { .. } => "SPHEb",
+        Geometry::Plane { .. } => "PLANx",
+        Geometry::Polyhedron(_) => "POLYR",
+        Geometry::Cylinder { hollow: false, .. } => "CYLND",
+        Geometry::Cylinder { hollow: true, .. } => "DNLYC",
+    }
+}
+
+/// LMGC90's kind of a contact. It has none between a polyhedron and a cylinder: PRPRx is the nearest.
+fn kind(candidate: &str, antagonist: &str) -> &'static str {
+    match (candidate, antagonist) {
+        ("POLYR", "PLANx") => "PRPLx",
+        ("POLYR", _) => "PRPRx",
+        (_, "SPHER" | "SPHEb") => "SPSPx",
+        (_, "PLANx") => "SPPLx",
+        (_, "POLYR") => "SPPRx",
+        (_, "CYLND") => "SPCDx",
+        _ => "SPDCx",
+    }
+}
+
 fn contacts(scene: &Scene, state: &State) -> VlocRloc {
-    let side = |body: u32| {
-        let sphere = scene.bodies[body as usize].is_sphere();
-        ContactSide { body: body as usize, contactor: if sphere { "SPHER" } else { "PLANx" }.into(), rank: 0 }
+    let side = |body: u32, rank: u16| {
+        let contactor = match scene.bodies[body as usize].shape {
+            Shape::Sphere { .. } => "SPHER",
+            Shape::Plane { .. } => "PLANx",
+            Shape::Parts => {
+                let place = scene.parts.binary_search_by_key(&(body, rank), |part| (part.body, part.rank));
+                name(&scene.parts[place.unwrap_or_default()])
+            }
+        };
+        ContactSide { body: body as usize, contactor: contactor.into(), rank: rank.into() }
     };
     let record = |SolvedContact { contact, impulse, velocity, status, bond }: &SolvedContact| {
-        let (candidate, antagonist) = (side(contact.candidate), side(contact.antagonist));
+        let candidate = side(contact.candidate, contact.ranks.0);
+        let antagonist = side(contact.antagonist, contact.ranks.1);
         ContactRecord {
             line: 0,
-            kind: if antagonist.contactor == "SPHER" { "SPSPx" } else { "SPPLx" }.into(),
+            kind: kind(&candidate.contactor, &antagonist.contactor).into(),
             candidate,
             antagonist,
             law: scene.law_names[contact.law as usize].nickname.clone(),

@@ -18,6 +18,22 @@ const X: [f64; 3] = [1.0, 0.0, 0.0];
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
 const Z: [f64; 3] = [0.0, 0.0, 1.0];
 
+/// Triangles of a box whose vertex k has bit i of k set on the positive side of axis i.
+pub const BOX: [[u32; 3]; 12] = [
+    [0, 2, 1],
+    [1, 2, 3],
+    [4, 5, 6],
+    [5, 7, 6],
+    [0, 1, 4],
+    [1, 5, 4],
+    [2, 6, 3],
+    [3, 6, 7],
+    [0, 4, 2],
+    [2, 4, 6],
+    [1, 3, 5],
+    [3, 7, 5],
+];
+
 /// Spheres and plates in a folder of their own. Angles and lengths that the files can hold exactly
 /// (eight digits) are kept exactly; positions are exact to round-off, see [`Case::add`].
 pub struct Case {
@@ -84,7 +100,24 @@ impl Case {
         body
     }
 
-    /// Gives a sphere a velocity and an angular velocity.
+    /// A polyhedron by its vertices and triangles; principal axes are found by the program.
+    pub fn polyhedron(&mut self, vertices: &[[f64; 3]], triangles: &[[u32; 3]], x: [f64; 3]) -> usize {
+        let shape = Shape::Polyhedron { vertices: vertices.to_vec(), triangles: triangles.to_vec() };
+        self.add(shape, "GRAIN", x, [X, Y, Z])
+    }
+
+    /// A box by its half lengths along its axes.
+    pub fn block(&mut self, half: [f64; 3], x: [f64; 3], axes: [[f64; 3]; 3]) -> usize {
+        let vertices = (0..8u32).map(|k| [0, 1, 2].map(|i| if k >> i & 1 == 1 { half[i] } else { -half[i] })).collect();
+        let body = self.add(Shape::Polyhedron { vertices, triangles: BOX.to_vec() }, "GRAIN", x, axes);
+        // The axes are those of the box.
+        let [a, b, c] = half.map(|h| h * h);
+        let volume = 8.0 * half.iter().product::<f64>();
+        self.bodies[body].inertia = Some([b + c, a + c, a + b].map(|square| volume / 3.0 * square));
+        body
+    }
+
+    /// Gives a body a velocity and an angular velocity.
     pub fn launch(&mut self, body: usize, v: [f64; 3], w: [f64; 3]) {
         self.dof[body].velocity = [v[0], v[1], v[2], w[0], w[1], w[2]];
     }
@@ -143,15 +176,36 @@ impl Case {
         self.law_with("PLANx", kind, parameters);
     }
 
+    /// One law for all contacts, those of polyhedra and cylinders among them.
+    pub fn law_of_all(&mut self, kind: &str, parameters: &[f64]) {
+        self.law(kind, parameters);
+        for (candidate, antagonist) in [
+            ("SPHER", "POLYR"),
+            ("SPHER", "CYLND"),
+            ("SPHER", "DNLYC"),
+            ("POLYR", "POLYR"),
+            ("POLYR", "PLANx"),
+            ("POLYR", "CYLND"),
+            ("POLYR", "DNLYC"),
+        ] {
+            self.law_between(candidate, antagonist, kind, parameters);
+        }
+    }
+
     /// The law of spheres with contactors of one type.
     pub fn law_with(&mut self, antagonist: &str, kind: &str, parameters: &[f64]) {
+        self.law_between("SPHER", antagonist, kind, parameters);
+    }
+
+    /// The law of contactors of two types.
+    pub fn law_between(&mut self, candidate: &str, antagonist: &str, kind: &str, parameters: &[f64]) {
         let nickname = format!("law{:02}", self.tact.laws.len());
         let side = |contactor: &str| Side {
             body: "RBDY3".into(),
             contactor: contactor.into(),
-            colour: if contactor == "SPHER" { "GRAIN" } else { "WALLx" }.into(),
+            colour: if ["SPHER", "POLYR"].contains(&contactor) { "GRAIN" } else { "WALLx" }.into(),
         };
-        let (candidate, antagonist) = (side("SPHER"), side(antagonist));
+        let (candidate, antagonist) = (side(candidate), side(antagonist));
         self.tact.visibility.push(See { line: 0, candidate, law: nickname.clone(), antagonist, alert: 1e-3 });
         self.tact.laws.push(Law { line: 0, nickname, kind: kind.into(), parameters: parameters.into() });
     }
@@ -229,6 +283,8 @@ pub trait Figures {
     fn v(&self, body: usize) -> Vec3;
     /// World frame.
     fn w(&self, body: usize) -> Vec3;
+    /// Angular momentum about the centre of mass, world frame.
+    fn spin(&self, body: usize) -> Vec3;
     fn mass(&self, body: usize) -> f64;
     /// Bodies whose motion is not imposed.
     fn free(&self) -> Vec<usize>;
@@ -257,6 +313,13 @@ impl Figures for Snapshot {
         self.bodies.body_w_world[body].into()
     }
 
+    fn spin(&self, body: usize) -> Vec3 {
+        let inertia = Vec3::from(self.bodies.body_inertia[body]);
+        let [w, x, y, z] = self.bodies.body_q[body];
+        let q = nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z));
+        q * Vec3::from(self.bodies.body_w[body]).component_mul(&inertia)
+    }
+
     fn mass(&self, body: usize) -> f64 {
         self.bodies.body_mass[body]
     }
@@ -270,7 +333,7 @@ impl Figures for Snapshot {
     }
 
     fn angular_momentum(&self) -> Vec3 {
-        let of = |&i: &usize| self.x(i).cross(&self.v(i)) * self.mass(i) + self.w(i) * self.bodies.body_inertia[i][0];
+        let of = |&i: &usize| self.x(i).cross(&self.v(i)) * self.mass(i) + self.spin(i);
         self.free().iter().map(of).sum()
     }
 
@@ -279,9 +342,7 @@ impl Figures for Snapshot {
     }
 
     fn kinetic(&self) -> f64 {
-        let of = |&i: &usize| {
-            0.5 * (self.mass(i) * self.v(i).norm_squared() + self.bodies.body_inertia[i][0] * self.w(i).norm_squared())
-        };
+        let of = |&i: &usize| 0.5 * (self.mass(i) * self.v(i).norm_squared() + self.spin(i).dot(&self.w(i)));
         self.free().iter().map(of).sum()
     }
 

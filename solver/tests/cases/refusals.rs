@@ -4,7 +4,7 @@
 use std::fs;
 use std::process::Command;
 
-use cd_formats::bodies::{Contactor, Shape};
+use cd_formats::bodies::Shape;
 use cd_formats::drv_dof::{Driven, DrivenKind, Evolution};
 
 use crate::case::Case;
@@ -131,16 +131,48 @@ fn bodies_that_do_not_exist() {
 
 #[test]
 fn shapes_that_are_not_computed() {
-    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
     let mut case = sound();
-    case.bodies[1].contactors[0].shape = Shape::Polyhedron { vertices: corners.to_vec(), triangles };
-    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: contactor POLYR; computed are SPHER and PLANx";
-    written_refused(&case, &[], &[line]);
-    let sphere = Contactor { colour: "GRAIN".into(), shape: Shape::Sphere { radius: 0.5 }, local_frame: None };
-    case.bodies[1].contactors = vec![sphere.clone(), sphere];
-    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: 2 contactors; expected one: clusters are not computed";
-    written_refused(&case, &[], &[line]);
+    case.bodies[1].contactors[0].shape = Shape::Point { offset: [0.0; 3] };
+    let expected = "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC";
+    written_refused(&case, &[], &[&format!("CASE/DATBOX/BODIES.DAT:11: body 2: contactor PT3Dx; {expected}")]);
+    for (hollow, name, kind) in [(false, "CYLND", "cylinders"), (true, "DNLYC", "hollow cylinders")] {
+        case.bodies[1].contactors[0].shape = Shape::Cylinder { half_height: 1.0, radius: 1.0, hollow };
+        let line = format!(
+            "CASE/DATBOX/BODIES.DAT:11: body 2: a {name} that may move freely; expected six vlocy lines in DRV_DOF.DAT: \
+             {kind} are walls, all their motion is imposed"
+        );
+        written_refused(&case, &[], &[&line]);
+    }
+}
+
+#[test]
+fn polyhedra_that_are_none() {
+    let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.1, 0.1, 0.1]];
+    let refusal = |triangles: Vec<[u32; 3]>| {
+        let mut case = sound();
+        let vertices = corners[..triangles.iter().flatten().max().map_or(0, |&v| v as usize + 1)].to_vec();
+        case.bodies[1].contactors[0].shape = Shape::Polyhedron { vertices, triangles };
+        case.write();
+        let (code, text) = spawn(&case, &[]);
+        assert_eq!(code, 2, "{text}");
+        assert!(text.starts_with("cd-solve: CASE/DATBOX/BODIES.DAT:11: body 2: contactor POLYR: "), "{text}");
+        text
+    };
+    // A side is missing; one is pushed in.
+    refusal(vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 1]]);
+    let pushed_in = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [2, 3, 4], [3, 1, 4]];
+    assert!(refusal(pushed_in).contains("convex"));
+    // What nobody would miss: polyhedra that cylinders let through.
+    let mut case = sound();
+    case.law_between("POLYR", "CYLND", "IQS_CLB", &[0.3]);
+    case.bodies[0].contactors[0].shape = Shape::Cylinder { half_height: 1.0, radius: 1.0, hollow: false };
+    case.bodies[1].contactors[0].shape = Shape::Polyhedron {
+        vertices: corners[..4].to_vec(),
+        triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
+    };
+    case.write();
+    let (code, text) = spawn(&case, &[]);
+    assert!(code == 2 && text.contains("contacts of polyhedra with cylinders are not computed"), "{text}");
 }
 
 #[test]

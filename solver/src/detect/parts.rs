@@ -1,0 +1,178 @@
+//! Contacts between contactors of any shapes: balls about them in cells, then the geometry of each pair.
+
+use rayon::prelude::*;
+
+use cd_formats::compute::NarrowPhase;
+
+use crate::detect::{broad, narrow};
+use crate::geometry::{Manifold, Memory, Narrow, Point, Posed, polyhedron_polyhedron, polyhedron_sphere};
+use crate::integrate::Configuration;
+use crate::math::{Quat, Vec3, local_frame};
+use crate::scene::{Geometry, Part, Scene, See};
+use crate::state::{Contact, PairMemory};
+
+/// Where a contactor is.
+struct Place {
+    centre: Vec3,
+    axes: Quat,
+    /// How far a point of it can get in the step, m.
+    travel: f64,
+    /// Of a polyhedron or plate alone.
+    posed: Posed,
+}
+
+/// All listed contacts, and what is to be kept of the pairs.
+pub fn contacts(
+    scene: &Scene,
+    q_c: &Configuration,
+    travel: &[f64],
+    h: f64,
+    before: &[PairMemory],
+) -> (Vec<Contact>, Vec<PairMemory>) {
+    let places: Vec<Place> = scene.parts.par_iter().with_min_len(64).map(|part| place(part, q_c, travel, h)).collect();
+    let centres: Vec<Vec3> = places.iter().map(|place| place.centre).collect();
+    let range = 0.5 * scene.listing_range;
+    let reach: Vec<f64> =
+        scene.parts.iter().zip(&places).map(|(part, place)| part.radius + place.travel + range).collect();
+    let mut pairs: Vec<([u32; 2], See)> =
+        broad::pairs(&centres, &reach).into_iter().filter_map(|[i, j]| meet(scene, i, j)).collect();
+    pairs.sort_unstable_by_key(|(parts, _)| *parts);
+    let memory = remembered(&pairs, before);
+    let narrow = match scene.options.narrow_phase {
+        NarrowPhase::Fast => Narrow::Fast,
+        NarrowPhase::Accurate => Narrow::Accurate,
+    };
+    let found: Vec<(Vec<Contact>, Option<PairMemory>)> = pairs
+        .par_chunks(CHUNK)
+        .zip(memory.par_chunks(CHUNK))
+        .flat_map_iter(|(pairs, memories)| {
+            pairs.iter().zip(memories).map(|((parts, see), memory)| {
+                let mut memory = *memory;
+                let [a, b] = parts.map(|k| (&scene.parts[k as usize], &places[k as usize]));
+                let radius = scene.effective_radius(a.0.body, b.0.body);
+                let range = scene.laws[see.law as usize].range(radius).max(see.alert).max(a.1.travel + b.1.travel);
+                let manifolds = manifolds(a, b, range, narrow, &mut memory).into_iter().flatten();
+                let contacts: Vec<Contact> = manifolds.flat_map(|found| listed(a, b, &found, range, see.law)).collect();
+                (contacts, (memory != Memory::default()).then_some(PairMemory { parts: *parts, memory }))
+            })
+        })
+        .collect();
+    let (contacts, kept): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    (contacts.concat(), kept.into_iter().flatten().collect())
+}
+
+/// Pairs that one task looks at.
+const CHUNK: usize = 64;
+
+fn place(part: &Part, q_c: &Configuration, travel: &[f64], h: f64) -> Place {
+    let i = part.body as usize;
+    let q = &q_c.q[i];
+    let arm = q * part.offset;
+    let mut posed = Posed::default();
+    if let Geometry::Polyhedron(shape) | Geometry::Plane { cuboid: shape, .. } = &part.geometry {
+        posed.pose(shape, &(q * part.axes));
+    }
+    let turn = h * q_c.w[i].norm() * (arm.norm() + part.radius);
+    Place { centre: q_c.x[i] + arm, axes: q * part.axes, travel: travel[i] + turn, posed }
+}
+
+/// The two contactors, the candidate first, and how they see each other; none if they do not, or cannot push.
+fn meet(scene: &Scene, i: u32, j: u32) -> Option<([u32; 2], See)> {
+    let [a, b] = [i, j].map(|k| &scene.parts[k as usize]);
+    let driven = [a, b].map(|part| scene.bodies[part.body as usize].driven);
+    if a.body == b.body || driven == [true, true] {
+        return None;
+    }
+    let see = scene.visibility.see(a.class, b.class)?;
+    // Spheres before polyhedra before cylinders before plates, then by number, as in LMGC90.
+    let rank = |part: &Part| match part.geometry {
+        Geometry::Sphere { .. } => 0,
+        Geometry::Polyhedron(_) => 1,
+        Geometry::Cylinder { .. } => 2,
+        Geometry::Plane { .. } => 3,
+    };
+    let first = (rank(a), i) <= (rank(b), j);
+    Some((if first { [i, j] } else { [j, i] }, see))
+}
+
+/// What is remembered of each of the pairs; both lists are in order.
+fn remembered(pairs: &[([u32; 2], See)], before: &[PairMemory]) -> Vec<Memory> {
+    let mut before = before.iter().peekable();
+    let of = |(parts, _): &([u32; 2], See)| {
+        while before.next_if(|old| old.parts < *parts).is_some() {}
+        before.next_if(|old| old.parts == *parts).map_or(Memory::default(), |old| old.memory)
+    };
+    pairs.iter().map(of).collect()
+}
+
+/// Contacts of candidate `a` and antagonist `b` up to `range`; points relative to the candidate's centre.
+fn manifolds(
+    (a, at_a): (&Part, &Place),
+    (b, at_b): (&Part, &Place),
+    range: f64,
+    narrow: Narrow,
+    memory: &mut Memory,
+) -> [Option<Manifold>; 2] {
+    let c = at_b.centre - at_a.centre;
+    let one = |found: narrow::Found| {
+        let point = Point { position: found.point, gap: found.gap, features: (0, found.feature) };
+        Manifold { normal: found.normal, points: std::iter::once(point).collect(), area: 0.0 }
+    };
+    let zero = Vec3::zeros();
+    let manifold = match (&a.geometry, &b.geometry) {
+        (Geometry::Sphere { radius: r }, Geometry::Cylinder { half_height, radius, hollow }) => {
+            let size = [*half_height, *radius];
+            return narrow::sphere_cylinder(&zero, *r, &c, &at_b.axes, size, *hollow).map(|found| found.map(one));
+        }
+        // A plate is a cuboid.
+        (Geometry::Polyhedron(p), Geometry::Polyhedron(q) | Geometry::Plane { cuboid: q, .. }) => {
+            polyhedron_polyhedron((p, &at_a.posed), (q, &at_b.posed), &c, range, narrow, memory)
+        }
+        (Geometry::Sphere { radius: r }, Geometry::Sphere { radius: s }) => {
+            Some(one(narrow::sphere_sphere(&zero, *r, &c, *s)))
+        }
+        (Geometry::Sphere { radius }, Geometry::Plane { half_lengths, .. }) => {
+            Some(one(narrow::sphere_plane(&zero, *radius, &c, &at_b.axes, half_lengths)))
+        }
+        (Geometry::Sphere { radius }, Geometry::Polyhedron(q)) => {
+            let found = polyhedron_sphere((q, &at_b.posed), &-c, *radius, range);
+            found.map(|found| seen_from_sphere(&found, &c))
+        }
+        // Cylinders and plates are walls, which do not meet; polyhedra do not see cylinders.
+        _ => None,
+    };
+    [manifold, None]
+}
+
+/// What a polyhedron finds of a sphere at -`c`, with the sphere as the candidate.
+fn seen_from_sphere(found: &Manifold, c: &Vec3) -> Manifold {
+    let turned = |point: &Point| Point {
+        position: point.position + c,
+        gap: point.gap,
+        features: (point.features.1, point.features.0),
+    };
+    Manifold { normal: -found.normal, points: found.points.iter().map(turned).collect(), area: found.area }
+}
+
+fn listed(
+    (a, at_a): (&Part, &Place),
+    (b, _): (&Part, &Place),
+    manifold: &Manifold,
+    range: f64,
+    law: u8,
+) -> Vec<Contact> {
+    let frame = local_frame(manifold.normal);
+    let area = manifold.area / manifold.points.len() as f64;
+    let contact = |point: &crate::geometry::Point| Contact {
+        candidate: a.body,
+        antagonist: b.body,
+        ranks: (a.rank, b.rank),
+        features: point.features,
+        point: at_a.centre + point.position,
+        frame,
+        gap: point.gap,
+        area,
+        law,
+    };
+    manifold.points.iter().filter(|point| point.gap <= range).map(contact).collect()
+}

@@ -1,0 +1,212 @@
+//! A record of BODIES.DAT to a body: its contactors, mass, centre and principal axes.
+
+use std::f64::consts::PI;
+
+use cd_formats::bodies::{self, Contactor, LocalFrame};
+use cd_formats::bulk_behav::BulkBehav;
+use cd_formats::surface::{MassProperties, Surface};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+
+use crate::geometry::Polyhedron;
+use crate::math::{Quat, Vec3};
+use crate::scene::{Body, Geometry, Part, Shape};
+
+/// A body as it is computed, and where it stands in the frame of the file.
+pub struct Made {
+    pub body: Body,
+    /// Its contactors; `body` and `class` are not set yet.
+    pub parts: Vec<Part>,
+    /// From the position in the file to the centre of mass, m.
+    pub shift: Vec3,
+    /// Body to world where DOF.INI does not say it.
+    pub axes: Quat,
+}
+
+/// What stands there and what was expected.
+pub type Refusal = (String, String);
+
+/// A contactor with what its mass would be at density 1.
+struct Piece {
+    geometry: Geometry,
+    /// In the frame of the file.
+    centre: Vec3,
+    axes: Quat,
+    radius: f64,
+    volume: f64,
+    /// About its own centre, in the frame of the file, m^5.
+    inertia: Matrix3<f64>,
+    colour: u16,
+}
+
+pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) -> Result<Made, Refusal> {
+    let Some(material) = bulk.materials.iter().position(|m| m.name == record.material) else {
+        let names: Vec<&str> = bulk.materials.iter().map(|m| m.name.as_str()).collect();
+        return Err((
+            format!("material '{}' is not defined", record.material),
+            format!("defined are {}", names.join(", ")),
+        ));
+    };
+    let density = bulk.materials[material].density;
+    if density <= 0.0 {
+        return Err((
+            format!("material '{}' has the density {density}", record.material),
+            "expected more than 0".into(),
+        ));
+    }
+    let mut pieces = record.contactors.iter().map(|c| piece(c, colours)).collect::<Result<Vec<_>, _>>()?;
+    let lone = pieces.len() == 1;
+    let avrd = record.equivalent_radius;
+    if let (true, Geometry::Sphere { radius }) = (lone, &pieces[0].geometry) {
+        // The files hold 7 or 8 digits.
+        if avrd != 0.0 && (avrd - radius).abs() > 1e-6 * radius {
+            let expected =
+                format!("expected 0 or the contactor's radius {radius}: a sphere's mass follows from its own size");
+            return Err((format!("avrd {avrd}"), expected));
+        }
+    }
+    let simple = lone && !matches!(pieces[0].geometry, Geometry::Polyhedron(_));
+    let given = record.inertia.filter(|inertia| !simple && inertia.iter().any(|i| *i != 0.0));
+
+    // Where the centre of mass is, in the frame of the file.
+    let own_volume: f64 = pieces.iter().map(|piece| piece.volume).sum();
+    let off_centre = matches!(record.contactors[0].shape, bodies::Shape::OffsetSphere { .. });
+    let shift = match lone {
+        true if off_centre => Vec3::zeros(),
+        false if given.is_some() => Vec3::zeros(),
+        _ => pieces.iter().map(|piece| piece.centre * piece.volume).sum::<Vec3>() / own_volume,
+    };
+    pieces.iter_mut().for_each(|piece| piece.centre -= shift);
+    let (inertia, axes) = match given {
+        Some(inertia) => (inertia, Quat::identity()),
+        // Of a lone sphere, plate or cylinder the axes are its own, so that its orientation keeps its meaning.
+        None if simple => (in_axes(&pieces[0].inertia, &pieces[0].axes), pieces[0].axes),
+        None => principal(&pieces.iter().map(about_centre_of_mass).sum()),
+    };
+    let volume = if lone && avrd != 0.0 && !simple { 4.0 / 3.0 * PI * avrd.powi(3) } else { own_volume };
+    let mass = density * volume;
+    let inertia = inertia.map(|i| density * i);
+    if !(mass.is_finite() && mass > 0.0 && inertia.iter().all(|i| i.is_finite() && *i > 0.0)) {
+        return Err((format!("mass {mass} kg"), "expected mass and inertia that a number can hold".into()));
+    }
+    let [i, j, k] = inertia;
+    if i + j < 0.999_999 * k || j + k < 0.999_999 * i || k + i < 0.999_999 * j {
+        let found = format!("principal inertia {i:e}, {j:e}, {k:e} kg m²");
+        return Err((found, "expected each to be at most the sum of the others, as every body has them".into()));
+    }
+
+    let shape = match &pieces[0].geometry {
+        Geometry::Sphere { radius } if lone && !off_centre => Shape::Sphere { radius: *radius },
+        Geometry::Plane { half_lengths, .. } if lone => Shape::Plane { half_lengths: *half_lengths },
+        _ => Shape::Parts,
+    };
+    let radius = if let Shape::Sphere { radius } = shape { radius } else { (volume * 0.75 / PI).cbrt() };
+    let body = Body {
+        shape,
+        radius,
+        mass,
+        inertia: nearly_equal(inertia),
+        driven: false,
+        material: material as u16,
+        colour: pieces[0].colour,
+        class: 0,
+    };
+    let part = |(rank, piece): (usize, Piece)| Part {
+        body: 0,
+        rank: rank as u16,
+        geometry: piece.geometry,
+        offset: axes.inverse_transform_vector(&piece.centre),
+        axes: axes.inverse() * piece.axes,
+        radius: piece.radius,
+        colour: piece.colour,
+        class: 0,
+    };
+    Ok(Made { body, parts: pieces.into_iter().enumerate().map(part).collect(), shift, axes })
+}
+
+fn piece(contactor: &Contactor, colours: &mut Vec<String>) -> Result<Piece, Refusal> {
+    let colour = colours.iter().position(|c| *c == contactor.colour).unwrap_or_else(|| {
+        colours.push(contactor.colour.clone());
+        colours.len() - 1
+    });
+    let (centre, axes) = match &contactor.local_frame {
+        Some(LocalFrame { axes, offset }) => {
+            let columns = Matrix3::from_fn(|i, j| axes[j][i]);
+            let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
+            let whole = *axes == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            (Vec3::from(*offset), if whole { Quat::identity() } else { UnitQuaternion::from_rotation_matrix(&turn) })
+        }
+        None => (Vec3::zeros(), Quat::identity()),
+    };
+    let ball = |radius: f64, centre: Vec3| {
+        let volume = 4.0 / 3.0 * PI * radius.powi(3);
+        let inertia = Matrix3::from_diagonal_element(0.4 * volume * radius * radius);
+        (Geometry::Sphere { radius }, centre, radius, volume, inertia)
+    };
+    let turned = |moments: [f64; 3]| {
+        let axes = axes.to_rotation_matrix();
+        axes * Matrix3::from_diagonal(&Vec3::from(moments)) * axes.transpose()
+    };
+    let (geometry, centre, radius, volume, inertia) = match &contactor.shape {
+        bodies::Shape::Sphere { radius } => ball(*radius, centre),
+        bodies::Shape::OffsetSphere { radius, offset } => ball(*radius, Vec3::from(*offset)),
+        bodies::Shape::Plane { half_lengths: [a, b, c] } => {
+            let volume = 8.0 * a * b * c;
+            let inertia = [b * b + c * c, a * a + c * c, a * a + b * b].map(|square| volume / 3.0 * square);
+            let half_lengths = Vec3::new(*a, *b, *c);
+            let geometry = Geometry::Plane { half_lengths, cuboid: Polyhedron::cuboid(&half_lengths) };
+            (geometry, centre, half_lengths.norm(), volume, turned(inertia))
+        }
+        bodies::Shape::Cylinder { half_height, radius, hollow } => {
+            let (half_height, radius, hollow) = (*half_height, *radius, *hollow);
+            let volume = 2.0 * PI * radius * radius * half_height;
+            let across = volume * (radius * radius / 4.0 + half_height * half_height / 3.0);
+            let inertia = [across, across, volume * radius * radius / 2.0];
+            let geometry = Geometry::Cylinder { half_height, radius, hollow };
+            (geometry, centre, radius.hypot(half_height), volume, turned(inertia))
+        }
+        bodies::Shape::Polyhedron { vertices, triangles } => {
+            let refuse =
+                |fault: String| (format!("contactor POLYR: {fault}"), "expected a closed convex surface".into());
+            let surface = Surface::new(vertices, triangles).map_err(|faults| refuse(faults.join("; ")))?;
+            let properties = surface.mass_properties();
+            let centre = Vec3::from(properties.centre);
+            let local: Vec<Vec3> = surface.vertices().iter().map(|v| Vec3::from(*v) - centre).collect();
+            let shape = Polyhedron::with_flatness(&local, surface.triangles(), Polyhedron::FLATNESS_OF_FILES)
+                .map_err(refuse)?;
+            let radius = shape.circumradius();
+            let inertia = Matrix3::from(properties.inertia);
+            (Geometry::Polyhedron(shape), centre, radius, properties.volume, inertia)
+        }
+        bodies::Shape::Point { .. } => {
+            return Err(("contactor PT3Dx".into(), "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC".into()));
+        }
+    };
+    Ok(Piece { geometry, centre, axes, radius, volume, inertia, colour: colour as u16 })
+}
+
+/// Huygens' theorem; centres are relative to that of mass.
+fn about_centre_of_mass(piece: &Piece) -> Matrix3<f64> {
+    let d = piece.centre;
+    piece.inertia + (Matrix3::from_diagonal_element(d.norm_squared()) - d * d.transpose()) * piece.volume
+}
+
+fn in_axes(inertia: &Matrix3<f64>, axes: &Quat) -> [f64; 3] {
+    let turn = axes.to_rotation_matrix();
+    let local = turn.transpose() * inertia * turn;
+    [local.m11, local.m22, local.m33]
+}
+
+/// Principal moments, ascending, and axes.
+fn principal(inertia: &Matrix3<f64>) -> ([f64; 3], Quat) {
+    let inertia = [0, 1, 2].map(|i| [0, 1, 2].map(|j| inertia[(i, j)]));
+    let (moments, axes) = MassProperties { volume: 0.0, centre: [0.0; 3], inertia }.principal();
+    let columns = Matrix3::from_fn(|i, j| axes[j][i]);
+    let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
+    (moments, UnitQuaternion::from_rotation_matrix(&turn))
+}
+
+/// Moments that differ by rounding of the file are made equal: such a body needs no equation for its rotation.
+fn nearly_equal(moments: [f64; 3]) -> [f64; 3] {
+    let mean = moments.iter().sum::<f64>() / 3.0;
+    if moments.iter().all(|j| (j - mean).abs() <= 1e-7 * mean) { [mean; 3] } else { moments }
+}

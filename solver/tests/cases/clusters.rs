@@ -1,0 +1,100 @@
+//! Bodies of several contactors, spheres against polyhedra and cylinders.
+
+use cd_formats::bodies::{Contactor, LocalFrame, Shape};
+use cd_formats::drv_dof::Evolution;
+
+use crate::case::{BOX, Case, Figures, Vec3, equal, near};
+
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+fn cuboid(half: [f64; 3], centre: [f64; 3]) -> Contactor {
+    let vertices =
+        (0..8u32).map(|k| [0, 1, 2].map(|i| centre[i] + if k >> i & 1 == 1 { half[i] } else { -half[i] })).collect();
+    let shape = Shape::Polyhedron { vertices, triangles: BOX.to_vec() };
+    Contactor { colour: "GRAIN".into(), shape, local_frame: None }
+}
+
+/// An L of a leg and a foot, not convex: volume, centre and moments by Huygens' theorem, and it rests on both.
+#[test]
+fn an_l_of_two_cuboids() {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.5]);
+    case.gravity = [0.0, 0.0, -9.81];
+    case.floor();
+    let body = case.block([0.5; 3], [0.0, 0.0, 1.0], [X, Y, Z]);
+    case.bodies[body].contactors = vec![cuboid([0.5, 0.5, 1.0], [0.0; 3]), cuboid([0.5; 3], [1.0, 0.0, -0.5])];
+    case.dof.retain(|dof| dof.body != body);
+    case.bodies[body].inertia = None;
+    case.options.dt = 0.01;
+    let state = case.run(100);
+    equal(state.mass(body), 3.0, 1e-12);
+    near(state.x(body), [1.0 / 3.0, 0.0, 1.0 - 1.0 / 6.0], 1e-9);
+    assert!(state.v(body).norm() < 1e-10 && state.w(body).norm() < 1e-10);
+    let mut inertia = state.bodies.body_inertia[body];
+    inertia.sort_by(f64::total_cmp);
+    // About y: 2 (1 + 4)/12 + 1 (1 + 1)/12 + 2 (1/9 + 1/36) + 1 (4/9 + 1/9) = 11/6.
+    assert!(inertia.iter().any(|j| (j - 11.0 / 6.0).abs() < 1e-9), "{inertia:?}");
+    let ranks = state.shapes.unwrap().contacts.contact_rank;
+    assert!(ranks.contains(&[0, 0]) && ranks.contains(&[1, 0]));
+}
+
+/// A sphere rolls off the edge of a block that does not move, and stays on a wide one.
+#[test]
+fn a_sphere_on_a_block() {
+    let drop = |x: f64| {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        case.gravity = [0.0, 0.0, -10.0];
+        let block = case.block([1.0, 1.0, 0.5], [0.0, 0.0, -0.5], [X, Y, Z]);
+        case.drive(block, [0.0; 6].map(Evolution::constant));
+        let sphere = case.sphere(0.25, [x, 0.0, 0.25]);
+        case.options.dt = 0.01;
+        let state = case.run(100);
+        (state.x(sphere), state.force(sphere, block))
+    };
+    let (x, force) = drop(0.5);
+    near(x, [0.5, 0.0, 0.25], 1e-12);
+    equal(force.unwrap().x, 10.0 * 4.0 / 3.0 * std::f64::consts::PI * 0.25f64.powi(3), 1e-10);
+    assert!(drop(1.1).0.z < -0.5);
+}
+
+/// A sphere at rest in the lowest line of a hollow cylinder, and one on top of a solid one.
+#[test]
+fn spheres_and_cylinders() {
+    for hollow in [true, false] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        case.gravity = [0.0, 0.0, -10.0];
+        let wall = case.plate([1.0; 3], [0.0; 3], [X, Y, Z]);
+        // Its axis along y.
+        let shape = Shape::Cylinder { half_height: 2.0, radius: 1.0, hollow };
+        case.bodies[wall].contactors[0] = Contactor { colour: "WALLx".into(), shape, local_frame: None };
+        case.dof[wall].axes = [Z, X, Y];
+        let z = if hollow { -0.75 } else { 1.25 };
+        let sphere = case.sphere(0.25, [0.0, 0.5, z]);
+        case.options.dt = 0.01;
+        let state = case.run(50);
+        near(state.x(sphere), [0.0, 0.5, z], 1e-12);
+        let weight = 10.0 * state.mass(sphere);
+        equal(state.force(sphere, wall).unwrap().x, weight, 1e-12);
+    }
+}
+
+/// A plate with a frame of its own stands where the frame says.
+#[test]
+fn a_local_frame_moves_a_plate() {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.5]);
+    case.gravity = [0.0, 0.0, -10.0];
+    let plate = case.plate([4.0, 4.0, 0.5], [0.0; 3], [X, Y, Z]);
+    let frame = LocalFrame { axes: [Y, [-1.0, 0.0, 0.0], Z], offset: [0.0, 0.0, 1.5] };
+    case.bodies[plate].contactors[0].local_frame = Some(frame);
+    case.dof.clear();
+    let block = case.block([0.5; 3], [0.0, 0.0, 2.5], [X, Y, Z]);
+    case.options.dt = 0.01;
+    let state = case.run(20);
+    near(state.x(plate), [0.0, 0.0, 1.5], 1e-12);
+    near(state.x(block), Vec3::new(0.0, 0.0, 2.5), 1e-12);
+}

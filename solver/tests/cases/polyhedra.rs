@@ -1,0 +1,237 @@
+//! Polyhedra: rotation, resting, sliding, tipping, colliding, and walls of them.
+
+use crate::case::{Case, Figures, Vec3, equal, near, uniform};
+
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// A scene of polyhedra under gravity `g` with friction `mu`.
+fn scene(mu: f64, g: [f64; 3]) -> Case {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[mu]);
+    case.gravity = g;
+    case
+}
+
+/// Sum of the forces of the free bodies on body `floor`, N.
+fn reaction(state: &cd_formats::snapshot::Snapshot, floor: usize) -> Vec3 {
+    let contacts = &state.contacts;
+    (0..contacts.contact_body.len())
+        .map(|k| {
+            let force = Vec3::from(contacts.contact_force[k]);
+            let frame = contacts.contact_frame[k].map(Vec3::from);
+            let on_candidate = frame[0] * force.x + frame[1] * force.y + frame[2] * force.z;
+            let side = |side: usize| f64::from(contacts.contact_body[k][side] == floor as u32);
+            on_candidate * (side(0) - side(1))
+        })
+        .sum()
+}
+
+#[test]
+fn a_block_rests_on_the_floor() {
+    for driven_block in [false, true] {
+        let mut case = scene(0.5, [0.0, 0.0, -9.81]);
+        let floor = if driven_block {
+            let floor = case.block([8.0, 8.0, 0.5], [0.0, 0.0, -0.5], [X, Y, Z]);
+            case.drive(floor, [0.0; 6].map(cd_formats::drv_dof::Evolution::constant));
+            floor
+        } else {
+            case.floor()
+        };
+        let block = case.block([0.5, 1.0, 0.25], [0.0, 0.0, 0.25], [X, Y, Z]);
+        case.options.dt = 0.01;
+        let state = case.run(100);
+        equal(state.mass(block), 1.0, 1e-15);
+        near(state.x(block), [0.0, 0.0, 0.25], 1e-13);
+        assert!(state.v(block).norm() < 1e-13 && state.w(block).norm() < 1e-13);
+        near(reaction(&state, floor), [0.0, 0.0, -9.81], 1e-11);
+        assert_eq!(state.contacts.contact_body.len(), 4);
+        equal(state.shapes.unwrap().contacts.contact_area.iter().sum(), 2.0, 1e-12);
+    }
+}
+
+/// A block on a slope of angle a slides with g (sin a - mu cos a) if tan a > mu, and stays else; a high one tips.
+#[test]
+fn blocks_on_a_slope() {
+    let slope = |mu: f64, tan: f64, half: [f64; 3]| {
+        let a = tan.atan();
+        let mut case = scene(mu, [10.0 * a.sin(), 0.0, -10.0 * a.cos()]);
+        case.floor();
+        let block = case.block(half, [0.0, 0.0, half[2]], [X, Y, Z]);
+        case.options.dt = 0.01;
+        let state = case.run(50);
+        (state.x(block).x, state.w(block).y)
+    };
+    let cube = [0.5; 3];
+    let (moved, turned) = slope(0.5, 0.49, cube);
+    assert!(moved.abs() < 1e-11 && turned.abs() < 1e-11, "{moved} {turned}");
+    let (moved, turned) = slope(0.5, 0.6, cube);
+    let a = 0.6f64.atan();
+    let acceleration = 10.0 * (a.sin() - 0.5 * a.cos());
+    // After n steps of the scheme from rest: v = n h a, x = h a (n²/2) h for theta = 1/2.
+    equal(moved, 0.5 * acceleration * 0.25, 1e-7); // the file has eight digits of g
+    assert!(turned.abs() < 1e-10);
+    // Four times as high as wide: it tips where tan a > 1/4.
+    assert!(slope(2.0, 0.24, [0.25, 0.5, 1.0]).1.abs() < 1e-10);
+    assert!(slope(2.0, 0.26, [0.25, 0.5, 1.0]).1 > 1e-3);
+}
+
+/// Rocks thrown at each other without gravity: momentum to rounding, energy never grows.
+#[test]
+fn collisions_keep_momentum_and_energy_does_not_grow() {
+    let mut random = uniform(11);
+    for (mu, kind) in [(0.0, "IQS_CLB"), (0.6, "IQS_CLB"), (0.3, "GAP_SGR_CLB")] {
+        let mut case = Case::new();
+        case.law_of_all(kind, &[mu]);
+        for k in 0..12 {
+            let half = [0; 3].map(|_| 0.2 + 0.5 * random());
+            let x = [f64::from(k % 3), f64::from(k / 3 % 2), f64::from(k / 6)].map(|c| 2.6 * c + 0.3 * random());
+            let body = case.block(half, x, [X, Y, Z]);
+            let towards = x.map(|c| -0.6 * c);
+            case.launch(body, towards, [0; 3].map(|_| 2.0 * random() - 1.0));
+        }
+        case.sphere(0.4, [5.0, 1.0, 1.0]);
+        case.options.dt = 0.01;
+        case.options.tol = 1e-10;
+        let states = case.states(400, 10);
+        let first = &states[0];
+        let scale = first.momentum_scale();
+        let mut energy = first.kinetic();
+        for state in &states {
+            // Rounding of some thousand changes, of numbers up to the scale times the extent of 6.
+            near(state.momentum(), first.momentum(), 1e-13 * scale);
+            near(state.angular_momentum(), first.angular_momentum(), 1e-12 * scale);
+            // The solver's tolerance leaves 1e-10 of the velocities.
+            assert!(kind != "IQS_CLB" || state.kinetic() <= energy * (1.0 + 1e-9), "{} {energy}", state.kinetic());
+            energy = state.kinetic();
+        }
+        assert!(states.last().unwrap().kinetic() < 0.9 * first.kinetic());
+    }
+}
+
+/// What file and program agree on: the same body in two frames of the file.
+#[test]
+fn principal_axes_are_found_and_those_given_are_kept() {
+    // A box of 2 x 4 x 6 turned by 30 degrees about z, its centre off the origin.
+    let (sin, cos) = (0.5, 0.75f64.sqrt());
+    let corner = |k: u32| [0, 1, 2].map(|i| if k >> i & 1 == 1 { 1.0 } else { -1.0 } * f64::from(i + 1));
+    let turned = |[x, y, z]: [f64; 3]| [cos * x - sin * y + 0.25, sin * x + cos * y, z];
+    let vertices: Vec<[f64; 3]> = (0..8).map(|k| turned(corner(k))).collect();
+    let mut case = scene(0.0, [0.0; 3]);
+    let body = case.polyhedron(&vertices, &crate::case::BOX, [1.0, 0.0, 0.0]);
+    case.dof.clear();
+    let state = case.run(1);
+    near(state.x(body), [1.25, 0.0, 0.0], 1e-7);
+    equal(state.mass(body), 48.0, 1e-5); // the file has eight digits
+    let mut inertia = state.bodies.body_inertia[body];
+    inertia.sort_by(f64::total_cmp);
+    near(inertia, [16.0 * (1.0 + 4.0), 16.0 * (1.0 + 9.0), 16.0 * (4.0 + 9.0)], 1e-4);
+    assert_eq!(state.shapes.unwrap().turning.turning_body, [body as u32]);
+}
+
+/// A heap of blocks that fall into a tub: any number of threads, two runs as one, fast and accurate.
+#[test]
+fn the_same_bytes_again() {
+    let heap = || {
+        let mut case = scene(0.4, [0.0, 0.0, -9.81]);
+        case.tub(1.6);
+        let mut random = uniform(5);
+        for k in 0..30 {
+            let x = [f64::from(k % 3) - 1.0, f64::from(k / 3 % 3) - 1.0, 0.8 + f64::from(k / 9)].map(|c| 1.0 * c);
+            let half = [0; 3].map(|_| 0.15 + 0.2 * random());
+            let body = case.block(half, x, [X, Y, Z]);
+            case.launch(body, [0.0; 3], [0; 3].map(|_| 3.0 * random()));
+        }
+        case.sphere(0.2, [0.0, 0.0, 5.0]);
+        (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.005, 1e-4, 200);
+        (case.options.steps, case.options.output_every, case.options.text) = (Some(120), 40, true);
+        case
+    };
+    let read = |case: &Case| -> Vec<(String, Vec<u8>)> {
+        let entries = std::fs::read_dir(case.path().join("OUTBOX")).unwrap().map(Result::unwrap);
+        let mut files: Vec<_> =
+            entries.map(|e| (e.file_name().into_string().unwrap(), std::fs::read(e.path()).unwrap())).collect();
+        files.sort();
+        files
+    };
+    let case = heap();
+    case.write();
+    assert_eq!(case.solve(&["--threads", "1"]), 0);
+    let first = read(&case);
+    assert!(first.len() > 4);
+    let other = heap();
+    other.write();
+    assert_eq!(other.solve(&["--threads", "3", "--steps", "80"]), 0);
+    assert_eq!(other.solve(&["--threads", "2", "--resume", "--steps", "120"]), 0);
+    for ((name, a), (other_name, b)) in first.iter().zip(&read(&other)) {
+        assert!(name == other_name && a == b, "{name} {other_name}");
+    }
+    // Nothing has sunk or jumped: all within the tub, with small overlaps.
+    let state = case.last();
+    assert!(state.free().iter().all(|&i| state.x(i).z > 0.0 && state.x(i).x.abs() < 1.6 && state.x(i).y.abs() < 1.6));
+}
+
+/// Cards of half lengths (thickness, width, length) in three storeys of tents, a roof over each but the last.
+fn card_house(case: &mut Case) -> Vec<usize> {
+    let (length, thick, wide, lean) = (1.0, 0.02, 0.4, 12f64.to_radians());
+    let (sin, cos) = lean.sin_cos();
+    let storey = length * cos + thick * sin;
+    let span = 2.0 * (length * sin + thick * cos) + 0.06;
+    let mut cards = Vec::new();
+    let mut z = 0.0;
+    for level in 0..3 {
+        let tents = 3 - level;
+        for k in 0..tents {
+            let middle = (f64::from(k) - 0.5 * f64::from(tents - 1)) * span;
+            for side in [-1.0, 1.0] {
+                let axes = [[cos, 0.0, side * sin], Y, [-side * sin, 0.0, cos]];
+                let x = middle + side * (0.5 * length * sin + 0.5 * thick * cos);
+                let centre = [x, 0.0, z + 0.5 * (length * cos + thick * sin)];
+                cards.push(case.block([0.5 * thick, wide, 0.5 * length], centre, axes));
+            }
+        }
+        z += storey;
+        for k in 1..tents {
+            let middle = (f64::from(k) - 0.5 * f64::from(tents)) * span;
+            cards.push(case.block([0.49 * span, wide, 0.5 * thick], [middle, 0.0, z + 0.5 * thick], [X, Y, Z]));
+        }
+        z += thick;
+    }
+    cards
+}
+
+/// Fifteen stones of a half circle, without mortar.
+fn arch(case: &mut Case) -> Vec<usize> {
+    let stone = |k: u32| {
+        let angle = |end: u32| std::f64::consts::PI * f64::from(k + end) / 15.0;
+        let corner = |c: u32| {
+            let (radius, (sin, cos)) = (4.0 + f64::from(c & 1), angle(c >> 2).sin_cos());
+            [radius * cos, if c >> 1 & 1 == 1 { 0.5 } else { -0.5 }, radius * sin]
+        };
+        (0..8).map(corner).collect::<Vec<_>>()
+    };
+    let stones = (0..15).map(|k| case.polyhedron(&stone(k), &crate::case::BOX, [0.0; 3])).collect();
+    case.dof.clear();
+    stones
+}
+
+/// They stand: after the first second nothing creeps, and the floor carries their weight.
+#[test]
+fn a_card_house_and_an_arch_stand() {
+    for (mu, build) in [(0.8, card_house as fn(&mut Case) -> Vec<usize>), (0.7, arch)] {
+        let mut case = scene(mu, [0.0, 0.0, -9.81]);
+        let bodies = build(&mut case);
+        let floor = case.floor();
+        (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.005, 1e-6, 5000);
+        let states = case.states(400, 200);
+        let [before, after] = &states[1..] else { panic!("three states") };
+        for &i in &bodies {
+            // A millionth of the size, in the second that has passed.
+            near(after.x(i), before.x(i), 1e-6);
+        }
+        let weight: f64 = bodies.iter().map(|&i| 9.81 * after.mass(i)).sum();
+        near(reaction(after, floor) / weight, [0.0, 0.0, -1.0], 1e-4);
+        equal(reaction(after, floor).z / weight, -1.0, 1e-6);
+    }
+}
