@@ -3,14 +3,18 @@
 
 mod bonds;
 mod case;
+mod clusters;
+mod elliptic;
 mod extremes;
 mod flight;
 mod gravity;
 mod invariants;
 mod laws;
 mod peer;
+mod polyhedra;
 mod refusals;
 mod rolling;
+mod rotation;
 mod same_bits;
 mod statics;
 mod walls;
