@@ -147,7 +147,7 @@ fn shapes_that_are_not_computed() {
 
 #[test]
 fn polyhedra_that_are_none() {
-    let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.1, 0.1, 0.1]];
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.1, 0.1, 0.1]];
     let refusal = |triangles: Vec<[u32; 3]>| {
         let mut case = sound();
         let vertices = corners[..triangles.iter().flatten().max().map_or(0, |&v| v as usize + 1)].to_vec();
