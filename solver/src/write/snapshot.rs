@@ -1,8 +1,8 @@
 //! The state as a snapshot.
 
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, GravityArrays, MemoryArrays, Meta, Parameters, SHAPE_PARTS, SHAPE_PLANE,
-    SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
+    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, GravityArrays, MemoryArrays, Meta, Parameters, SHAPE_PARTS,
+    SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
 };
 
 use crate::laws::Law;

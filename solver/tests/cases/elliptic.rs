@@ -71,9 +71,9 @@ impl FreeRotation {
         let [w1, w2, w3] = if about_first { [w[2], w[1], w[0]] } else { w };
         let size = |e: f64, j: f64, other: f64| (e / (j * other)).abs().sqrt();
         let (a, b, c) = (size(e3, j1, j3 - j1), size(e3, j2, j3 - j2), size(e1, j3, j3 - j1));
-        // Signs: J1 w1' = (J2 - J3) w2 w3 with w1' ~ -sn dn; reversed where the axes changed places.
+        // Signs: J1 w1' = (J2 - J3) w2 w3, and with the axes changed J1 w1' = (J3 - J2) w2 w3; both are ~ -sn dn.
         let s3 = 1f64.copysign(w3);
-        let s2 = if about_first { -s3 } else { s3 };
+        let s2 = s3;
         let rate = ((j3 - j2) * e1 / (j1 * j2 * j3)).abs().sqrt();
         let k1 = ((j3 - j1) * excess(1) / ((j3 - j2) * e1)).abs().sqrt();
         let start = if b > 0.0 { first_kind((w2 * s2 / b).atan2(w1 / a), k1) } else { 0.0 };
