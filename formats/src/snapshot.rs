@@ -121,8 +121,9 @@ pub struct Parameters {
     pub self_gravity: bool,
     #[serde(default)]
     pub gravity: crate::compute::GravityMethod,
-    #[serde(default)]
-    pub narrow_phase: crate::compute::NarrowPhase,
+    /// Only where there are polyhedra.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub narrow_phase: Option<crate::compute::NarrowPhase>,
     /// m^3 kg^-1 s^-2
     pub gravity_constant: f64,
     pub gravity_error: f64,

@@ -88,6 +88,7 @@ fn meta_is_described_field_by_field() {
     meta.materials.push(MaterialName { name: String::new(), density: 1.0 });
     meta.laws.push(LawName { nickname: String::new(), kind: String::new(), parameters: vec![] });
     meta.attraction = Some(Default::default());
+    meta.parameters.narrow_phase = Some(Default::default());
     meta.parameters.gravity_order = Some(4);
     meta.parameters.gravity_opening = Some(0.5);
     meta.parameters.gravity_refresh = Some(2);

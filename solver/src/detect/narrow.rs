@@ -130,7 +130,8 @@ mod tests {
                 .map(Option::unwrap_or_default)
         };
         let check = |found: Found, gap: f64, normal: [f64; 3], feature: u32| {
-            assert!((found.gap - gap).abs() < 1e-15 && (found.normal - Vec3::from(normal)).norm() < 1e-15, "{found:?}");
+            // A few roundings of numbers up to 3, of which the distance is a difference.
+            assert!((found.gap - gap).abs() < 1e-14 && (found.normal - Vec3::from(normal)).norm() < 1e-14, "{found:?}");
             assert_eq!(found.feature, feature);
         };
         check(at(0.5, 2.5, 0.0, false)[0], 0.25, [0.0, 1.0, 0.0], SIDE);

@@ -207,6 +207,6 @@ fn principal(inertia: &Matrix3<f64>) -> ([f64; 3], Quat) {
 
 /// Moments that differ by rounding of the file are made equal: such a body needs no equation for its rotation.
 fn nearly_equal(moments: [f64; 3]) -> [f64; 3] {
-    let mean = moments.iter().sum::<f64>() / 3.0;
-    if moments.iter().all(|j| (j - mean).abs() <= 1e-7 * mean) { [mean; 3] } else { moments }
+    let alike = moments.iter().all(|j| (j - moments[0]).abs() <= 1e-7 * moments[0]);
+    if alike { [moments[0]; 3] } else { moments }
 }

@@ -38,7 +38,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
             alert: options.alert,
             self_gravity: options.self_gravity,
             gravity: options.gravity,
-            narrow_phase: options.narrow_phase,
+            narrow_phase: scene.is_general().then_some(options.narrow_phase),
             gravity_constant: options.gravity_constant,
             gravity_error: options.gravity_error,
             gravity_order: options.gravity_order,

@@ -211,9 +211,7 @@ fn arch(case: &mut Case) -> Vec<usize> {
         };
         (0..8).map(corner).collect::<Vec<_>>()
     };
-    let stones = (0..15).map(|k| case.polyhedron(&stone(k), &crate::case::BOX, [0.0; 3])).collect();
-    case.dof.clear();
-    stones
+    (0..15).map(|k| case.polyhedron(&stone(k), &crate::case::BOX, [0.0; 3])).collect()
 }
 
 /// They stand: after the first second nothing creeps, and the floor carries their weight.
@@ -223,6 +221,9 @@ fn a_card_house_and_an_arch_stand() {
         let mut case = scene(mu, [0.0, 0.0, -9.81]);
         let bodies = build(&mut case);
         let floor = case.floor();
+        if mu == 0.7 {
+            case.dof.retain(|dof| dof.body == floor); // the program finds the axes of the stones
+        }
         (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.005, 1e-6, 5000);
         let states = case.states(400, 200);
         let [before, after] = &states[1..] else { panic!("three states") };

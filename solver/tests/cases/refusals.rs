@@ -266,7 +266,7 @@ fn options_in_the_file() {
         (
             "(\n    dt: 1e-3,\n    speed: 3.0,\n)",
             "3:5: options: Unexpected field named `speed` in `Compute`, expected one of `dt`, `steps`, `end_time`, \
-             `theta`, `tol`, `max_sweeps`, `alert`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
+             `theta`, `tol`, `max_sweeps`, `alert`, `narrow_phase`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
              `gravity_order`, `gravity_opening`, `gravity_refresh`, `fields`, `quench`, `output_every`, `threads`, `text`, or `events` instead; expected RON as described in docs/files.md",
         ),
         ("(\n    theta: \"a\",\n)", "2:11: options: Expected float; expected RON as described in docs/files.md"),
