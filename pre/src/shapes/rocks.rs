@@ -30,7 +30,7 @@ const ATTEMPTS: usize = 1000;
 impl Rocks {
     /// The next polyhedron. It has the number of vertices that was drawn for it, all on the ellipsoid.
     ///
-    /// Errors: nothing sound in [`ATTEMPTS`] draws.
+    /// Errors: nothing sound in `ATTEMPTS` draws.
     pub fn draw(&self, random: &mut Random) -> Result<Solid, String> {
         let (fewest, most) = self.vertices;
         let count = fewest + random.below(most - fewest + 1);
