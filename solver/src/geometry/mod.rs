@@ -5,11 +5,11 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | [`polyhedron`] | the shape: polygon faces, edges, neighbours; turned as its body is |
-//! | [`search`] | the direction in which two polyhedra are farthest apart, or least overlap |
-//! | [`gjk`] | distance and direction where vertices or edges are nearest to each other |
-//! | [`sphere`], [`plate`], [`cylinder`] | against other shapes |
-//! | [`patch`] | the common part of two faces seen along the normal: points of contact and area |
+//! | `polyhedron` | the shape: polygon faces, edges, neighbours; turned as its body is |
+//! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
+//! | `gjk` | distance and direction where vertices or edges are nearest to each other |
+//! | `sphere`, `plate`, `cylinder` | against other shapes |
+//! | `patch` | the common part of two faces seen along the normal: points of contact and area |
 
 mod cylinder;
 mod gjk;
