@@ -6,26 +6,14 @@
 //! of a wallpaper, so that a few far spheres cost nothing; what meets only on the pattern is told
 //! apart by its distance.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::math::{Vec3, group};
 
-/// Half of a cell's neighbours: with the cell itself, every pair of neighbouring cells once.
-const FORWARD: [[i64; 3]; 13] = [
-    [1, -1, -1],
-    [1, -1, 0],
-    [1, -1, 1],
-    [1, 0, -1],
-    [1, 0, 0],
-    [1, 0, 1],
-    [1, 1, -1],
-    [1, 1, 0],
-    [1, 1, 1],
-    [0, 1, -1],
-    [0, 1, 0],
-    [0, 1, 1],
-    [0, 0, 1],
-];
+/// Half of a cell's neighbours, in columns of three along the last axis: with the cell itself and the next, every pair of neighbouring cells once.
+const FORWARD: [[i64; 2]; 4] = [[1, -1], [1, 0], [1, 1], [0, 1]];
 
 /// Spheres of like size in cells.
 struct Level {
@@ -36,6 +24,8 @@ struct Level {
     /// Spheres by cell, and in each cell by index; cell c holds `order[starts[c]..starts[c + 1]]`.
     order: Vec<u32>,
     starts: Vec<u32>,
+    /// Centre and reach of each sphere of `order`.
+    spheres: Vec<[f64; 4]>,
 }
 
 impl Level {
@@ -43,10 +33,13 @@ impl Level {
         let width = 2.0 * members.iter().map(|&i| reach[i as usize]).fold(0.0, f64::max);
         // About eight cells a sphere: most are empty, and few hold what is far apart.
         let bits = (members.len().ilog2() / 3 + 2).min(8);
-        let mut level = Level { inverse_width: 1.0 / width, bits, order: Vec::new(), starts: Vec::new() };
+        let mut level =
+            Level { inverse_width: 1.0 / width, bits, order: Vec::new(), starts: Vec::new(), spheres: Vec::new() };
         let cells: Vec<u32> = members.iter().map(|&i| level.slot(level.cell(&x[i as usize]))).collect();
         (level.order, level.starts) = group(&cells, 1 << (3 * bits));
         level.order.iter_mut().for_each(|place| *place = members[*place as usize]);
+        let sphere = |i: &u32| [x[*i as usize].x, x[*i as usize].y, x[*i as usize].z, reach[*i as usize]];
+        level.spheres = level.order.iter().map(sphere).collect();
         level
     }
 
@@ -60,9 +53,24 @@ impl Level {
         cell.iter().fold(0, |slot, c| slot << self.bits | (c & mask) as u32)
     }
 
-    fn members(&self, cell: &[i64; 3], step: &[i64; 3]) -> &[u32] {
-        let slot = self.slot(std::array::from_fn(|k| cell[k].wrapping_add(step[k]))) as usize;
-        &self.order[self.starts[slot] as usize..self.starts[slot + 1] as usize]
+    /// Calls `take` with the places of the spheres in three cells along the last axis, the middle one `step` from `cell`.
+    fn column(&self, cell: &[i64; 3], step: [i64; 2], take: &mut impl FnMut(Range<usize>)) {
+        let middle = [cell[0].wrapping_add(step[0]), cell[1].wrapping_add(step[1]), cell[2]];
+        let last = (1 << self.bits) - 1;
+        let slot = self.slot(middle) as usize;
+        let at = |from: usize, to: usize| self.starts[from] as usize..self.starts[to] as usize;
+        // Where the pattern repeats, the three are not neighbours in memory.
+        match middle[2] & last {
+            0 => {
+                take(at(slot, slot + 2));
+                take(at(slot + last as usize, slot + last as usize + 1));
+            }
+            z if z == last => {
+                take(at(slot - 1, slot + 1));
+                take(at(slot - last as usize, slot - last as usize + 1));
+            }
+            _ => take(at(slot - 1, slot + 2)),
+        }
     }
 }
 
@@ -71,33 +79,46 @@ impl Level {
 /// Reaches are > 0, m.
 pub fn pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
     let levels = levels(x, reach);
-    let near = |i: u32, j: u32| {
-        let (i, j) = (i as usize, j as usize);
-        let limit = reach[i] + reach[j];
-        (x[i] - x[j]).norm_squared() <= limit * limit
-    };
     let mut found = Vec::new();
     for (l, level) in levels.iter().enumerate() {
-        let of_chunk = |(chunk, members): (usize, &[u32])| {
-            let mut pairs = Vec::with_capacity(8 * members.len());
-            for (k, &i) in members.iter().enumerate() {
-                let mut take = |partners: &[u32]| {
-                    pairs.extend(partners.iter().filter(|&&j| near(i, j)).map(|&j| [i.min(j), i.max(j)]));
+        let of_chunk = |chunk: usize| {
+            let places = chunk * CHUNK..level.order.len().min((chunk + 1) * CHUNK);
+            let mut pairs = Vec::with_capacity(8 * places.len());
+            for place in places {
+                let (i, sphere) = (level.order[place], level.spheres[place]);
+                let centre = Vec3::new(sphere[0], sphere[1], sphere[2]);
+                let mut among = |level: &Level, places: Range<usize>| {
+                    for (j, other) in level.order[places.clone()].iter().zip(&level.spheres[places]) {
+                        if near(&sphere, other) {
+                            pairs.push([i.min(*j), i.max(*j)]);
+                        }
+                    }
                 };
-                let home = level.cell(&x[i as usize]);
-                let place = chunk * CHUNK + k + 1;
-                take(&level.order[place..level.starts[level.slot(home) as usize + 1] as usize]);
-                FORWARD.iter().for_each(|step| take(level.members(&home, step)));
+                let home = level.cell(&centre);
+                let slot = level.slot(home) as usize;
+                among(level, place + 1..level.starts[slot + 1] as usize);
+                let next = level.slot([home[0], home[1], home[2].wrapping_add(1)]) as usize;
+                among(level, level.starts[next] as usize..level.starts[next + 1] as usize);
+                FORWARD.iter().for_each(|step| level.column(&home, *step, &mut |places| among(level, places)));
                 for coarser in &levels[l + 1..] {
-                    let home = coarser.cell(&x[i as usize]);
-                    (0..27).for_each(|k| take(coarser.members(&home, &[k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1])));
+                    let home = coarser.cell(&centre);
+                    (0..9).for_each(|k| {
+                        coarser.column(&home, [k / 3 - 1, k % 3 - 1], &mut |places| among(coarser, places));
+                    });
                 }
             }
             pairs
         };
-        found.extend(level.order.par_chunks(CHUNK).enumerate().map(of_chunk).collect::<Vec<_>>());
+        let chunks = level.order.len().div_ceil(CHUNK);
+        found.extend((0..chunks).into_par_iter().map(of_chunk).collect::<Vec<_>>());
     }
     found.concat()
+}
+
+/// Whether the reaches of two spheres meet.
+fn near(a: &[f64; 4], b: &[f64; 4]) -> bool {
+    let limit = a[3] + b[3];
+    (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>() <= limit * limit
 }
 
 /// Spheres that one task looks at.
