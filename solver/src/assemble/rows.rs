@@ -8,14 +8,12 @@ use nalgebra::Matrix3;
 
 use crate::integrate::Configuration;
 use crate::laws::Approach;
-use crate::math::lanes::Line;
 use crate::math::{Quat, Vec3, to_local};
 use crate::scene::{Body, Scene, Shape};
 use crate::state::{Bonding, Contact, State, Status};
 
 /// What a sweep reads and writes of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[repr(C)]
 pub struct Record {
     /// m/s
     pub v: Vec3,
@@ -25,6 +23,8 @@ pub struct Record {
     pub w: Vec3,
     /// 1/(kg m^2)
     pub inverse_inertia: f64,
+    /// m; 0 for a plate, whose turning is in the shift of its rows.
+    pub radius: f64,
 }
 
 /// One contact of spheres or of a sphere and a plate, as the sweeps see it. Their W is diagonal:
@@ -34,8 +34,8 @@ pub struct Row {
     /// Records of candidate and antagonist.
     pub bodies: [u32; 2],
     pub normal: Vec3,
-    /// Distance from each centre to the contact point along the normal, m; 0 for a plate, which does not turn.
-    pub levers: [f64; 2],
+    /// Distance from each centre to the contact point, over the radius of its sphere.
+    pub arm: f64,
     /// û = u + shift, world frame, m/s: the law's shifts and the motion of a plate.
     pub shift: Vec3,
     /// W_nn and W_tt = W_ss, 1/kg.
@@ -66,8 +66,8 @@ pub struct System {
     pub records: Vec<Record>,
 }
 
-/// Rows whose W is a full block: lever arms of any direction, inertia that is not isotropic. `levers` of the rows and
-/// `inverse_inertia` of the records are not used then; `w_n` is W_nn and `w_t` the mean of W_tt and W_ss.
+/// Rows whose W is a full block: lever arms of any direction, inertia that is not isotropic. `arm` of the rows and
+/// `inverse_inertia` and `radius` of the records are not used then; `w_n` is W_nn and `w_t` the mean of W_tt and W_ss.
 pub struct Full {
     /// By row: from the centres of candidate and antagonist to the contact point, m.
     pub arms: Vec<[Vec3; 2]>,
@@ -112,13 +112,19 @@ pub fn contact_problem(
         .iter()
         .zip(v_free.iter().zip(w_free))
         .map(|(body, (v, w))| match body.shape {
-            Shape::Sphere { .. } => {
-                Record { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: body.inverse_inertia() }
-            }
+            Shape::Sphere { radius } => Record {
+                v: *v,
+                inverse_mass: body.inverse_mass(),
+                w: *w,
+                inverse_inertia: body.inverse_inertia(),
+                radius,
+            },
             // A plate's motion at the contact point is in the row's shift.
-            _ if full.is_some() => Record { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: 0.0 },
+            _ if full.is_some() => {
+                Record { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: 0.0, radius: 0.0 }
+            }
             Shape::Plane { .. } | Shape::Parts => {
-                Record { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0 }
+                Record { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 }
             }
         })
         .collect();
@@ -147,11 +153,17 @@ pub fn contact_problem(
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i as usize);
         let on_plate = full.is_none() && !scene.bodies[b].is_sphere();
-        let lever = |i: usize| (contact.point - q_c.x[i]).dot(&n).abs();
-        let levers = [lever(a), if on_plate { 0.0 } else { lever(b) }];
+        // Arms that end in one point: on a plate in the middle of the gap, else where the radii divide the distance.
+        let radii = [records[a].radius, records[b].radius];
+        let arm = match &full {
+            None => 1.0 + contact.gap / if on_plate { 2.0 * radii[0] } else { radii[0] + radii[1] },
+            Some(_) => 1.0,
+        };
         let plate = if on_plate { v_free[b] + w_free[b].cross(&(contact.point - q_c.x[b])) } else { Vec3::zeros() };
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
-        let w_t = w_n + levers[0].powi(2) * records[a].inverse_inertia + levers[1].powi(2) * records[b].inverse_inertia;
+        let w_t = w_n
+            + (arm * radii[0]).powi(2) * records[a].inverse_inertia
+            + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
         let u_tangent = u_before - n * n.dot(&u_before);
         let mut travel = h * (v_free[a].norm() + plate.norm().max(v_free[b].norm()));
         if let Some(full) = &mut full {
@@ -163,7 +175,7 @@ pub fn contact_problem(
         rows.push(Row {
             bodies,
             normal: n,
-            levers,
+            arm,
             shift: n * shift.normal + u_tangent * shift.tangential - plate,
             w_n,
             w_t,
@@ -240,21 +252,16 @@ fn spread(bits: u64) -> u64 {
     (bits | bits << 2) & 0x1249_2492_4924_9249
 }
 
-impl Record {
-    /// The record as a line of the sweeps: v, 1/m, w, 1/I.
-    pub fn to_line(&self) -> Line {
-        let Record { v, inverse_mass, w, inverse_inertia } = self;
-        [v.x, v.y, v.z, *inverse_mass, w.x, w.y, w.z, *inverse_inertia]
-    }
-}
-
 impl System {
     /// From the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate
     /// whose motion is in the row's shift.
     pub fn arm(&self, k: usize, side: usize) -> Vec3 {
         match &self.full {
             Some(full) => full.arms[k][side],
-            None => self.rows[k].normal * [-self.rows[k].levers[0], self.rows[k].levers[1]][side],
+            None => {
+                let row = &self.rows[k];
+                row.normal * ([-row.arm, row.arm][side] * self.records[row.bodies[side] as usize].radius)
+            }
         }
     }
 
@@ -298,17 +305,17 @@ impl Row {
     /// û at the records' velocities, world frame, m/s.
     pub fn velocity(&self, records: &[Record]) -> Vec3 {
         let [a, b] = self.bodies.map(|i| &records[i as usize]);
-        a.v - b.v + self.normal.cross(&(a.w * self.levers[0] + b.w * self.levers[1])) + self.shift
+        a.v - b.v + self.normal.cross(&(a.w * a.radius + b.w * b.radius)) * self.arm + self.shift
     }
 
     /// Gives the two bodies the impulse `r` on the candidate and -r on the antagonist, N s.
     pub fn apply(&self, records: &mut [Record], r: &Vec3) {
-        let turn = r.cross(&self.normal); // moment per lever, the same for both sides
+        let turn = r.cross(&self.normal) * self.arm; // moment over the radius, the same for both sides
         let a = &mut records[self.bodies[0] as usize];
         a.v += r * a.inverse_mass;
-        a.w += turn * (self.levers[0] * a.inverse_inertia);
+        a.w += turn * (a.radius * a.inverse_inertia);
         let b = &mut records[self.bodies[1] as usize];
         b.v -= r * b.inverse_mass;
-        b.w += turn * (self.levers[1] * b.inverse_inertia);
+        b.w += turn * (b.radius * b.inverse_inertia);
     }
 }

@@ -72,6 +72,7 @@ mod tests {
             inverse_mass: fixed / (1.0 + k),
             w: Vec3::new(0.1, k, -0.2),
             inverse_inertia: fixed * 2.5 / (1.0 + k),
+            radius: 0.7 + 0.1 * k,
         };
         let records = vec![record(0.0, 1.0), record(1.0, 1.0), record(2.0, 1.0), record(3.0, 0.0)];
         let normals = [Vec3::new(1.0, 0.2, 0.0), Vec3::new(0.3, 1.0, 0.1), Vec3::z(), Vec3::new(0.1, -0.5, 1.0)];
@@ -91,7 +92,7 @@ mod tests {
         let row = |k: usize| Row {
             bodies: pairs[k],
             normal: frames[k][0],
-            levers: [1.0, 0.7],
+            arm: 1.01,
             shift: Vec3::new(0.01, 0.02, k as f64),
             w_n: 1.0,
             w_t: 1.0,

@@ -13,7 +13,8 @@ pub struct Found {
     pub gap: f64,
     /// Unit, from the antagonist to the candidate.
     pub normal: Vec3,
-    /// Middle of the gap, m: one point for both bodies, so that a contact's impulse conserves angular momentum.
+    /// One point for both bodies, so that a contact's impulse conserves angular momentum: it divides the distance of two
+    /// spheres as their radii do, and is the middle of the gap between sphere and plate, m.
     pub point: Vec3,
     /// Feature of the antagonist.
     pub feature: u32,
@@ -23,15 +24,15 @@ pub struct Found {
 ///
 /// ```
 /// # use cd_solve::{detect::narrow::sphere_sphere, math::Vec3};
-/// let found = sphere_sphere(&(Vec3::x() * 3.5), 2.0, &Vec3::zeros(), 1.0);
-/// assert_eq!((found.gap, found.normal, found.point), (0.5, Vec3::x(), Vec3::x() * 1.25));
+/// let found = sphere_sphere(&(Vec3::x() * 4.5), 3.0, &Vec3::zeros(), 1.0);
+/// assert_eq!((found.gap, found.normal, found.point), (0.5, Vec3::x(), Vec3::x() * 1.125));
 /// ```
 pub fn sphere_sphere(a: &Vec3, radius_a: f64, b: &Vec3, radius_b: f64) -> Found {
     let between = a - b;
     let distance = between.norm();
     let normal = if distance > 0.0 { between / distance } else { Vec3::x() };
     let gap = distance - (radius_a + radius_b);
-    Found { gap, normal, point: b + normal * (radius_b + 0.5 * gap), feature: 0 }
+    Found { gap, normal, point: b + normal * (distance * (radius_b / (radius_a + radius_b))), feature: 0 }
 }
 
 /// A sphere against a plate: the nearest point of the plate; from within, the nearer contact face.

@@ -17,7 +17,7 @@ use super::expansion::{
 use super::pairs::{PackF32, PackF64, Packed, Pull, PullF32, PullF64, Source, TARGETS};
 use super::settings::Expansion;
 use super::tree::{Cell, GRAIN, Outline, Tree, load_part};
-use crate::math::lanes::{Line, Scalar, Singles};
+use crate::math::lanes::{Scalar, Singles};
 
 /// Sources of an expansion, or cells looked at, taken at once.
 const BATCH: usize = 8;
@@ -66,7 +66,7 @@ struct Work {
     todo: List,
     far: List,
     near: List,
-    sums: Vec<Line>,
+    sums: Vec<[f64; 8]>,
     sources: Vec<Source>,
     singles: Packed<f32>,
     doubles: Packed<f64>,
@@ -330,7 +330,7 @@ struct Far<'a, L, const P: usize> {
     walk: &'a Walk<'a, L, P>,
     outline: &'a Outline,
     far: &'a [u32],
-    sums: &'a mut Vec<Line>,
+    sums: &'a mut Vec<[f64; 8]>,
     local: &'a mut Narrow<f64>,
 }
 

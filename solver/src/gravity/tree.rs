@@ -5,7 +5,9 @@ use rayon::prelude::*;
 
 use super::expansion::{NARROW, Narrow, exponential, for_degrees, narrow, narrow_len, shift_moments};
 use crate::math::Vec3;
-use crate::math::lanes::{Lanes, Line, Scalar};
+use crate::math::lanes::{Lanes, Scalar};
+
+type Line = [f64; 8];
 
 /// Bits of a Morton key along each axis. A range that they cannot divide gets keys of its own box, so that depth is
 /// bounded by the digits of f64.

@@ -3,8 +3,10 @@
 
 use pulp::NullaryFnOnce;
 
-/// A row of eight numbers, one cache line: what is gathered for a contact's body.
-pub type Line = [f64; 8];
+/// Eight numbers on one cache line: what a sweep keeps of a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(64))]
+pub struct Line(pub [f64; 8]);
 
 /// Arithmetic on `WIDTH` numbers at once.
 pub trait Lanes: Copy + Send + Sync {
@@ -34,12 +36,17 @@ pub trait Lanes: Copy + Send + Sync {
     /// Bit k is set where x > y in lane k.
     fn mask_greater(self, x: Self::V, y: Self::V) -> u32;
     /// Component k of the `WIDTH` lines named by `index`, for each k.
-    fn gather(self, lines: &[Line], index: &[u32]) -> [Self::V; 8];
+    fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [Self::V; 8];
     /// The reverse; two equal indices must bring equal lines.
-    fn scatter(self, lines: &mut [Line], index: &[u32], columns: [Self::V; 8]);
-    /// The first four components alone.
-    fn gather_half(self, lines: &[Line], index: &[u32]) -> [Self::V; 4];
-    fn scatter_half(self, lines: &mut [Line], index: &[u32], columns: [Self::V; 4]);
+    fn scatter(self, lines: &mut [[f64; 8]], index: &[u32], columns: [Self::V; 8]);
+    /// Of pairs of lines, the difference a - b of the first three components and the sums of the others.
+    fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [Self::V; 8];
+    /// With lines (v, p, w, q): adds p f to v of a and takes it from v of b; adds q g to w of both.
+    fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [Self::V; 3], g: [Self::V; 3]);
+    /// `relative` of the first four components.
+    fn relative_half(self, lines: &[Line], a: &[u32], b: &[u32]) -> [Self::V; 4];
+    /// `push` without w.
+    fn push_half(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [Self::V; 3]);
 }
 
 /// The same for numbers of single precision.
@@ -162,21 +169,41 @@ impl Lanes for Scalar {
         u32::from(x > y)
     }
     #[inline(always)]
-    fn gather(self, lines: &[Line], index: &[u32]) -> [f64; 8] {
+    fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [f64; 8] {
         lines[index[0] as usize]
     }
     #[inline(always)]
-    fn scatter(self, lines: &mut [Line], index: &[u32], columns: [f64; 8]) {
+    fn scatter(self, lines: &mut [[f64; 8]], index: &[u32], columns: [f64; 8]) {
         lines[index[0] as usize] = columns;
     }
     #[inline(always)]
-    fn gather_half(self, lines: &[Line], index: &[u32]) -> [f64; 4] {
-        let line = &lines[index[0] as usize];
-        [line[0], line[1], line[2], line[3]]
+    fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [f64; 8] {
+        let (a, b) = (&lines[a[0] as usize].0, &lines[b[0] as usize].0);
+        [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7]]
     }
     #[inline(always)]
-    fn scatter_half(self, lines: &mut [Line], index: &[u32], columns: [f64; 4]) {
-        lines[index[0] as usize][..4].copy_from_slice(&columns);
+    fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [f64; 3], g: [f64; 3]) {
+        self.push_half(lines, a, b, f);
+        for line in [a[0], b[0]] {
+            let line = &mut lines[line as usize].0;
+            for k in 0..3 {
+                line[4 + k] = g[k].mul_add(line[7], line[4 + k]);
+            }
+        }
+    }
+    #[inline(always)]
+    fn relative_half(self, lines: &[Line], a: &[u32], b: &[u32]) -> [f64; 4] {
+        let (a, b) = (&lines[a[0] as usize].0, &lines[b[0] as usize].0);
+        [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3]]
+    }
+    #[inline(always)]
+    fn push_half(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [f64; 3]) {
+        for (line, sign) in [(a[0], 1.0), (b[0], -1.0)] {
+            let line = &mut lines[line as usize].0;
+            for k in 0..3 {
+                line[k] = (sign * f[k]).mul_add(line[3], line[k]);
+            }
+        }
     }
 }
 
@@ -237,6 +264,9 @@ mod x86 {
 
     /// Predicate of a comparison: greater than, ordered, quiet.
     const GREATER: i32 = 30;
+
+    /// Factors of line b in [`Lanes::relative`].
+    const SIGNS: [f64; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 
     // No closures and no iterators below: they are functions of their own, which a compiler may leave
     // outside the instruction set that their caller is compiled for.
@@ -318,7 +348,7 @@ mod x86 {
             u32::from(self.avx512f._mm512_cmp_pd_mask::<GREATER>(x, y))
         }
         #[inline(always)]
-        fn gather(self, lines: &[Line], index: &[u32]) -> [__m512d; 8] {
+        fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [__m512d; 8] {
             let mut rows = [self.splat(0.0); 8];
             for k in 0..8 {
                 rows[k] = cast(lines[index[k] as usize]);
@@ -326,21 +356,47 @@ mod x86 {
             transpose8(self, rows)
         }
         #[inline(always)]
-        fn scatter(self, lines: &mut [Line], index: &[u32], columns: [__m512d; 8]) {
+        fn scatter(self, lines: &mut [[f64; 8]], index: &[u32], columns: [__m512d; 8]) {
             let rows = transpose8(self, columns);
             for k in 0..8 {
                 lines[index[k] as usize] = cast(rows[k]);
             }
         }
         #[inline(always)]
-        fn gather_half(self, lines: &[Line], index: &[u32]) -> [__m512d; 4] {
+        fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [__m512d; 8] {
+            let signs: __m512d = cast(SIGNS);
+            let mut rows = [self.splat(0.0); 8];
+            for k in 0..8 {
+                rows[k] = self.mul_add(cast(lines[b[k] as usize].0), signs, cast(lines[a[k] as usize].0));
+            }
+            transpose8(self, rows)
+        }
+        #[inline(always)]
+        fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [__m512d; 3], g: [__m512d; 3]) {
+            let (signs, zero): (__m512d, _) = (cast(SIGNS), self.splat(0.0));
+            let rows = transpose8(self, [f[0], f[1], f[2], zero, g[0], g[1], g[2], zero]);
+            for k in 0..8 {
+                let (a, b) = (a[k] as usize, b[k] as usize);
+                // (p, p, p, p, q, q, q, q)
+                let line: __m512d = cast(lines[a].0);
+                lines[a].0 = cast(self.mul_add(self.avx512f._mm512_permutex_pd::<0xff>(line), rows[k], line));
+                let line: __m512d = cast(lines[b].0);
+                let row = self.mul(rows[k], signs);
+                lines[b].0 = cast(self.mul_add(self.avx512f._mm512_permutex_pd::<0xff>(line), row, line));
+            }
+        }
+        #[inline(always)]
+        fn relative_half(self, lines: &[Line], a: &[u32], b: &[u32]) -> [__m512d; 4] {
             let avx = self.avx512f;
+            let signs: __m512d = cast([-1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0, 1.0]);
             // Rows 0 and 2, 1 and 3 ... so that the unpacked pairs come out in order.
             let mut pairs = [self.splat(0.0); 4];
             for (k, pair) in pairs.iter_mut().enumerate() {
                 let first = k % 2 + 4 * (k / 2);
-                let (a, b) = (&lines[index[first] as usize], &lines[index[first + 2] as usize]);
-                *pair = cast([a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
+                let (x, y) = (&lines[a[first] as usize].0, &lines[a[first + 2] as usize].0);
+                let plus = cast([x[0], x[1], x[2], x[3], y[0], y[1], y[2], y[3]]);
+                let (x, y) = (&lines[b[first] as usize].0, &lines[b[first + 2] as usize].0);
+                *pair = self.mul_add(cast([x[0], x[1], x[2], x[3], y[0], y[1], y[2], y[3]]), signs, plus);
             }
             let (e0, o0) = (avx._mm512_unpacklo_pd(pairs[0], pairs[1]), avx._mm512_unpackhi_pd(pairs[0], pairs[1]));
             let (e1, o1) = (avx._mm512_unpacklo_pd(pairs[2], pairs[3]), avx._mm512_unpackhi_pd(pairs[2], pairs[3]));
@@ -352,19 +408,21 @@ mod x86 {
             ]
         }
         #[inline(always)]
-        fn scatter_half(self, lines: &mut [Line], index: &[u32], c: [__m512d; 4]) {
+        fn push_half(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [__m512d; 3]) {
             let avx = self.avx512f;
+            let zero = self.splat(0.0);
             // Halves of the even rows and of the odd ones; two rows side by side; rows.
-            let (e, o) = (avx._mm512_unpacklo_pd(c[0], c[1]), avx._mm512_unpackhi_pd(c[0], c[1]));
-            let (f, p) = (avx._mm512_unpacklo_pd(c[2], c[3]), avx._mm512_unpackhi_pd(c[2], c[3]));
-            let (e02, e46) = (avx._mm512_shuffle_f64x2::<0x44>(e, f), avx._mm512_shuffle_f64x2::<0xee>(e, f));
+            let (e, o) = (avx._mm512_unpacklo_pd(f[0], f[1]), avx._mm512_unpackhi_pd(f[0], f[1]));
+            let (z, p) = (avx._mm512_unpacklo_pd(f[2], zero), avx._mm512_unpackhi_pd(f[2], zero));
+            let (e02, e46) = (avx._mm512_shuffle_f64x2::<0x44>(e, z), avx._mm512_shuffle_f64x2::<0xee>(e, z));
             let (o13, o57) = (avx._mm512_shuffle_f64x2::<0x44>(o, p), avx._mm512_shuffle_f64x2::<0xee>(o, p));
             let pairs = [e02, o13, e46, o57];
             for (k, pair) in pairs.into_iter().enumerate() {
-                let rows: [f64; 8] = cast(avx._mm512_shuffle_f64x2::<0xd8>(pair, pair));
+                let rows: [__m256d; 2] = cast(avx._mm512_shuffle_f64x2::<0xd8>(pair, pair));
                 let first = k % 2 + 4 * (k / 2);
-                lines[index[first] as usize][..4].copy_from_slice(&rows[..4]);
-                lines[index[first + 2] as usize][..4].copy_from_slice(&rows[4..]);
+                for (row, k) in [(rows[0], first), (rows[1], first + 2)] {
+                    push_one(*self, lines, a[k] as usize, b[k] as usize, row);
+                }
             }
         }
     }
@@ -509,7 +567,7 @@ mod x86 {
             self.avx._mm256_movemask_pd(mask) as u32
         }
         #[inline(always)]
-        fn gather(self, lines: &[Line], index: &[u32]) -> [__m256d; 8] {
+        fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [__m256d; 8] {
             let (mut low, mut high) = ([self.splat(0.0); 4], [self.splat(0.0); 4]);
             for k in 0..4 {
                 let line = &lines[index[k] as usize];
@@ -520,7 +578,7 @@ mod x86 {
             [c0, c1, c2, c3, c4, c5, c6, c7]
         }
         #[inline(always)]
-        fn scatter(self, lines: &mut [Line], index: &[u32], c: [__m256d; 8]) {
+        fn scatter(self, lines: &mut [[f64; 8]], index: &[u32], c: [__m256d; 8]) {
             let low = transpose4(self, [c[0], c[1], c[2], c[3]]);
             let high = transpose4(self, [c[4], c[5], c[6], c[7]]);
             for k in 0..4 {
@@ -530,20 +588,57 @@ mod x86 {
             }
         }
         #[inline(always)]
-        fn gather_half(self, lines: &[Line], index: &[u32]) -> [__m256d; 4] {
+        fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [__m256d; 8] {
+            let [d0, d1, d2, d3] = self.relative_half(lines, a, b);
             let mut rows = [self.splat(0.0); 4];
             for k in 0..4 {
-                rows[k] = cast(four(&lines[index[k] as usize][..4]));
+                rows[k] = self.add(cast(four(&lines[a[k] as usize].0[4..])), cast(four(&lines[b[k] as usize].0[4..])));
+            }
+            let [s0, s1, s2, s3] = transpose4(self, rows);
+            [d0, d1, d2, d3, s0, s1, s2, s3]
+        }
+        #[inline(always)]
+        fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [__m256d; 3], g: [__m256d; 3]) {
+            let zero = self.splat(0.0);
+            let f = transpose4(self, [f[0], f[1], f[2], zero]);
+            let g = transpose4(self, [g[0], g[1], g[2], zero]);
+            for k in 0..4 {
+                let (a, b) = (a[k] as usize, b[k] as usize);
+                push_one(self, lines, a, b, f[k]);
+                for i in [a, b] {
+                    let line = &mut lines[i].0[4..];
+                    let new = self.mul_add(self.splat(line[3]), g[k], cast(four(line)));
+                    self.store(line, new);
+                }
+            }
+        }
+        #[inline(always)]
+        fn relative_half(self, lines: &[Line], a: &[u32], b: &[u32]) -> [__m256d; 4] {
+            let signs: __m256d = cast(four(&SIGNS));
+            let mut rows = [self.splat(0.0); 4];
+            for k in 0..4 {
+                rows[k] = self.mul_add(cast(four(&lines[b[k] as usize].0)), signs, cast(four(&lines[a[k] as usize].0)));
             }
             transpose4(self, rows)
         }
         #[inline(always)]
-        fn scatter_half(self, lines: &mut [Line], index: &[u32], columns: [__m256d; 4]) {
-            let rows = transpose4(self, columns);
+        fn push_half(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [__m256d; 3]) {
+            let rows = transpose4(self, [f[0], f[1], f[2], self.splat(0.0)]);
             for k in 0..4 {
-                self.store(&mut lines[index[k] as usize][..4], rows[k]);
+                push_one(self, lines, a[k] as usize, b[k] as usize, rows[k]);
             }
         }
+    }
+
+    /// Adds p f to v of line a, and takes it from that of line b.
+    #[inline(always)]
+    fn push_one(simd: V3, lines: &mut [Line], a: usize, b: usize, f: __m256d) {
+        let line = &mut lines[a].0[..4];
+        let new = simd.mul_add(simd.splat(line[3]), f, cast(four(line)));
+        simd.store(line, new);
+        let line = &mut lines[b].0[..4];
+        let new = simd.neg_mul_add(simd.splat(line[3]), f, cast(four(line)));
+        simd.store(line, new);
     }
 
     impl Singles for V3 {
@@ -623,33 +718,44 @@ mod tests {
             #[inline(always)]
             fn call(self) {
                 let Op { lanes: l, lines } = self;
-                let index = [3, 0, 5, 7, 1, 8, 2, 6];
+                let (index, other) = ([3, 0, 5, 7, 1, 8, 2, 6], [18, 4, 9, 10, 12, 11, 17, 13]);
                 for from in (0..8).step_by(L::WIDTH) {
-                    let index = &index[from..from + L::WIDTH];
-                    let c = l.gather(lines, index);
+                    let (index, other) = (&index[from..from + L::WIDTH], &other[from..from + L::WIDTH]);
+                    let c = l.relative(lines, index, other);
                     let q = l.div(l.mul_add(c[0], c[1], c[2]), l.sqrt(l.mul(c[3], c[3])));
                     let q = l.sub(l.add(q, c[4]), l.neg_mul_add(c[5], c[6], c[7]));
                     let q = l.select_greater(q, l.splat(0.3), q, l.sub(l.splat(0.0), q));
                     let mut mask = [0.0; 8];
                     (0..L::WIDTH).for_each(|k| mask[k] = f64::from(l.mask_greater(q, c[1]) >> k & 1));
                     let q = l.add(l.min(q, c[2]), l.load(&mask));
-                    let mut out = c;
-                    out[2] = q;
-                    out[7] = c[0];
-                    l.scatter(lines, index, out);
-                    let mut half = l.gather_half(lines, index);
-                    half[1] = l.add(half[1], half[3]);
-                    l.scatter_half(lines, index, half);
+                    l.push(lines, index, other, [q, c[1], c[2]], [c[4], q, c[6]]);
+                    let [x, y, z, _] = l.relative_half(lines, index, other);
+                    l.push_half(lines, other, index, [z, x, y]);
+                    let mut rows: Vec<[f64; 8]> = lines.iter().map(|line| line.0).collect();
+                    let moved = l.gather(&rows, index);
+                    l.scatter(&mut rows, other, moved);
+                    let c = l.gather(&rows, other);
+                    l.push(lines, other, index, [c[0], c[1], c[2]], [c[3], c[4], c[7]]);
                 }
             }
         }
         let sample = || -> Vec<Line> {
-            (0..9).map(|i| std::array::from_fn(|k| ((i * 8 + k) as f64 * 0.7).sin() + 0.01)).collect()
+            (0..19).map(|i| Line(std::array::from_fn(|k| ((i * 8 + k) as f64 * 0.7).sin() + 0.01))).collect()
         };
         let (mut expected, mut got) = (sample(), sample());
         Scalar.run(Op { lanes: Scalar, lines: &mut expected });
         lanes.run(Op { lanes, lines: &mut got });
         assert_eq!(got, expected);
+    }
+
+    /// What is read of a pair of lines, and what is written, in numbers.
+    #[test]
+    fn pairs_of_lines() {
+        let mut lines = [[1.0, 2.0, 3.0, 0.5, 4.0, 5.0, 6.0, 2.0], [7.0, 9.0, 2.0, 1.0, 1.0, 2.0, 3.0, 4.0]].map(Line);
+        assert_eq!(Scalar.relative(&lines, &[0], &[1]), [-6.0, -7.0, 1.0, 1.5, 5.0, 7.0, 9.0, 6.0]);
+        Scalar.push(&mut lines, &[0], &[1], [2.0, 4.0, 6.0], [1.0, 0.0, -1.0]);
+        assert_eq!(lines[0].0, [2.0, 4.0, 6.0, 0.5, 6.0, 5.0, 4.0, 2.0]);
+        assert_eq!(lines[1].0, [5.0, 5.0, -4.0, 1.0, 5.0, 2.0, -1.0, 4.0]);
     }
 
     /// The same for single precision.

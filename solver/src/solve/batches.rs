@@ -1,57 +1,46 @@
 //! The contact problem laid out for sweeping: bodies in the order of space, one cache line each;
 //! contacts in batches of eight that share no moving body.
 //!
-//! Bodies are cut into ranges by their number alone; the contacts inside a range touch only its
-//! bodies, those between ranges come after all others. So ranges can be swept side by side and the
-//! result does not depend on how many threads there are.
+//! Bodies are cut into ranges by their number alone, and ranges are joined two by two up to the whole:
+//! a tree. Each range has a block of the contacts inside it, each joint one of those across it, which is
+//! swept after both its sides. So the sides can be swept side by side, what is swept together lies
+//! together, and the result does not depend on how many threads there are.
 
-use crate::assemble::{Row, System};
+use rayon::prelude::*;
+
+use crate::assemble::{Record, System};
 use crate::math::lanes::Line;
 use crate::math::{Vec3, group};
 
 /// Contacts in a batch.
-pub const BATCH: usize = 8;
+pub const BATCH: usize = 16;
 
 /// A range holds at least this many bodies: fewer would wait for each other more than they work.
-const RANGE: usize = 2048;
+const RANGE: usize = 1024;
 
 /// Colours kept apart; what finds none of them free is swept one contact at a time.
 const COLOURS: usize = 64;
 
 /// What is constant of eight contacts. Unused places have no normal and no friction, and stay at rest.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub struct Batch {
     pub n: [[f64; BATCH]; 3],
-    pub shift: [[f64; BATCH]; 3],
-    /// 1/w_n and 1/w_t, kg.
-    pub inverse_w: [[f64; BATCH]; 2],
+    /// Along n, m/s.
+    pub shift: [f64; BATCH],
+    /// See [`crate::assemble::Row`].
+    pub arm: [f64; BATCH],
     pub friction: [f64; BATCH],
-    /// m
-    pub levers: [[f64; BATCH]; 2],
-    /// Lines of candidate and antagonist, counted in the range (in all lines for contacts between ranges).
+    /// Lines of candidate and antagonist, counted from the first of the block.
     pub bodies: [[u32; BATCH]; 2],
-    /// Row of the system, or [`NONE`].
-    pub rows: [u32; BATCH],
 }
 
 pub const NONE: u32 = u32::MAX;
 
-/// r̂ of eight contacts, and of the sweep before, N s. World vectors; where nothing has friction the
-/// first component is r̂_n and the others are not used.
-#[derive(Debug, Clone, Default)]
+/// A vector of each of eight contacts.
+#[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
-pub struct Impulses {
-    pub r: [[f64; BATCH]; 3],
-    pub previous: [[f64; BATCH]; 3],
-}
-
-/// Batches that are swept in this order, with their impulses.
-#[derive(Debug, Clone, Default)]
-pub struct Batches {
-    pub batches: Vec<Batch>,
-    pub impulses: Vec<Impulses>,
-}
+pub struct Column3(pub [[f64; BATCH]; 3]);
 
 /// Sums over the contacts of a sweep, by place in the batch so that no width changes their order.
 #[derive(Debug, Clone, Copy, Default)]
@@ -79,105 +68,72 @@ impl Sums {
     }
 }
 
-/// A range of bodies with the contacts inside it.
-#[derive(Debug, Clone)]
-pub struct Range {
-    /// Number of lines: the moving bodies, then those that do not move, then one for unused places.
+/// Contacts that are swept in this order: those inside a range of bodies, or between two groups of ranges.
+#[derive(Debug, Clone, Default)]
+pub struct Block {
+    /// Number of lines: of a range its moving bodies, then those that do not move, one for each contact with them, then
+    /// one for unused places; of two groups all that they have.
     pub lines: usize,
-    pub moving: usize,
-    pub inside: Batches,
+    pub batches: Vec<Batch>,
+    /// Where the batches of each colour end.
+    pub colours: Vec<usize>,
+    /// r̂ of the last sweep and of the one before, N s. World vectors; where nothing has friction the first component
+    /// is r̂_n and the others are not used.
+    pub r: Vec<Column3>,
+    pub previous: Vec<Column3>,
+    /// Shift in the tangent plane, m/s; empty where there is none.
+    pub drift: Vec<Column3>,
+    /// Row of the system, or [`NONE`].
+    pub rows: Vec<[u32; BATCH]>,
     /// Sums of the last sweep.
     pub sums: Sums,
 }
 
-/// Velocity, 1/mass, angular velocity, 1/inertia of every touched body, range by range.
+/// The contact problem of a step as the sweeps see it.
 pub struct Problem {
+    /// Velocity, 1/mass, R x angular velocity, R^2/inertia of every touched body, range by range.
     pub lines: Vec<Line>,
+    /// Those of the sweep before.
     pub previous: Vec<Line>,
-    pub ranges: Vec<Range>,
-    pub between: Batches,
+    /// The tree in order: the block of a range, the joint to the next, the block of the next, ...
+    pub blocks: Vec<Block>,
     pub frictional: bool,
 }
 
 impl Problem {
     /// The problem of the rows `active`, starting from `impulses` (one a row of the system) and from
     /// the velocities that they lead to.
-    pub fn new(system: &System, active: &[u32], impulses: &[Vec3], records: &[crate::assemble::Record]) -> Self {
+    pub fn new(system: &System, active: &[u32], impulses: &[Vec3], records: &[Record]) -> Self {
         let frictional = active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
         let layout = Layout::new(system, active);
-        let mut lines = vec![[0.0; 8]; layout.starts[layout.starts.len() - 1]];
-        for (body, line) in layout.line_of.iter().enumerate() {
-            if *line != NONE {
-                lines[*line as usize] = records[body].to_line();
-            }
+        let mut lines = vec![Line([0.0; 8]); layout.starts[layout.starts.len() - 1] as usize];
+        for (&line, &body) in layout.lines.iter().zip(&layout.bodies) {
+            lines[line as usize] = records[body as usize].to_line();
         }
-        // Rows of each range, and at the end those between ranges, in the order of the bodies in space.
-        let mut groups: Vec<Vec<u32>> = vec![Vec::new(); layout.ranges() + 1];
-        let mut fixed_before = vec![0; layout.ranges()];
-        let places: Vec<u32> = active.iter().map(|&k| layout.place(&system.rows[k as usize])).collect();
-        let (order, _) = group(&places, lines.len() + 1);
-        let mut fixed_line = vec![NONE; system.rows.len()];
-        for k in order.into_iter().map(|place| active[place as usize]) {
-            let row = &system.rows[k as usize];
-            let [a, b] = row.bodies.map(|body| layout.range_of(body));
-            match (a, b) {
-                (Some(a), Some(b)) if a != b => groups[layout.ranges()].push(k),
-                (Some(range), _) | (None, Some(range)) => {
-                    groups[range].push(k);
-                    if a.is_none() || b.is_none() {
-                        let line = layout.starts[range] + layout.moving[range] + fixed_before[range];
-                        fixed_before[range] += 1;
-                        fixed_line[k as usize] = line as u32;
-                        let fixed = row.bodies[if a.is_none() { 0 } else { 1 }];
-                        lines[line] = records[fixed as usize].to_line();
-                    }
-                }
-                (None, None) => {} // two bodies whose motion is imposed: nothing to solve
-            }
+        for &end in &layout.starts[1..] {
+            lines[end as usize - 1] = UNUSED;
         }
-
-        let line = |k: u32, side: usize, from: usize| {
-            let moving = layout.line_of[system.rows[k as usize].bodies[side] as usize];
-            let line = if moving != NONE { moving } else { fixed_line[k as usize] };
-            line - from as u32
-        };
-        let mut masks = vec![0u64; lines.len()];
-        let mut batches = |rows: &[u32], from: usize, unused: usize| {
-            let most = rows.len() / BATCH + COLOURS;
-            let mut batches = Batches { batches: Vec::with_capacity(most), impulses: Vec::with_capacity(most) };
-            for chunk in colour(system, rows, &layout, &mut masks).iter().flat_map(|colour| colour.1.chunks(colour.0)) {
-                batches.push(
-                    system,
-                    chunk,
-                    impulses,
-                    |k, side| line(k, side, from),
-                    (unused - from) as u32,
-                    frictional,
-                );
-            }
-            batches
-        };
-        let ranges: Vec<Range> = (0..layout.ranges())
-            .map(|r| Range {
-                lines: layout.starts[r + 1] - layout.starts[r],
-                moving: layout.moving[r],
-                inside: batches(&groups[r], layout.starts[r], layout.starts[r + 1] - 1),
-                sums: Default::default(),
-            })
-            .collect();
-        let between = batches(&groups[layout.ranges()], 0, lines.len() - 1);
-        Problem { previous: lines.clone(), lines, ranges, between, frictional }
+        let fill = Fill { system, active, impulses, records, frictional };
+        let blocks: Vec<(Block, Vec<Line>)> =
+            (0..layout.blocks.len() - 1).into_par_iter().map(|b| layout.block(b, &fill)).collect();
+        let blocks = blocks.into_iter().enumerate().map(|(b, (block, fixed))| {
+            let end = layout.starts[b / 2 + 1] as usize - 1;
+            lines[end - fixed.len()..end].copy_from_slice(&fixed);
+            block
+        });
+        let blocks = blocks.collect();
+        Problem { previous: lines.clone(), lines, blocks, frictional }
     }
 
     /// Puts the impulses r̂ into `impulses`, one a row of the system.
     pub fn read_back(&self, impulses: &mut [Vec3]) {
-        for batches in self.ranges.iter().map(|range| &range.inside).chain([&self.between]) {
-            for (batch, values) in batches.batches.iter().zip(&batches.impulses) {
-                for (lane, &row) in batch.rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
+        for block in &self.blocks {
+            for ((batch, r), rows) in block.batches.iter().zip(&block.r).zip(&block.rows) {
+                for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
                     impulses[row as usize] = if self.frictional {
-                        Vec3::from_fn(|k, _| values.r[k][lane])
+                        Vec3::new(r.0[0][lane], r.0[1][lane], r.0[2][lane])
                     } else {
-                        Vec3::from_fn(|k, _| batch.n[k][lane]) * values.r[0][lane]
+                        Vec3::new(batch.n[0][lane], batch.n[1][lane], batch.n[2][lane]) * r.0[0][lane]
                     };
                 }
             }
@@ -185,143 +141,231 @@ impl Problem {
     }
 }
 
-/// Which line each moving body has.
+/// The body of unused places: nothing acts on it, and nothing is divided by zero.
+const UNUSED: Line = Line([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+
+impl Record {
+    fn to_line(self) -> Line {
+        let Record { v, inverse_mass, w, inverse_inertia, radius } = self;
+        let w = w * radius;
+        Line([v.x, v.y, v.z, inverse_mass, w.x, w.y, w.z, radius * radius * inverse_inertia])
+    }
+}
+
+/// What the blocks are filled from.
+struct Fill<'a> {
+    system: &'a System,
+    active: &'a [u32],
+    impulses: &'a [Vec3],
+    records: &'a [Record],
+    frictional: bool,
+}
+
+/// Which contacts and bodies lie where.
 struct Layout {
-    /// By body; [`NONE`] for one that no active row touches or that does not move.
-    line_of: Vec<u32>,
+    /// Touched moving bodies in the order of space; a body's place here is its rank.
+    bodies: Vec<u32>,
+    /// Line of each rank.
+    lines: Vec<u32>,
+    /// First rank of each range, and their number.
+    cuts: Vec<u32>,
     /// First line of each range, and the number of lines.
-    starts: Vec<usize>,
-    moving: Vec<usize>,
+    starts: Vec<u32>,
+    /// Ranks of the bodies of each active row, [`NONE`] of one that does not move.
+    pairs: Vec<[u32; 2]>,
+    /// Places in `active`, by block, and in the order of space within.
+    order: Vec<u32>,
+    /// Where each block starts in `order`, and the end of the last.
+    blocks: Vec<u32>,
 }
 
 impl Layout {
     fn new(system: &System, active: &[u32]) -> Self {
-        let mut touched = vec![false; system.records.len()];
-        let mut fixed_contacts = 0;
-        for &k in active {
-            for body in system.rows[k as usize].bodies {
-                let moves = system.records[body as usize].inverse_mass > 0.0;
-                touched[body as usize] |= moves;
-                fixed_contacts += usize::from(!moves);
+        let mut pairs: Vec<[u32; 2]> = active.iter().map(|&k| system.rows[k as usize].bodies).collect();
+        let mut rank = vec![NONE; system.records.len()];
+        for &body in pairs.as_flattened() {
+            if system.records[body as usize].inverse_mass > 0.0 {
+                rank[body as usize] = 0;
             }
         }
-        let bodies: Vec<u32> = system.order.iter().copied().filter(|&body| touched[body as usize]).collect();
+        let bodies: Vec<u32> = system.order.iter().copied().filter(|&body| rank[body as usize] != NONE).collect();
+        for (place, &body) in bodies.iter().enumerate() {
+            rank[body as usize] = place as u32;
+        }
+        pairs.as_flattened_mut().iter_mut().for_each(|body| *body = rank[*body as usize]);
+
         let ranges = (bodies.len() / RANGE).max(1);
         let ranges = 1 << ranges.ilog2(); // a power of two, so that halves can be halved again
-        let cut = |r: usize| r * bodies.len() / ranges;
-        let mut range_of = vec![0; system.records.len()];
+        let cuts: Vec<u32> = (0..=ranges).map(|r| (r * bodies.len() / ranges) as u32).collect();
+        let mut range_of = vec![0; bodies.len()];
         for r in 0..ranges {
-            bodies[cut(r)..cut(r + 1)].iter().for_each(|&body| range_of[body as usize] = r);
+            range_of[cuts[r] as usize..cuts[r + 1] as usize].fill(r as u32);
         }
+        let first: Vec<u32> = pairs.iter().map(|[a, b]| *a.min(b).min(&(bodies.len() as u32))).collect();
+        let (by_place, starts) = group(&first, bodies.len() + 1);
+        // Two bodies whose motion is imposed: nothing to solve.
+        let by_place = &by_place[..starts[bodies.len()] as usize];
         // Every contact with a body that does not move has a line of its own for that body, so that
         // lines shared by many contacts do not exist.
         let mut fixed = vec![0; ranges];
-        if fixed_contacts > 0 {
-            for &k in active {
-                let [a, b] = system.rows[k as usize].bodies;
-                match [a, b].map(|body| touched[body as usize]) {
-                    [true, false] => fixed[range_of[a as usize]] += 1,
-                    [false, true] => fixed[range_of[b as usize]] += 1,
-                    _ => {}
+        let block = |&place: &u32| {
+            let [a, b] = pairs[place as usize];
+            let near = range_of[a.min(b) as usize];
+            let far = a.max(b);
+            if far == NONE {
+                fixed[near as usize] += 1;
+                return 2 * near;
+            }
+            block_of(near, range_of[far as usize])
+        };
+        let blocks_of: Vec<u32> = by_place.iter().map(block).collect();
+        let (mut order, blocks) = group(&blocks_of, 2 * ranges - 1);
+        order.iter_mut().for_each(|place| *place = by_place[*place as usize]);
+
+        let mut starts = vec![0];
+        let mut lines = Vec::with_capacity(bodies.len());
+        for r in 0..ranges {
+            let moving = cuts[r + 1] - cuts[r];
+            lines.extend(starts[r]..starts[r] + moving);
+            starts.push(starts[r] + moving + fixed[r] + 1);
+        }
+        Layout { bodies, lines, cuts, starts, pairs, order, blocks }
+    }
+
+    /// A block, and the lines of the bodies in it that do not move.
+    fn block(&self, block: usize, from: &Fill) -> (Block, Vec<Line>) {
+        let (first, last) = span(block);
+        let start = self.starts[first];
+        let lines = self.starts[last + 1] - start;
+        let places = &self.order[self.blocks[block] as usize..self.blocks[block + 1] as usize];
+        let (mut rows, colours) = colour(places, &self.pairs, self.cuts[first], self.cuts[last + 1]);
+        let empty = Batch {
+            n: [[0.0; BATCH]; 3],
+            shift: [0.0; BATCH],
+            arm: [0.0; BATCH],
+            friction: [0.0; BATCH],
+            bodies: [[lines - 1; BATCH]; 2],
+        };
+        let mut batches = vec![empty; rows.len()];
+        let mut r = vec![Column3::default(); rows.len()];
+        let mut drift = Vec::new();
+        let mut fixed = Vec::new();
+        let first_fixed = self.starts[first] + self.cuts[first + 1] - self.cuts[first] - start;
+        for (i, ((batch, r), rows)) in batches.iter_mut().zip(&mut r).zip(&mut rows).enumerate() {
+            for (lane, slot) in rows.iter_mut().enumerate().filter(|(_, slot)| **slot != NONE) {
+                let place = *slot as usize;
+                let k = from.active[place];
+                *slot = k;
+                let row = &from.system.rows[k as usize];
+                let n = row.normal;
+                put(&mut batch.n, lane, &n);
+                batch.arm[lane] = row.arm;
+                batch.friction[lane] = row.friction;
+                for side in 0..2 {
+                    let rank = self.pairs[place][side];
+                    if rank != NONE {
+                        batch.bodies[side][lane] = self.lines[rank as usize] - start;
+                        continue;
+                    }
+                    // The shift of a contact with a body that does not move is a velocity of that body.
+                    let sign = if side == 0 { 1.0 } else { -1.0 };
+                    let record = &from.records[row.bodies[side] as usize];
+                    batch.bodies[side][lane] = first_fixed + fixed.len() as u32;
+                    fixed.push(Record { v: record.v + row.shift * sign, ..*record }.to_line());
+                }
+                if self.pairs[place].iter().all(|rank| *rank != NONE) {
+                    batch.shift[lane] = n.dot(&row.shift);
+                    let rest = row.shift - n * batch.shift[lane];
+                    // More than rounding.
+                    if rest.norm_squared() > 1e-30 * row.shift.norm_squared() {
+                        drift.resize(colours[colours.len() - 1], Column3::default());
+                        put(&mut drift[i].0, lane, &rest);
+                    }
+                }
+                let impulse = &from.impulses[k as usize];
+                if from.frictional {
+                    put(&mut r.0, lane, impulse);
+                } else {
+                    r.0[0][lane] = n.dot(impulse);
                 }
             }
         }
-        let mut layout = Layout { line_of: vec![NONE; system.records.len()], starts: vec![0], moving: Vec::new() };
-        for r in 0..ranges {
-            let start = layout.starts[r];
-            let members = &bodies[cut(r)..cut(r + 1)];
-            for (place, &body) in members.iter().enumerate() {
-                layout.line_of[body as usize] = (start + place) as u32;
-            }
-            layout.moving.push(members.len());
-            layout.starts.push(start + members.len() + fixed[r] + 1);
-        }
-        layout
-    }
-
-    fn ranges(&self) -> usize {
-        self.moving.len()
-    }
-
-    fn range_of(&self, body: u32) -> Option<usize> {
-        let line = self.line_of[body as usize];
-        (line != NONE).then(|| self.starts.partition_point(|&start| start <= line as usize) - 1)
-    }
-
-    /// Where in space a row stands: the first line of its bodies.
-    fn place(&self, row: &Row) -> u32 {
-        let [a, b] = row.bodies.map(|body| self.line_of[body as usize]);
-        a.min(b).min(*self.starts.last().unwrap_or(&0) as u32)
+        let previous = r.clone();
+        (Block { lines: lines as usize, batches, colours, r, previous, drift, rows, sums: Sums::default() }, fixed)
     }
 }
 
-/// Rows by colour, each with the number of rows that a batch of it may hold.
-fn colour(system: &System, rows: &[u32], layout: &Layout, masks: &mut [u64]) -> Vec<(usize, Vec<u32>)> {
-    let lines = |k: u32| system.rows[k as usize].bodies.map(|body| layout.line_of[body as usize]);
-    let mut colours: Vec<(usize, Vec<u32>)> = Vec::new();
-    let mut single = Vec::new();
-    for &k in rows {
-        let moving = lines(k).into_iter().filter(|line| *line != NONE);
-        let taken = moving.clone().fold(0, |taken, line| taken | masks[line as usize]);
-        let free = taken.trailing_ones() as usize;
-        if free == COLOURS {
-            single.push(k);
-            continue;
-        }
-        if free == colours.len() {
-            colours.push((BATCH, Vec::new()));
-        }
-        colours[free].1.push(k);
-        moving.for_each(|line| masks[line as usize] |= 1 << free);
-    }
-    for line in rows.iter().flat_map(|&k| lines(k)).filter(|line| *line != NONE) {
-        masks[line as usize] = 0;
-    }
-    colours.push((1, single));
-    colours
+fn put(columns: &mut [[f64; BATCH]; 3], lane: usize, v: &Vec3) {
+    columns[0][lane] = v.x;
+    columns[1][lane] = v.y;
+    columns[2][lane] = v.z;
 }
 
-impl Batches {
-    fn push(
-        &mut self,
-        system: &System,
-        rows: &[u32],
-        impulses: &[Vec3],
-        line: impl Fn(u32, usize) -> u32,
-        unused: u32,
-        frictional: bool,
-    ) {
-        let mut batch = Batch {
-            n: [[0.0; BATCH]; 3],
-            shift: [[0.0; BATCH]; 3],
-            inverse_w: [[0.0; BATCH]; 2],
-            friction: [0.0; BATCH],
-            levers: [[0.0; BATCH]; 2],
-            bodies: [[unused; BATCH]; 2],
-            rows: [NONE; BATCH],
-        };
-        let mut start = Impulses::default();
-        for (lane, &k) in rows.iter().enumerate() {
-            let row = &system.rows[k as usize];
-            let put = |columns: &mut [[f64; BATCH]; 3], v: &Vec3| (0..3).for_each(|i| columns[i][lane] = v[i]);
-            put(&mut batch.n, &row.normal);
-            put(&mut batch.shift, &row.shift);
-            if frictional {
-                put(&mut start.r, &impulses[k as usize]);
-            } else {
-                start.r[0][lane] = row.normal.dot(&impulses[k as usize]);
-            }
-            batch.inverse_w[0][lane] = 1.0 / row.w_n;
-            batch.inverse_w[1][lane] = 1.0 / row.w_t;
-            batch.friction[lane] = row.friction;
-            for side in 0..2 {
-                batch.levers[side][lane] = row.levers[side];
-                batch.bodies[side][lane] = line(k, side);
-            }
-            batch.rows[lane] = k;
+/// The block of contacts between two ranges: of the one, or of the joint above both.
+fn block_of(a: u32, b: u32) -> u32 {
+    match (a ^ b).checked_ilog2() {
+        None => 2 * a,
+        Some(level) => (a.max(b) >> level << (level + 1)) - 1,
+    }
+}
+
+/// First and last range of a block.
+fn span(block: usize) -> (usize, usize) {
+    let side = (1 << block.trailing_ones()) - 1; // blocks before it, and behind it
+    ((block - side) / 2, (block + side) / 2)
+}
+
+/// Batches of rows that share no moving body, by colour, and where each colour ends; alone what has found no colour.
+///
+/// `low`, `high`: ranks of the bodies.
+fn colour(rows: &[u32], pairs: &[[u32; 2]], low: u32, high: u32) -> (Vec<[u32; BATCH]>, Vec<usize>) {
+    // What does not move has no colour taken.
+    let unmoved = (high - low) as usize;
+    let mut masks = vec![0u64; unmoved + 1];
+    let mut counts = [0; COLOURS + 1];
+    let mut colours: Vec<u8> = Vec::with_capacity(rows.len());
+    for &row in rows {
+        let [a, b] = pairs[row as usize].map(|rank| (rank.wrapping_sub(low) as usize).min(unmoved));
+        let free = (masks[a] | masks[b]).trailing_ones() as usize;
+        if free < COLOURS {
+            masks[a] |= 1 << free;
+            masks[b] |= 1 << free;
+            masks[unmoved] = 0;
         }
-        start.previous = start.r;
-        self.batches.push(batch);
-        self.impulses.push(start);
+        counts[free] += 1;
+        colours.push(free as u8);
+    }
+    let mut next = [0; COLOURS + 1];
+    let mut ends = Vec::new();
+    let mut batches = 0;
+    for (colour, &count) in counts.iter().enumerate() {
+        next[colour] = batches * BATCH;
+        if colour < COLOURS {
+            batches += usize::div_ceil(count, BATCH);
+            ends.push(batches);
+        } else {
+            ends.extend(batches + 1..=batches + count);
+            batches += count;
+        }
+    }
+    let mut batched = vec![[NONE; BATCH]; batches];
+    for (&row, &colour) in rows.iter().zip(&colours) {
+        let slot = &mut next[colour as usize];
+        batched[*slot / BATCH][*slot % BATCH] = row;
+        *slot += if (colour as usize) < COLOURS { 1 } else { BATCH };
+    }
+    (batched, ends)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of four ranges: blocks 0, 2, 4, 6 are theirs, 1 joins the first two, 5 the last two, 3 all.
+    #[test]
+    fn blocks_and_their_spans() {
+        assert_eq!([0, 1, 2, 3].map(|r| block_of(r, r)), [0, 2, 4, 6]);
+        assert_eq!([block_of(0, 1), block_of(3, 2), block_of(1, 2), block_of(3, 0)], [1, 5, 3, 3]);
+        assert_eq!([0, 1, 2, 3, 4, 5].map(span), [(0, 0), (0, 1), (1, 1), (0, 3), (2, 2), (2, 3)]);
     }
 }

@@ -21,6 +21,16 @@ pub fn cross_add<L: Lanes>(l: L, a: Triple<L::V>, b: Triple<L::V>, c: Triple<L::
     ]
 }
 
+/// a x b
+#[inline(always)]
+pub fn cross<L: Lanes>(l: L, a: Triple<L::V>, b: Triple<L::V>) -> Triple<L::V> {
+    [
+        l.neg_mul_add(a[2], b[1], l.mul(a[1], b[2])),
+        l.neg_mul_add(a[0], b[2], l.mul(a[2], b[0])),
+        l.neg_mul_add(a[1], b[0], l.mul(a[0], b[1])),
+    ]
+}
+
 /// The three components of an expression in `$k`. Not a closure, which a compiler may leave outside
 /// the instruction set that its caller is compiled for.
 macro_rules! triple {
@@ -48,7 +58,7 @@ pub(super) use triple;
 /// * `n`: unit normal.
 /// * `u`: û with the impulse `r` at work, m/s.
 /// * `r`: that impulse, N s.
-/// * `inverse_w`: 1/w_n and 1/w_t, kg; `friction`: mu.
+/// * `w`: w_n and w_t, 1/kg; `friction`: mu.
 ///
 /// With W = diag(w_n, w_t, w_t) the solution is closed: the impulse that would stop the contact,
 /// r - û_n/w_n n - û_T/w_t, has its normal part cut at 0 (Signorini) and its tangential part
@@ -60,7 +70,7 @@ pub(super) use triple;
 /// # use cd_solve::{math::lanes::Scalar, solve::local::signorini_coulomb};
 /// // 2 kg (1/w_n) arriving at 2 m/s is stopped by 4 N s; the tangential 7 m/s would need
 /// // 4 N s too (1/w_t = 4/7), but friction gives 0.5 * 4.
-/// let r = signorini_coulomb(Scalar, [0.0, 0.0, 1.0], [0.0, 7.0, -2.0], [0.0; 3], [2.0, 4.0 / 7.0], 0.5);
+/// let r = signorini_coulomb(Scalar, [0.0, 0.0, 1.0], [0.0, 7.0, -2.0], [0.0; 3], [0.5, 1.75], 0.5);
 /// assert_eq!(r, [0.0, -2.0, 4.0]);
 /// ```
 #[inline(always)]
@@ -69,20 +79,54 @@ pub fn signorini_coulomb<L: Lanes>(
     n: Triple<L::V>,
     u: Triple<L::V>,
     r: Triple<L::V>,
-    inverse_w: [L::V; 2],
+    w: [L::V; 2],
     friction: L::V,
 ) -> Triple<L::V> {
+    let (normal, tangential) = stopping(l, n, u, dot(l, n, u), l.splat(0.0), r, w);
+    coulomb(l, n, normal, tangential, friction)
+}
+
+/// The first half of [`signorini_coulomb`]: the normal part cut at 0, and the tangential part that would stop the
+/// contact. `u_n` is n.u, and `shift` adds to it.
+#[inline(always)]
+pub fn stopping<L: Lanes>(
+    l: L,
+    n: Triple<L::V>,
+    u: Triple<L::V>,
+    u_n: L::V,
+    shift: L::V,
+    r: Triple<L::V>,
+    [w_n, w_t]: [L::V; 2],
+) -> (L::V, Triple<L::V>) {
+    let inverse_t = l.div(l.splat(1.0), w_t);
+    let r_n = dot(l, n, r);
+    let normal = signorini(l, l.add(u_n, shift), r_n, w_n);
+    let full = triple!(k => l.neg_mul_add(u[k], inverse_t, r[k]));
+    let along = l.neg_mul_add(u_n, inverse_t, r_n);
+    (normal, triple!(k => l.neg_mul_add(n[k], along, full[k])))
+}
+
+/// max(0, r_n - û_n/w_n)
+#[inline(always)]
+pub fn signorini<L: Lanes>(l: L, u_n: L::V, r_n: L::V, w_n: L::V) -> L::V {
     let zero = l.splat(0.0);
-    let stopping = l.neg_mul_add(dot(l, n, u), inverse_w[0], dot(l, n, r)); // r_n - û_n/w_n
-    let normal = l.select_greater(stopping, zero, stopping, zero);
-    let tangential = {
-        let full = triple!(k => l.neg_mul_add(u[k], inverse_w[1], r[k]));
-        let along = dot(l, n, full);
-        triple!(k => l.neg_mul_add(n[k], along, full[k]))
-    };
+    let stopping = l.sub(r_n, l.div(u_n, w_n));
+    l.select_greater(stopping, zero, stopping, zero)
+}
+
+/// The second half: the tangential part projected on the disc of radius mu r̂_n.
+#[inline(always)]
+pub fn coulomb<L: Lanes>(
+    l: L,
+    n: Triple<L::V>,
+    normal: L::V,
+    tangential: Triple<L::V>,
+    friction: L::V,
+) -> Triple<L::V> {
     let bound = l.mul(friction, normal);
     let size2 = dot(l, tangential, tangential);
-    let ratio = l.div(bound, l.sqrt(size2));
+    // bound/size, as a root and a quotient that do not wait for each other.
+    let ratio = l.mul(l.div(bound, size2), l.sqrt(size2));
     let inside = l.select_greater(size2, l.mul(bound, bound), ratio, l.splat(1.0));
     triple!(k => l.mul_add(n[k], normal, l.mul(tangential[k], inside)))
 }
@@ -94,12 +138,12 @@ mod tests {
     use proptest::prelude::*;
 
     const UP: [f64; 3] = [0.0, 0.0, 1.0];
-    /// 1/w of a solid sphere of 2 kg against the ground: w_t = 7/2 w_n.
-    const INVERSE_W: [f64; 2] = [2.0, 4.0 / 7.0];
+    /// w of a solid sphere of 2 kg against the ground: w_t = 7/2 w_n.
+    const W: [f64; 2] = [0.5, 1.75];
 
     #[test]
     fn parting_sticking_and_frictionless() {
-        let solve = |u, friction| signorini_coulomb(Scalar, UP, u, [0.0; 3], INVERSE_W, friction);
+        let solve = |u, friction| signorini_coulomb(Scalar, UP, u, [0.0; 3], W, friction);
         assert_eq!(solve([3.0, 0.0, 1.0], 0.5), [0.0; 3]);
         assert_eq!(solve([0.0; 3], 0.5), [0.0; 3]);
         // 0.35 m/s is stopped by 0.2 N s, within 0.5 * 4.
@@ -108,6 +152,7 @@ mod tests {
         assert_eq!(solve([0.0, 7.0, -2.0], 0.0), [0.0, 0.0, 4.0]);
         assert_eq!(cross_add(Scalar, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]), UP);
         assert_eq!(cross_add(Scalar, [1.0, 2.0, 3.0], [-4.0, 5.0, 6.0], [1.0; 3]), [-2.0, -17.0, 14.0]);
+        assert_eq!(cross(Scalar, [1.0, 2.0, 3.0], [-4.0, 5.0, 6.0]), [-3.0, -18.0, 13.0]);
     }
 
     proptest! {
@@ -122,12 +167,12 @@ mod tests {
             let size = dot(Scalar, n, n).sqrt();
             prop_assume!(size > 0.1);
             let n = n.map(|c| c / size);
-            let new = signorini_coulomb(Scalar, n, u, r, INVERSE_W, friction);
+            let new = signorini_coulomb(Scalar, n, u, r, W, friction);
             // u after the change: W (new - r) + u with W = w_n nn + w_t (1 - nn).
             let change: [f64; 3] = std::array::from_fn(|k| new[k] - r[k]);
             let along = dot(Scalar, n, change);
             let after: [f64; 3] = std::array::from_fn(|k| {
-                u[k] + n[k] * along / INVERSE_W[0] + (change[k] - n[k] * along) / INVERSE_W[1]
+                u[k] + n[k] * along * W[0] + (change[k] - n[k] * along) * W[1]
             });
             let (u_n, r_n) = (dot(Scalar, n, after), dot(Scalar, n, new));
             let u_t: [f64; 3] = std::array::from_fn(|k| after[k] - n[k] * u_n);

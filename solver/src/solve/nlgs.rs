@@ -13,7 +13,7 @@ use crate::math::Vec3;
 use crate::math::lanes::Width;
 use crate::solve::batches::{self, Sums};
 use crate::solve::full;
-use crate::solve::residual::{Judge, Residual, velocities};
+use crate::solve::residual::{Judge, Residual};
 use crate::solve::sweep::sweep;
 
 /// Largest share of the last change that is carried on where there is friction, by the place of the
@@ -50,8 +50,7 @@ pub fn nlgs(system: &System, tol: f64, max_sweeps: u64, width: Width) -> Solutio
     }
     let mut sweeps = 0;
     loop {
-        let residual = sweep_until(system, &active, &mut impulses, tol, max_sweeps, width, &mut sweeps);
-        let records = velocities(system, &impulses);
+        let (residual, records) = sweep_until(system, &active, &mut impulses, tol, max_sweeps, width, &mut sweeps);
         let missed = closing_outside(system, &active, &records);
         if missed.is_empty() || sweeps >= max_sweeps {
             return Solution {
@@ -69,7 +68,8 @@ pub fn nlgs(system: &System, tol: f64, max_sweeps: u64, width: Width) -> Solutio
     }
 }
 
-/// Sweeps the rows `active` until they are solved or `sweeps` has reached `max_sweeps`.
+/// Sweeps the rows `active` until they are solved or `sweeps` has reached `max_sweeps`; returns what is left, and the
+/// velocities that the impulses lead to.
 fn sweep_until(
     system: &System,
     active: &[u32],
@@ -78,15 +78,15 @@ fn sweep_until(
     max_sweeps: u64,
     width: Width,
     sweeps: &mut u64,
-) -> Residual {
-    let judge = Judge::new(system, active);
-    let records = velocities(system, impulses);
+) -> (Residual, Vec<Record>) {
+    let judge = Judge::new(system, active, width);
+    let records = judge.velocities(impulses);
     let mut residual = judge.residual_at(impulses, &records);
     if residual.value <= tol || *sweeps >= max_sweeps {
-        return residual;
+        return (residual, records);
     }
     let mut problem = Laid::new(system, active, impulses, &records);
-    let mut best = (residual, impulses.to_vec());
+    let mut best = (residual, impulses.to_vec(), records);
     let mut momentum = Momentum::new(active.iter().any(|&k| system.rows[k as usize].friction > 0.0));
     // Judging costs several sweeps. The change made by a sweep falls as the residual does: it tells
     // when judging is worth while, and `patience` bounds the wait where it misleads.
@@ -100,13 +100,14 @@ fn sweep_until(
         let due = scale.is_none_or(|scale| sums.change() <= scale * tol) || patience > 10 + *sweeps / 4;
         if due || *sweeps >= max_sweeps {
             problem.read_back(impulses);
-            residual = judge.residual(impulses);
+            let records = judge.velocities(impulses);
+            residual = judge.residual_at(impulses, &records);
             if residual.value < best.0.value {
-                best = (residual, impulses.to_vec());
+                best = (residual, impulses.to_vec(), records);
             }
             if residual.value <= tol || *sweeps >= max_sweeps {
                 impulses.copy_from_slice(&best.1);
-                return best.0;
+                return (best.0, best.2);
             }
             // Aim a little lower than the tolerance: a failed judgement costs more than a sweep.
             scale = Some(0.8 * sums.change() / residual.value);

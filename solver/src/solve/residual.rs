@@ -6,17 +6,40 @@
 //!
 //! Source: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 13.
 
-use crate::assemble::{Record, Row, System};
+use pulp::NullaryFnOnce;
+use rayon::prelude::*;
+
+use crate::assemble::{Record, System};
 use crate::math::Vec3;
+use crate::math::lanes::{Lanes, Width};
 
 /// Below this share of the bodies' own velocities a residual is their rounding: steps in which
 /// nothing closes count as solved.
 const FLOOR: f64 = 1e-15;
 
+/// Contacts judged at once.
+const EIGHT: usize = 8;
+
+/// Groups of eight contacts that one task judges.
+const TASK: usize = 128;
+
+/// Eight contacts by columns; in the last group places are left over, without n, shift and friction.
+#[derive(Debug, Clone, Copy)]
+struct Eight {
+    n: [[f64; EIGHT]; 3],
+    shift: [[f64; EIGHT]; 3],
+    /// From the centres of candidate and antagonist to the contact point, m.
+    arms: [[[f64; EIGHT]; 3]; 2],
+    friction: [f64; EIGHT],
+    bodies: [[u32; EIGHT]; 2],
+}
+
 pub struct Judge<'a> {
     system: &'a System,
+    width: Width,
     /// Rows that are judged.
     rows: &'a [u32],
+    contacts: Vec<Eight>,
     rho: f64,
     at_zero: f64,
     floor: f64,
@@ -30,20 +53,25 @@ pub struct Residual {
 }
 
 impl<'a> Judge<'a> {
-    pub fn new(system: &'a System, rows: &'a [u32]) -> Self {
-        let of = |k: &u32| &system.rows[*k as usize];
-        let trace: f64 = rows.iter().map(|k| of(k).w_n + 2.0 * of(k).w_t).sum();
+    pub fn new(system: &'a System, rows: &'a [u32], width: Width) -> Self {
+        let contacts = rows.par_chunks(EIGHT).with_min_len(TASK).map(|rows| eight(system, rows)).collect();
+        let (mut trace, mut speeds) = (0.0, 0.0);
+        for &k in rows {
+            let row = &system.rows[k as usize];
+            trace += row.w_n + 2.0 * row.w_t;
+            let [a, b] = row.bodies.map(|i| system.records[i as usize].v.norm());
+            speeds += (a + b) * (a + b);
+        }
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
-        let speed = |i: u32| system.records[i as usize].v.norm();
-        let speeds: f64 = rows.iter().map(|k| of(k).bodies.map(speed).iter().sum::<f64>().powi(2)).sum();
-        let mut judge = Judge { system, rows, rho, at_zero: 0.0, floor: FLOOR * rho * speeds.sqrt() };
+        let floor = FLOOR * rho * speeds.sqrt();
+        let mut judge = Judge { system, width, rows, contacts, rho, at_zero: 0.0, floor };
         judge.at_zero = judge.norm(&vec![Vec3::zeros(); system.rows.len()], &system.records).0;
         judge
     }
 
-    /// E of the impulses r̂ (one a row of the system, world frame, N s).
+    /// E of the impulses r̂ (one a row of the system, world frame, N s; 0 in rows that are not judged).
     pub fn residual(&self, impulses: &[Vec3]) -> Residual {
-        self.residual_at(impulses, &velocities(self.system, impulses))
+        self.residual_at(impulses, &self.velocities(impulses))
     }
 
     /// The same, where the velocities that the impulses lead to are known.
@@ -55,88 +83,223 @@ impl<'a> Judge<'a> {
         Residual { value: norm / self.at_zero.max(self.floor), worst }
     }
 
+    /// V_free + M⁻¹ H r̂ from the beginning.
+    pub fn velocities(&self, impulses: &[Vec3]) -> Vec<Record> {
+        // On each body the sums of the impulses and of their moments about its centre.
+        let mut sums = vec![[0.0; 6]; self.system.records.len()];
+        for (eight, rows) in self.contacts.iter().zip(self.rows.chunks(EIGHT)) {
+            for (lane, &k) in rows.iter().enumerate() {
+                let r = &impulses[k as usize];
+                for (side, sign) in [(0, 1.0), (1, -1.0)] {
+                    let sum = &mut sums[eight.bodies[side][lane] as usize];
+                    let [x, y, z] = [0, 1, 2].map(|axis| eight.arms[side][axis][lane]);
+                    let moment = [y * r.z - z * r.y, z * r.x - x * r.z, x * r.y - y * r.x];
+                    for axis in 0..3 {
+                        sum[axis] += sign * r[axis];
+                        sum[3 + axis] += sign * moment[axis];
+                    }
+                }
+            }
+        }
+        let moved = |(body, (record, sum)): (usize, (&Record, &[f64; 6]))| Record {
+            v: record.v + Vec3::new(sum[0], sum[1], sum[2]) * record.inverse_mass,
+            w: record.w + self.system.spin(body as u32, &Vec3::new(sum[3], sum[4], sum[5])),
+            ..*record
+        };
+        self.system.records.iter().zip(&sums).enumerate().map(moved).collect()
+    }
+
+    /// |F| and the row with the largest part in it.
     fn norm(&self, impulses: &[Vec3], records: &[Record]) -> (f64, Option<u32>) {
+        let motion = |Record { v, w, .. }: &Record| [v.x, v.y, v.z, 0.0, w.x, w.y, w.z, 0.0];
+        let motions: Vec<[f64; 8]> = records.iter().map(motion).collect();
+        let of_task = |(rows, contacts): (&[u32], &[Eight])| match self.width {
+            Width::One(lanes) => self.judge(lanes, rows, contacts, impulses, &motions),
+            #[cfg(target_arch = "x86_64")]
+            Width::Four(lanes) => self.judge(lanes, rows, contacts, impulses, &motions),
+            #[cfg(target_arch = "x86_64")]
+            Width::Eight(lanes) => self.judge(lanes, rows, contacts, impulses, &motions),
+        };
+        let tasks = self.rows.par_chunks(EIGHT * TASK).zip(self.contacts.par_chunks(TASK));
+        let parts: Vec<(f64, f64, Option<u32>)> = tasks.map(of_task).collect();
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
-        for &k in self.rows {
-            let row = &self.system.rows[k as usize];
-            let size2 = natural_map2(row, &impulses[k as usize], &velocity(self.system, k as usize, records), self.rho);
+        for (part, size2, row) in parts {
+            sum += part;
+            if size2 > largest {
+                (largest, worst) = (size2, row);
+            }
+        }
+        (sum.sqrt(), worst)
+    }
+
+    /// Sum of |F|^2 of some contacts, the largest and its row.
+    fn judge<L: Lanes>(
+        &self,
+        lanes: L,
+        rows: &[u32],
+        contacts: &[Eight],
+        impulses: &[Vec3],
+        motions: &[[f64; 8]],
+    ) -> (f64, f64, Option<u32>) {
+        let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
+        let mut sizes2 = [0.0; EIGHT * TASK];
+        lanes.run(Map { lanes, rows, contacts, impulses, motions, rho: self.rho, sizes2: &mut sizes2 });
+        for (&k, size2) in rows.iter().zip(sizes2) {
             sum += size2;
             if size2 > largest {
                 (largest, worst) = (size2, Some(k));
             }
         }
-        (sum.sqrt(), worst)
+        (sum, largest, worst)
     }
 }
 
-/// V_free + M⁻¹ H r̂ from the beginning.
-pub fn velocities(system: &System, impulses: &[Vec3]) -> Vec<Record> {
-    let mut records = system.records.clone();
-    for (k, (row, r)) in system.rows.iter().zip(impulses).enumerate() {
-        for (side, sign) in [(0, 1.0), (1, -1.0)] {
-            let body = row.bodies[side];
-            let record = &mut records[body as usize];
-            record.v += r * (sign * record.inverse_mass);
-            record.w += system.spin(body, &system.arm(k, side).cross(&(r * sign)));
+fn eight(system: &System, rows: &[u32]) -> Eight {
+    let zero = [0.0; EIGHT];
+    let (three, bodies) = ([zero; 3], [[0; EIGHT]; 2]);
+    let mut eight = Eight { n: three, shift: three, arms: [three; 2], friction: zero, bodies };
+    for (lane, &k) in rows.iter().enumerate() {
+        let row = &system.rows[k as usize];
+        for axis in 0..3 {
+            eight.n[axis][lane] = row.normal[axis];
+            eight.shift[axis][lane] = row.shift[axis];
+        }
+        eight.friction[lane] = row.friction;
+        for side in 0..2 {
+            eight.bodies[side][lane] = row.bodies[side];
+            let arm = system.arm(k as usize, side);
+            for axis in 0..3 {
+                eight.arms[side][axis][lane] = arm[axis];
+            }
         }
     }
-    records
+    eight
 }
 
-fn velocity(system: &System, k: usize, records: &[Record]) -> Vec3 {
-    let row = &system.rows[k];
-    let at_point = |side: usize| {
-        let record = &records[row.bodies[side] as usize];
-        record.v + record.w.cross(&system.arm(k, side))
-    };
-    at_point(0) - at_point(1) + row.shift
+/// |F|^2 of contacts, N^2 s^2.
+struct Map<'a, L> {
+    lanes: L,
+    rows: &'a [u32],
+    contacts: &'a [Eight],
+    impulses: &'a [Vec3],
+    motions: &'a [[f64; 8]],
+    rho: f64,
+    sizes2: &'a mut [f64],
 }
 
-/// |F|^2 of one contact, N^2 s^2. In the plane of n and the tangential part of r - rho û, where the
-/// projection lies too, no frame is needed.
-fn natural_map2(row: &Row, r: &Vec3, u: &Vec3, rho: f64) -> f64 {
-    let (n, mu) = (&row.normal, row.friction);
-    let u_n = n.dot(u);
-    let u_t = u - n * u_n;
-    let z = r - u * rho;
-    let z_n = n.dot(&z) - rho * mu * u_t.norm_squared().sqrt();
-    let z_t = z - n * n.dot(&z);
-    let size = z_t.norm_squared().sqrt();
-    let (p_n, p_t) = project_on_cone(z_n, size, mu);
-    let direction = if size > 0.0 { z_t / size } else { Vec3::zeros() };
-    (r - n * p_n - direction * p_t).norm_squared()
+impl<L: Lanes> NullaryFnOnce for Map<'_, L> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let Map { lanes: l, rows, contacts, impulses, motions, rho, sizes2 } = self;
+        for ((eight, rows), sizes2) in contacts.iter().zip(rows.chunks(EIGHT)).zip(sizes2.chunks_mut(EIGHT)) {
+            let mut r = [[0.0; EIGHT]; 3];
+            for (lane, &k) in rows.iter().enumerate() {
+                let impulse = &impulses[k as usize];
+                (r[0][lane], r[1][lane], r[2][lane]) = (impulse.x, impulse.y, impulse.z);
+            }
+            for from in (0..EIGHT).step_by(L::WIDTH) {
+                natural_map2(l, eight, &r, motions, rho, from, &mut sizes2[from..]);
+            }
+        }
+    }
+}
+
+/// Stores |F|^2 of `WIDTH` contacts from the place `from` on. In the plane of n and the tangential part of r - rho û,
+/// where the projection lies too, no frame is needed.
+#[inline(always)]
+fn natural_map2<L: Lanes>(
+    l: L,
+    eight: &Eight,
+    r: &[[f64; EIGHT]; 3],
+    motions: &[[f64; 8]],
+    rho: f64,
+    from: usize,
+    size2: &mut [f64],
+) {
+    let places = from..from + L::WIDTH;
+    let mut n = [l.splat(0.0); 3];
+    let mut u = n;
+    let mut impulse = n;
+    let a = l.gather(motions, &eight.bodies[0][places.clone()]);
+    let b = l.gather(motions, &eight.bodies[1][places.clone()]);
+    for k in 0..3 {
+        n[k] = l.load(&eight.n[k][places.clone()]);
+        impulse[k] = l.load(&r[k][places.clone()]);
+    }
+    for (k, u) in u.iter_mut().enumerate() {
+        let shift = l.load(&eight.shift[k][places.clone()]);
+        *u = l.add(l.sub(at_point(l, eight, &a, 0, k, from), at_point(l, eight, &b, 1, k, from)), shift);
+    }
+    let (zero, rho, mu) = (l.splat(0.0), l.splat(rho), l.load(&eight.friction[places]));
+    let u_n = product(l, n, u);
+    let mut z = n;
+    let mut u_t2 = zero;
+    for k in 0..3 {
+        z[k] = l.sub(impulse[k], l.mul(rho, u[k]));
+        let u_t = l.sub(u[k], l.mul(n[k], u_n));
+        u_t2 = l.add(u_t2, l.mul(u_t, u_t));
+    }
+    let along = product(l, n, z);
+    for k in 0..3 {
+        z[k] = l.sub(z[k], l.mul(n[k], along));
+    }
+    let z_n = l.sub(along, l.mul(l.mul(rho, mu), l.sqrt(u_t2)));
+    let size = l.sqrt(product(l, z, z));
+    let (p_n, p_t) = project_on_cone(l, z_n, size, mu);
+    let share = l.select_greater(size, zero, l.div(p_t, size), zero);
+    let mut sum = zero;
+    for k in 0..3 {
+        let f = l.sub(l.sub(impulse[k], l.mul(n[k], p_n)), l.mul(z[k], share));
+        sum = l.add(sum, l.mul(f, f));
+    }
+    l.store(size2, sum);
+}
+
+/// Component k of v + w x arm of the bodies on one side.
+#[inline(always)]
+fn at_point<L: Lanes>(l: L, eight: &Eight, motion: &[L::V; 8], side: usize, k: usize, from: usize) -> L::V {
+    let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+    let arm_i = l.load(&eight.arms[side][i][from..from + L::WIDTH]);
+    let arm_j = l.load(&eight.arms[side][j][from..from + L::WIDTH]);
+    l.add(motion[k], l.sub(l.mul(motion[4 + i], arm_j), l.mul(motion[4 + j], arm_i)))
+}
+
+#[inline(always)]
+fn product<L: Lanes>(l: L, a: [L::V; 3], b: [L::V; 3]) -> L::V {
+    l.add(l.add(l.mul(a[0], b[0]), l.mul(a[1], b[1])), l.mul(a[2], b[2]))
 }
 
 /// The nearest point of Coulomb's cone { |r_T| <= mu r_n } to a vector of normal part `z_n` and of
 /// tangential size `z_t` >= 0: its normal part and its tangential size.
 ///
 /// ```
-/// # use cd_solve::solve::residual::project_on_cone;
-/// assert_eq!(project_on_cone(2.0, 1.0, 1.0), (2.0, 1.0)); // inside
-/// assert_eq!(project_on_cone(-2.0, 1.0, 1.0), (0.0, 0.0)); // in the polar cone
-/// assert_eq!(project_on_cone(0.0, 2.0, 1.0), (1.0, 1.0)); // on the side
+/// # use cd_solve::{math::lanes::Scalar, solve::residual::project_on_cone};
+/// assert_eq!(project_on_cone(Scalar, 2.0, 1.0, 1.0), (2.0, 1.0)); // inside
+/// assert_eq!(project_on_cone(Scalar, -2.0, 1.0, 1.0), (0.0, 0.0)); // in the polar cone
+/// assert_eq!(project_on_cone(Scalar, 0.0, 2.0, 1.0), (1.0, 1.0)); // on the side
 /// ```
-pub fn project_on_cone(z_n: f64, z_t: f64, mu: f64) -> (f64, f64) {
-    if z_t <= mu * z_n {
-        (z_n, z_t)
-    } else if mu * z_t <= -z_n {
-        (0.0, 0.0)
-    } else {
-        let normal = (z_n + mu * z_t) / (1.0 + mu * mu);
-        (normal, mu * normal)
-    }
+#[inline(always)]
+pub fn project_on_cone<L: Lanes>(l: L, z_n: L::V, z_t: L::V, mu: L::V) -> (L::V, L::V) {
+    let (zero, one) = (l.splat(0.0), l.splat(1.0));
+    let side = l.div(l.add(z_n, l.mul(mu, z_t)), l.add(one, l.mul(mu, mu)));
+    let below = l.sub(zero, z_n);
+    let normal = l.select_greater(l.mul(mu, z_t), below, side, zero);
+    let edge = l.mul(mu, z_n);
+    (l.select_greater(z_t, edge, normal, z_n), l.select_greater(z_t, edge, l.mul(mu, normal), z_t))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::lanes::Scalar;
     use proptest::prelude::*;
 
     proptest! {
         /// The projection is in the cone and no nearby point of the cone is nearer.
         #[test]
         fn projection_is_the_nearest_point(z_n in -5.0..5.0f64, z_t in 0.0..5.0f64, mu in 0.0..2.0f64, tries in prop::collection::vec((0.0..6.0f64, 0.0..1.0f64), 50)) {
-            let (p_n, p_t) = project_on_cone(z_n, z_t, mu);
+            let (p_n, p_t) = project_on_cone(Scalar, z_n, z_t, mu);
             // Rounding of numbers up to 10.
             prop_assert!(p_t <= mu * p_n + 1e-14);
             for (normal, share) in tries {

@@ -3,8 +3,14 @@
 use pulp::NullaryFnOnce;
 
 use crate::math::lanes::{Lanes, Line, Width};
-use crate::solve::batches::{BATCH, Batch, Batches, Impulses, Problem, Range, Sums};
-use crate::solve::local::{cross_add, dot, signorini_coulomb, triple};
+use crate::solve::batches::{BATCH, Batch, Block, Column3, Problem, Sums};
+use crate::solve::local::{Triple, coulomb, cross, cross_add, dot, signorini, stopping, triple};
+
+/// Batches that go through the stages of a sweep together, so that no stage waits for the one before.
+const CHUNK: usize = 8;
+
+/// Bytes that the caches hold between two sweeps, about.
+const CACHES: usize = 24 << 20;
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
 pub fn sweep(problem: &mut Problem, width: Width, beta: f64) -> Sums {
@@ -18,55 +24,74 @@ pub fn sweep(problem: &mut Problem, width: Width, beta: f64) -> Sums {
 }
 
 fn sweep_with<L: Lanes>(problem: &mut Problem, lanes: L, beta: f64) -> Sums {
-    let Problem { lines, previous, ranges, between, frictional } = problem;
+    let Problem { lines, previous, blocks, frictional } = problem;
+    let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
+    let far = batches * size_of::<(Batch, [Column3; 2])>() > CACHES;
+    std::mem::swap(lines, previous);
+    let sweep = Sweep { lanes, beta, far };
     if *frictional {
-        side_by_side::<L, true>(ranges, lines, previous, lanes, beta);
+        sweep.subtree::<true>(blocks, lines, previous);
     } else {
-        side_by_side::<L, false>(ranges, lines, previous, lanes, beta);
+        sweep.subtree::<false>(blocks, lines, previous);
     }
     let mut sums = Sums::default();
-    ranges.iter().for_each(|range| sums.add(&range.sums));
-    let mut last = Sums::default();
-    if *frictional {
-        run::<L, true>(lanes, lines, between, beta, &mut last);
-    } else {
-        run::<L, false>(lanes, lines, between, beta, &mut last);
-    }
-    sums.add(&last);
+    blocks.iter().for_each(|block| sums.add(&block.sums));
     sums
 }
 
-/// Halves the ranges until one is left to each task.
-fn side_by_side<L: Lanes, const FRICTION: bool>(
-    ranges: &mut [Range],
-    lines: &mut [Line],
-    previous: &mut [Line],
+#[derive(Clone, Copy)]
+struct Sweep<L> {
     lanes: L,
     beta: f64,
-) {
-    if let [range] = ranges {
-        let moving =
-            CarryOn { lanes, lines: &mut lines[..range.moving], previous: &mut previous[..range.moving], beta };
-        lanes.run(moving);
-        range.sums = Sums::default();
-        run::<L, FRICTION>(lanes, &mut lines[..range.lines], &mut range.inside, beta, &mut range.sums);
-        return;
+    /// Whether the problem is far larger than the caches.
+    far: bool,
+}
+
+impl<L: Lanes> Sweep<L> {
+    /// Both sides of a joint side by side, then the joint.
+    fn subtree<const FRICTION: bool>(self, blocks: &mut [Block], lines: &mut [Line], previous: &[Line]) {
+        let half = blocks.len() / 2;
+        let (left, rest) = blocks.split_at_mut(half);
+        let Some((block, right)) = rest.split_first_mut() else { return };
+        if left.is_empty() {
+            self.lanes.run(CarryOn { lanes: self.lanes, lines, previous, beta: self.beta });
+        } else {
+            let cut = left[half / 2].lines;
+            let (lines_left, lines_right) = lines.split_at_mut(cut);
+            let (previous_left, previous_right) = previous.split_at(cut);
+            rayon::join(
+                || self.subtree::<FRICTION>(left, lines_left, previous_left),
+                || self.subtree::<FRICTION>(right, lines_right, previous_right),
+            );
+        }
+        if self.far {
+            fetch(block);
+        }
+        self.lanes.run(SweepBlock::<L, FRICTION> { lanes: self.lanes, lines, block, beta: self.beta });
+        std::mem::swap(&mut block.r, &mut block.previous);
     }
-    let (left, right) = ranges.split_at_mut(ranges.len() / 2);
-    let cut = left.iter().map(|range| range.lines).sum();
-    let (lines_left, lines_right) = lines.split_at_mut(cut);
-    let (previous_left, previous_right) = previous.split_at_mut(cut);
-    rayon::join(
-        || side_by_side::<L, FRICTION>(left, lines_left, previous_left, lanes, beta),
-        || side_by_side::<L, FRICTION>(right, lines_right, previous_right, lanes, beta),
-    );
+}
+
+/// Reads a block before it is swept: memory is faster when it need not wait for arithmetic.
+fn fetch(block: &Block) {
+    let mut seen = 0;
+    for batch in &block.batches {
+        let Batch { n: [x, y, z], shift, arm, friction, bodies } = batch;
+        let columns = [x, y, z, shift, arm, friction];
+        seen = columns.into_iter().fold(seen ^ u64::from(bodies[0][0]), |seen, column| seen ^ column[0].to_bits());
+    }
+    for column in block.r.iter().chain(&block.previous).flat_map(|r| &r.0) {
+        seen ^= column[0].to_bits();
+    }
+    std::hint::black_box(seen);
 }
 
 /// Velocities are linear in the impulses, so momentum takes one pass over the bodies.
 struct CarryOn<'a, L> {
     lanes: L,
+    /// The lines before `previous`, to become those that come after.
     lines: &'a mut [Line],
-    previous: &'a mut [Line],
+    previous: &'a [Line],
     beta: f64,
 }
 
@@ -78,122 +103,212 @@ impl<L: Lanes> NullaryFnOnce for CarryOn<'_, L> {
         let beta = l.splat(self.beta);
         for (line, previous) in self.lines.iter_mut().zip(self.previous) {
             for from in (0..8).step_by(L::WIDTH) {
-                let (now, before) = (l.load(&line[from..]), l.load(&previous[from..]));
+                let (before, now) = (l.load(&line.0[from..]), l.load(&previous.0[from..]));
                 // Masses do not change, so they stay.
-                l.store(&mut line[from..], l.mul_add(beta, l.sub(now, before), now));
-                l.store(&mut previous[from..], now);
+                l.store(&mut line.0[from..], l.mul_add(beta, l.sub(now, before), now));
             }
         }
     }
 }
 
-fn run<L: Lanes, const FRICTION: bool>(l: L, lines: &mut [Line], batches: &mut Batches, beta: f64, sums: &mut Sums) {
-    struct Op<'a, L, const FRICTION: bool> {
-        lanes: L,
-        lines: &'a mut [Line],
-        batches: &'a mut Batches,
-        beta: f64,
-        sums: &'a mut Sums,
-    }
-    impl<L: Lanes, const FRICTION: bool> NullaryFnOnce for Op<'_, L, FRICTION> {
-        type Output = ();
-        #[inline(always)]
-        fn call(self) {
-            let Op { lanes, lines, batches, beta, sums } = self;
-            for (batch, impulses) in batches.batches.iter().zip(&mut batches.impulses) {
+struct SweepBlock<'a, L, const FRICTION: bool> {
+    lanes: L,
+    lines: &'a mut [Line],
+    block: &'a mut Block,
+    beta: f64,
+}
+
+impl<L: Lanes, const FRICTION: bool> NullaryFnOnce for SweepBlock<'_, L, FRICTION> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let SweepBlock { lanes: l, lines, block, beta } = self;
+        let Block { batches, colours, r, previous, drift, sums, .. } = block;
+        *sums = Sums::default();
+        let zero = l.splat(0.0);
+        let mut trials = [Trial { tangential: [zero; 3], normal: zero, y: [zero; 3], w_n: zero }; CHUNK];
+        let mut changes = [Change { impulse: [zero; 3], turn: [zero; 3] }; CHUNK];
+        let mut first = 0;
+        for &end in &*colours {
+            while first < end {
+                let next = end.min(first + CHUNK);
+                let batches = &batches[first..next];
+                let (r, previous) = (&r[first..next], &mut previous[first..next]);
+                let drift = drift.get(first..next).unwrap_or_default();
                 for from in (0..BATCH).step_by(L::WIDTH) {
-                    solve_batch::<L, FRICTION>(lanes, lines, batch, impulses, beta, sums, from);
+                    if FRICTION {
+                        try_each(l, lines, batches, r, previous, drift, beta, from, &mut trials);
+                        close_each(l, batches, r, previous, &trials, from, &mut changes, sums);
+                    } else {
+                        close_frictionless(l, lines, batches, r, previous, beta, from, &mut changes, sums);
+                    }
+                    push_each::<L, FRICTION>(l, lines, batches, &changes, from);
                 }
+                first = next;
             }
         }
     }
-    l.run(Op::<L, FRICTION> { lanes: l, lines, batches, beta, sums });
 }
 
-/// Solves the `WIDTH` contacts of a batch that start at place `from`.
+/// What would stop the contacts of a vector, N s.
+#[derive(Clone, Copy)]
+struct Trial<V> {
+    tangential: Triple<V>,
+    /// Signorini's condition holds already.
+    normal: V,
+    /// The impulses that the velocities have in them.
+    y: Triple<V>,
+    /// 1/kg
+    w_n: V,
+}
+
+/// Change of impulse and of moment over the arm, for the bodies.
+#[derive(Clone, Copy)]
+struct Change<V> {
+    impulse: Triple<V>,
+    turn: Triple<V>,
+}
+
+/// The vector of `WIDTH` places from `from` on.
+macro_rules! load {
+    ($l:ident, $from:ident, $x:expr) => {
+        $l.load(&$x[$from..$from + L::WIDTH])
+    };
+}
+macro_rules! load3 {
+    ($l:ident, $from:ident, $x:expr) => {
+        triple!(k => load!($l, $from, $x[k]))
+    };
+}
+
+/// The bodies' lines of a vector of contacts.
+macro_rules! pair {
+    ($from:ident, $batch:ident) => {
+        (&$batch.bodies[0][$from..$from + L::WIDTH], &$batch.bodies[1][$from..$from + L::WIDTH])
+    };
+}
+
 #[inline(always)]
-fn solve_batch<L: Lanes, const FRICTION: bool>(
+#[expect(clippy::too_many_arguments)]
+fn try_each<L: Lanes>(
+    l: L,
+    lines: &[Line],
+    batches: &[Batch],
+    r: &[Column3],
+    previous: &[Column3],
+    drift: &[Column3],
+    beta: f64,
+    from: usize,
+    trials: &mut [Trial<L::V>; CHUNK],
+) {
+    let beta = l.splat(beta);
+    let columns = batches.iter().zip(r).zip(previous).zip(trials);
+    for (i, (((batch, r), previous), trial)) in columns.enumerate() {
+        let (a, b) = pair!(from, batch);
+        let [dx, dy, dz, w_n, sx, sy, sz, k] = l.relative(lines, a, b);
+        let n = load3!(l, from, batch.n);
+        let r = load3!(l, from, r.0);
+        let before = load3!(l, from, previous.0);
+        let y = triple!(i => l.mul_add(beta, l.sub(r[i], before[i]), r[i]));
+        let arm = load!(l, from, batch.arm);
+        let lever = triple!(i => l.mul(n[i], arm));
+        // û = v_a - v_b + n x arm (R_a w_a + R_b w_b) + shift
+        let mut u = cross_add(l, lever, [sx, sy, sz], [dx, dy, dz]);
+        if let Some(drift) = drift.get(i) {
+            let drift = load3!(l, from, drift.0);
+            u = triple!(i => l.add(u[i], drift[i]));
+        }
+        let u_n = dot(l, n, [dx, dy, dz]);
+        let w_t = l.mul_add(l.mul(arm, arm), k, w_n);
+        let shift = load!(l, from, batch.shift);
+        let (normal, tangential) = stopping(l, n, u, u_n, shift, y, [w_n, w_t]);
+        *trial = Trial { tangential, normal, y, w_n };
+    }
+}
+
+#[inline(always)]
+#[expect(clippy::too_many_arguments)]
+fn close_each<L: Lanes>(
+    l: L,
+    batches: &[Batch],
+    r: &[Column3],
+    previous: &mut [Column3],
+    trials: &[Trial<L::V>; CHUNK],
+    from: usize,
+    changes: &mut [Change<L::V>; CHUNK],
+    sums: &mut Sums,
+) {
+    let mut uphill = load!(l, from, sums.uphill);
+    let mut change2 = load!(l, from, sums.change2);
+    for ((((batch, r), previous), trial), out) in batches.iter().zip(r).zip(previous).zip(trials).zip(changes) {
+        let n = load3!(l, from, batch.n);
+        let new = coulomb(l, n, trial.normal, trial.tangential, load!(l, from, batch.friction));
+        let change = triple!(k => l.sub(new[k], trial.y[k]));
+        let arm = load!(l, from, batch.arm);
+        let lever = triple!(k => l.mul(n[k], arm));
+        let turn = cross(l, change, lever);
+        *out = Change { impulse: change, turn };
+        let r = load3!(l, from, r.0);
+        for (stored, new) in previous.0.iter_mut().zip(new) {
+            l.store(&mut stored[from..], new);
+        }
+        let moved = triple!(k => l.sub(new[k], r[k]));
+        uphill = l.neg_mul_add(trial.w_n, dot(l, change, moved), uphill);
+        change2 = l.add(dot(l, change, change), change2);
+    }
+    l.store(&mut sums.uphill[from..], uphill);
+    l.store(&mut sums.change2[from..], change2);
+}
+
+/// One unknown a contact, r̂_n, kept as the first component; spheres do not turn.
+#[inline(always)]
+#[expect(clippy::too_many_arguments)]
+fn close_frictionless<L: Lanes>(
+    l: L,
+    lines: &[Line],
+    batches: &[Batch],
+    r: &[Column3],
+    previous: &mut [Column3],
+    beta: f64,
+    from: usize,
+    changes: &mut [Change<L::V>; CHUNK],
+    sums: &mut Sums,
+) {
+    let beta = l.splat(beta);
+    let mut uphill = load!(l, from, sums.uphill);
+    let mut change2 = load!(l, from, sums.change2);
+    for (((batch, r), previous), out) in batches.iter().zip(r).zip(previous).zip(changes) {
+        let (a, b) = pair!(from, batch);
+        let [dx, dy, dz, w_n] = l.relative_half(lines, a, b);
+        let n = load3!(l, from, batch.n);
+        let r = load!(l, from, r.0[0]);
+        let y = l.mul_add(beta, l.sub(r, load!(l, from, previous.0[0])), r);
+        let u_n = l.add(dot(l, n, [dx, dy, dz]), load!(l, from, batch.shift));
+        let new = signorini(l, u_n, y, w_n);
+        let change = l.sub(new, y);
+        out.impulse = triple!(k => l.mul(n[k], change));
+        l.store(&mut previous.0[0][from..], new);
+        uphill = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), uphill);
+        change2 = l.mul_add(change, change, change2);
+    }
+    l.store(&mut sums.uphill[from..], uphill);
+    l.store(&mut sums.change2[from..], change2);
+}
+
+#[inline(always)]
+fn push_each<L: Lanes, const FRICTION: bool>(
     l: L,
     lines: &mut [Line],
-    batch: &Batch,
-    impulses: &mut Impulses,
-    beta: f64,
-    sums: &mut Sums,
+    batches: &[Batch],
+    changes: &[Change<L::V>; CHUNK],
     from: usize,
 ) {
-    let places = from..from + L::WIDTH;
-    macro_rules! load {
-        ($x:expr) => {
-            l.load(&$x[places.clone()])
-        };
-    }
-    macro_rules! load3 {
-        ($x:expr) => {
-            triple!(k => load!($x[k]))
-        };
-    }
-    let zero = l.splat(0.0);
-    let index = [&batch.bodies[0][places.clone()], &batch.bodies[1][places.clone()]];
-    let n = load3!(batch.n);
-    let shift = load3!(batch.shift);
-
-    if FRICTION {
-        let mut a = l.gather(lines, index[0]);
-        let mut b = l.gather(lines, index[1]);
-        let levers = [load!(batch.levers[0]), load!(batch.levers[1])];
-        // û = v_a - v_b + n x (l_a w_a + l_b w_b) + shift
-        let spin = triple!(k => l.mul_add(a[4 + k], levers[0], l.mul(b[4 + k], levers[1])));
-        let u = cross_add(l, n, spin, triple!(k => l.add(l.sub(a[k], b[k]), shift[k])));
-        let r = load3!(impulses.r);
-        let before = load3!(impulses.previous);
-        let y = triple!(k => l.mul_add(l.splat(beta), l.sub(r[k], before[k]), r[k]));
-        let inverse_w = [load!(batch.inverse_w[0]), load!(batch.inverse_w[1])];
-        let new = signorini_coulomb(l, n, u, y, inverse_w, load!(batch.friction));
-        for k in 0..3 {
-            l.store(&mut impulses.previous[k][places.clone()], r[k]);
-            l.store(&mut impulses.r[k][places.clone()], new[k]);
+    for (batch, change) in batches.iter().zip(changes) {
+        let (a, b) = pair!(from, batch);
+        if FRICTION {
+            l.push(lines, a, b, change.impulse, change.turn);
+        } else {
+            l.push_half(lines, a, b, change.impulse);
         }
-        // The change goes to the bodies at once.
-        let change = triple!(k => l.sub(new[k], y[k]));
-        let turn = cross_add(l, change, n, [zero; 3]);
-        let arms = [l.mul(levers[0], a[7]), l.mul(levers[1], b[7])];
-        let w_n = l.add(a[3], b[3]);
-        for k in 0..3 {
-            a[k] = l.mul_add(change[k], a[3], a[k]);
-            b[k] = l.neg_mul_add(change[k], b[3], b[k]);
-            a[4 + k] = l.mul_add(turn[k], arms[0], a[4 + k]);
-            b[4 + k] = l.mul_add(turn[k], arms[1], b[4 + k]);
-        }
-        l.scatter(lines, index[0], a);
-        l.scatter(lines, index[1], b);
-        let moved = triple!(k => l.sub(new[k], r[k]));
-        let uphill = l.neg_mul_add(w_n, dot(l, change, moved), load!(sums.uphill));
-        let change2 = l.add(dot(l, change, change), load!(sums.change2));
-        l.store(&mut sums.uphill[places.clone()], uphill);
-        l.store(&mut sums.change2[places], change2);
-    } else {
-        // One unknown a contact, r̂_n, kept as the first component; spheres do not turn.
-        let mut a = l.gather_half(lines, index[0]);
-        let mut b = l.gather_half(lines, index[1]);
-        let u_n = dot(l, n, triple!(k => l.add(l.sub(a[k], b[k]), shift[k])));
-        let r = load!(impulses.r[0]);
-        let y = l.mul_add(l.splat(beta), l.sub(r, load!(impulses.previous[0])), r);
-        let stopping = l.neg_mul_add(u_n, load!(batch.inverse_w[0]), y);
-        let new = l.select_greater(stopping, zero, stopping, zero);
-        l.store(&mut impulses.previous[0][places.clone()], r);
-        l.store(&mut impulses.r[0][places.clone()], new);
-        let change = l.sub(new, y);
-        let w_n = l.add(a[3], b[3]);
-        let (to_a, to_b) = (l.mul(change, a[3]), l.mul(change, b[3]));
-        for k in 0..3 {
-            a[k] = l.mul_add(n[k], to_a, a[k]);
-            b[k] = l.neg_mul_add(n[k], to_b, b[k]);
-        }
-        l.scatter_half(lines, index[0], a);
-        l.scatter_half(lines, index[1], b);
-        let uphill = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), load!(sums.uphill));
-        let change2 = l.mul_add(change, change, load!(sums.change2));
-        l.store(&mut sums.uphill[places.clone()], uphill);
-        l.store(&mut sums.change2[places], change2);
     }
 }

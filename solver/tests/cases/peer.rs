@@ -1,7 +1,7 @@
 //! LMGC90's own scenes against its results at the same step.
 //!
 //! Both programs run the same scheme on the same files with theta = 1/2. They differ in the lever of a contact
-//! with a gap (LMGC90: the sphere's radius; here: to the middle of the gap, which conserves angular
+//! with a gap (LMGC90: the sphere's radius; here: both arms end in one point, which conserves angular
 //! momentum), in the tolerance of their solvers (LMGC90: 1.666e-4 on QM/16) and LMGC90 writes 7 digits.
 //! A pile of spheres makes such differences grow as it rearranges, so that the bounds are ten times what was
 //! found.

@@ -30,6 +30,7 @@ mod tests {
             inverse_mass: if k == 0 { 0.0 } else { 1.0 + noise(k, 4) },
             w: Vec3::new(noise(k, 5), noise(k, 6), noise(k, 7)),
             inverse_inertia: 0.0,
+            radius: 0.0,
         };
         let inertia = |k: u32| {
             let l = Matrix3::from_fn(|i, j| noise(k, 10 + 3 * i as u32 + j as u32)) + Matrix3::identity() * 2.0;
@@ -48,7 +49,7 @@ mod tests {
             let mut row = Row {
                 bodies,
                 normal: Vec3::new(0.6 * noise(k, 41), 0.6 * noise(k, 42), 1.0).normalize(),
-                levers: [0.0; 2],
+                arm: 1.0,
                 shift: Vec3::new(0.0, 0.0, 0.05 * noise(k, 43)),
                 w_n: 0.0,
                 w_t: 0.0,
@@ -76,7 +77,7 @@ mod tests {
             let solution = nlgs(&system, tol, 100_000, Width::detect());
             assert!(solution.converged, "{friction}: {:e} after {}", solution.residual, solution.sweeps);
             let all: Vec<u32> = (0..system.rows.len() as u32).collect();
-            assert!(Judge::new(&system, &all).residual(&solution.impulses).value <= tol);
+            assert!(Judge::new(&system, &all, Width::detect()).residual(&solution.impulses).value <= tol);
         }
     }
 
