@@ -1,0 +1,52 @@
+//! A synthetic contact problem for benches and tests.
+
+use cd_solve::assemble::{Record, Row, System};
+use cd_solve::math::Vec3;
+
+/// side^3 spheres on a cubic lattice, each touching its neighbours, with random velocities; ordered along Morton's curve.
+pub fn packing(side: usize, friction: f64) -> System {
+    let random = |k: usize, f: f64| ((k as f64 + 0.5) * f).sin();
+    let count = side.pow(3);
+    let place = |k: usize| [k / side / side, k / side % side, k % side];
+    let records = (0..count)
+        .map(|k| Record {
+            v: Vec3::new(random(k, 12.9898), random(k, 78.233), random(k, 37.719)) * 0.1,
+            inverse_mass: 1.0,
+            w: Vec3::zeros(),
+            inverse_inertia: 2.5,
+            radius: 1.0,
+        })
+        .collect();
+    let mut rows = Vec::new();
+    for k in 0..count {
+        for (axis, stride) in [(0, side * side), (1, side), (2, 1)] {
+            if place(k)[axis] + 1 == side {
+                continue;
+            }
+            let mut normal = Vec3::new(random(k, 3.1), random(k, 5.7), random(k, 7.3)) * 0.2;
+            normal[axis] -= 1.0;
+            rows.push(Row {
+                bodies: [k as u32, (k + stride) as u32],
+                normal: normal.normalize(),
+                arm: 1.0,
+                shift: Vec3::zeros(),
+                w_n: 2.0,
+                w_t: 7.0,
+                friction,
+                impulse_shift: 0.0,
+                contact: rows.len() as u32,
+                can_close: true,
+                start: Vec3::zeros(),
+                u_before: Vec3::zeros(),
+                bond: None,
+            });
+        }
+    }
+    let key = |&k: &u32| {
+        let place = place(k as usize);
+        (0..8).rev().flat_map(|bit| place.map(|c| c >> bit & 1)).fold(0, |key, bit| key << 1 | bit)
+    };
+    let mut order: Vec<u32> = (0..count as u32).collect();
+    order.sort_by_cached_key(key);
+    System { rows, full: None, records, order }
+}

@@ -1,0 +1,27 @@
+//! A contact problem has one solution to the last bit, on any number of threads and with vectors of any width.
+
+#[path = "../benches/packing.rs"]
+mod packing;
+
+use cd_solve::math::lanes::Width;
+use cd_solve::solve::nlgs;
+
+/// Enough bodies for four ranges, and sweeps for momentum to grow and, without friction, to start again.
+#[test]
+fn neither_threads_nor_vectors_change_a_solution() {
+    for friction in [0.4, 0.0] {
+        let system = packing::packing(17, friction);
+        let solve = |width, threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let solution = pool.install(|| nlgs(&system, 1e-12, 120, width));
+            (solution.impulses, solution.records, solution.residual, solution.sweeps, solution.worst)
+        };
+        let plain = solve(Width::all()[0], 1);
+        assert!(plain.2 < 0.5, "{}", plain.2); // of 1 where nothing is solved
+        for width in Width::all() {
+            for threads in [1, 2, 3, 8] {
+                assert!(solve(width, threads) == plain, "{width:?} on {threads} threads");
+            }
+        }
+    }
+}
