@@ -150,6 +150,9 @@ pub struct Ledger {
     pub energy_start: f64,
     /// Work of the contacts, J: the sum of r.(u+ + u-)/2, negative when they dissipate.
     pub contact_work: f64,
+    /// Of it, the work of the tangential forces, J; the rest is that of shocks (and of attraction).
+    #[serde(default)]
+    pub friction_work: f64,
     /// Energy put in by events, imposed forces and walls, and taken by `quench`, J.
     pub outside_work: f64,
     /// Linear momentum of the free bodies at step 0 plus what walls, uniform gravity, forces and events gave, kg m/s.

@@ -140,8 +140,8 @@ impl State {
     /// Whether every number is finite, those of the ledger among them.
     pub fn is_finite(&self) -> bool {
         let finite = |vectors: &[Vec3]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
-        let Ledger { energy_start, contact_work, outside_work, momentum_scale, .. } = self.ledger;
-        let sums = [energy_start, contact_work, outside_work, momentum_scale];
+        let Ledger { energy_start, contact_work, friction_work, outside_work, momentum_scale, .. } = self.ledger;
+        let sums = [energy_start, contact_work, friction_work, outside_work, momentum_scale];
         let momenta = [self.ledger.momentum_expected, self.ledger.angular_momentum_expected];
         finite(&self.x)
             && finite(&self.v)

@@ -158,7 +158,9 @@ fn book(
         if impulse.x == 0.0 && impulse.y == 0.0 && impulse.z == 0.0 {
             continue;
         }
-        ledger.contact_work += 0.5 * impulse.dot(&(velocity + row.u_before));
+        let mean = 0.5 * (velocity + row.u_before);
+        ledger.contact_work += impulse.dot(&mean);
+        ledger.friction_work += impulse.y * mean.y + impulse.z * mean.z;
         let antagonist = contact.antagonist as usize;
         let sides = [(contact.candidate as usize, 1.0), (antagonist, -1.0)];
         for (body, sign) in sides.into_iter().filter(|(body, _)| scene.bodies[*body].driven) {

@@ -100,6 +100,7 @@ columns! {
     rotational_energy = report.rotational,
     potential_energy = report.potential,
     contact_work = state.ledger.contact_work,
+    friction_work = state.ledger.friction_work,
     outside_work = state.ledger.outside_work,
     momentum_drift = report.momentum_drift,
     gravity_error = report.gravity.removed,
