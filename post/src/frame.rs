@@ -115,6 +115,8 @@ pub struct Contact {
     pub antagonist: Side,
     /// m
     pub point: Vec3,
+    /// Unit vector from the antagonist to the candidate.
+    pub normal: Vec3,
     /// Force on the candidate in the world's frame, N: mean over the step.
     pub force: Vec3,
     /// Its component along n, from the antagonist to the candidate, N: > 0 pushes.
@@ -200,6 +202,7 @@ impl Frame {
                     candidate,
                     antagonist,
                     point: contacts.contact_point[row].into(),
+                    normal: n,
                     force: n * f_n + t * f_t + s * f_s,
                     normal_force: f_n,
                     tangential_force: f_t.hypot(f_s),

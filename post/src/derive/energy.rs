@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use crate::derive::gravity::Tree;
 use crate::frame::{Frame, Grain, Vec3};
 
 /// Kinetic energy of a grain, J: of translation, m v^2 / 2, and of rotation, w.(I w) / 2.
@@ -22,13 +23,34 @@ pub fn self_gravity_constant(frame: &Frame) -> Option<f64> {
     parameters.self_gravity.then_some(parameters.gravity_constant)
 }
 
+/// How potential energies are summed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Summation {
+    /// Every pair up to [`MOST_PAIRS`] points, a [`Tree`] beyond, to a part in 10^4.
+    #[default]
+    Fast,
+    /// Every pair.
+    Direct,
+}
+
+/// Points up to which every pair is summed in a tenth of a second.
+pub const MOST_PAIRS: usize = 10_000;
+
 /// Potential energy of points that attract each other, J: W = - sum_{i<j} G m_i m_j / |x_i - x_j|.
 ///
 /// `points`: position in m and mass in kg of each; `constant`: G, m^3 kg^-1 s^-2.
 /// A uniform ball of mass M and radius R cut into many points tends to -3 G M^2 / 5 R.
-/// Every pair is summed, in an order that does not depend on the number of threads.
-pub fn gravitational(points: impl Iterator<Item = (Vec3, f64)>, constant: f64) -> f64 {
-    let points: Vec<[f64; 4]> = points.map(|(x, m)| [x.x, x.y, x.z, m]).collect();
+pub fn gravitational(points: impl Iterator<Item = (Vec3, f64)>, constant: f64, summation: Summation) -> f64 {
+    let points: Vec<(Vec3, f64)> = points.collect();
+    match summation {
+        Summation::Fast if points.len() > MOST_PAIRS => Tree::new(&points).energy(constant),
+        _ => direct(&points, constant),
+    }
+}
+
+/// [`gravitational`] over every pair, in an order that does not depend on the number of threads.
+pub fn direct(points: &[(Vec3, f64)], constant: f64) -> f64 {
+    let points: Vec<[f64; 4]> = points.iter().map(|(x, m)| [x.x, x.y, x.z, *m]).collect();
     let sums: Vec<f64> =
         (0..points.len()).into_par_iter().map(|i| points[i][3] * inverse_distances(&points[..i], points[i])).collect();
     -constant * sums.iter().sum::<f64>()
@@ -79,9 +101,10 @@ mod tests {
     fn gravitational_energy_of_few_points() {
         let point = |x: f64, m: f64| (Vec3::new(x, 0.0, 0.0), m);
         // 2*3/1 + 2*5/3 + 3*5/2
-        let found = gravitational([point(0.0, 2.0), point(1.0, 3.0), point(3.0, 5.0)].into_iter(), 10.0);
+        let found =
+            gravitational([point(0.0, 2.0), point(1.0, 3.0), point(3.0, 5.0)].into_iter(), 10.0, Summation::Direct);
         assert!((found + 10.0 * (6.0 + 10.0 / 3.0 + 7.5)).abs() < 1e-12);
-        assert_eq!(gravitational([point(0.0, 2.0)].into_iter(), 10.0), 0.0);
+        assert_eq!(gravitational([point(0.0, 2.0)].into_iter(), 10.0, Summation::Direct), 0.0);
     }
 
     #[test]
@@ -98,7 +121,7 @@ mod tests {
         let mass = points.len() as f64;
         let radius = (mass * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
         let expected = -0.6 * mass * mass / radius;
-        let found = gravitational(points.into_iter(), 1.0);
+        let found = gravitational(points.into_iter(), 1.0, Summation::Direct);
         assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
     }
 

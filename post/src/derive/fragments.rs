@@ -2,19 +2,27 @@
 
 use cd_formats::groups::Groups;
 
-use crate::frame::Frame;
+use crate::derive::motion::Whole;
+use crate::frame::{Frame, Grain};
 
 /// Grains touch if their contact carries force, or if the gap between them is at most this share
 /// of the smaller radius.
 pub const TOUCHING_GAP: f64 = 1e-3;
 
-/// Groups of touching grains: of each grain the number of its group, the heaviest group 0, and the share of the mass
-/// in each group, which add up to 1.
+/// A group of touching grains.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fragment {
+    /// Indices into [`Frame::grains`], rising.
+    pub grains: Vec<usize>,
+    pub whole: Whole,
+}
+
+/// The groups of touching grains, heaviest first; of equals the one with the first grain.
 ///
 /// Two grains are in one group if a chain of touching grains links them ([`TOUCHING_GAP`]). The gap of spheres is
 /// |x_i - x_j| - R_i - R_j at the snapshot's time, that of polyhedra the smallest of their contacts where these were
 /// looked for. Walls link nothing.
-pub fn fragments(frame: &Frame) -> (Vec<u32>, Vec<f64>) {
+pub fn fragments(frame: &Frame) -> Vec<Fragment> {
     let grains = &frame.grains;
     let mut groups = Groups::new(grains.len());
     for contact in &frame.contacts {
@@ -38,19 +46,27 @@ pub fn fragments(frame: &Frame) -> (Vec<u32>, Vec<f64>) {
             }
         }
     }
-    let mut masses = vec![0.0; grains.len()];
-    for (i, grain) in grains.iter().enumerate() {
-        masses[groups.root(i)] += grain.mass;
+    let mut members: Vec<Vec<usize>> = vec![Vec::new(); grains.len()];
+    for i in 0..grains.len() {
+        members[groups.root(i)].push(i);
     }
-    let mut roots: Vec<usize> = (0..grains.len()).filter(|&i| groups.root(i) == i).collect();
-    roots.sort_by(|&a, &b| masses[b].total_cmp(&masses[a]).then(a.cmp(&b)));
-    let mut numbers = vec![0; grains.len()];
-    for (number, &root) in roots.iter().enumerate() {
-        numbers[root] = number as u32;
+    members.retain(|group| !group.is_empty());
+    let fragment = |group: Vec<usize>| {
+        let whole = Whole::of(&group.iter().map(|&i| grains[i].clone()).collect::<Vec<Grain>>());
+        Fragment { grains: group, whole }
+    };
+    let mut found: Vec<Fragment> = members.into_iter().map(fragment).collect();
+    found.sort_by(|a, b| b.whole.mass.total_cmp(&a.whole.mass));
+    found
+}
+
+/// The number of the fragment of each grain, 0 the heaviest.
+pub fn membership(fragments: &[Fragment], grains: usize) -> Vec<u32> {
+    let mut number = vec![0; grains];
+    for (k, fragment) in fragments.iter().enumerate() {
+        fragment.grains.iter().for_each(|&grain| number[grain] = k as u32);
     }
-    let total = frame.mass();
-    let of_grains = (0..grains.len()).map(|i| numbers[groups.root(i)]).collect();
-    (of_grains, roots.into_iter().map(|root| masses[root] / total).collect())
+    number
 }
 
 /// The gap up to which two grains touch, m.
@@ -67,8 +83,10 @@ mod tests {
     use super::*;
     use crate::samples::Scene;
 
-    fn shares(frame: &Frame) -> Vec<f64> {
-        fragments(frame).1
+    /// The share of the mass in each group.
+    fn shares(scene: &Scene) -> Vec<f64> {
+        let frame = scene.frame();
+        fragments(&frame).iter().map(|fragment| fragment.whole.mass / frame.mass()).collect()
     }
 
     #[test]
@@ -76,9 +94,9 @@ mod tests {
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);
         scene.grain([0.0, 1.5 + 0.9e-3 * 0.5, 0.0], 0.5); // 0.9 of the limit away
-        assert_eq!(shares(&scene.frame()), [1.0]);
+        assert_eq!(shares(&scene), [1.0]);
         scene.grain([0.0, 0.0, -1.5 - 1.1e-3 * 0.5], 0.5); // 1.1 of it
-        let shares = shares(&scene.frame()); // of masses 8 + 1 and 1
+        let shares = shares(&scene); // of masses 8 + 1 and 1
         assert!(shares.len() == 2 && (shares[0] - 0.9).abs() < 1e-15 && (shares[1] - 0.1).abs() < 1e-15);
     }
 
@@ -87,9 +105,9 @@ mod tests {
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);
         scene.grain([2.1, 0.0, 0.0], 1.0);
-        assert_eq!(shares(&scene.frame()), [0.5, 0.5]);
+        assert_eq!(shares(&scene), [0.5, 0.5]);
         scene.push(0, 1, 1.0);
-        assert_eq!(shares(&scene.frame()), [1.0]);
+        assert_eq!(shares(&scene), [1.0]);
     }
 
     #[test]
@@ -98,12 +116,23 @@ mod tests {
         for k in [7, 2, 5, 0, 3, 6, 1, 4] {
             scene.grain([0.3 * k as f64, 2.0 * k as f64, 0.0].map(|x: f64| x / 1.0111874208078342), 1.0);
         }
-        assert_eq!(shares(&scene.frame()), [1.0]);
+        assert_eq!(shares(&scene), [1.0]);
+    }
+
+    #[test]
+    fn grains_know_their_fragment() {
+        let mut scene = Scene::default();
+        scene.grain([9.0, 0.0, 0.0], 1.0);
+        scene.grain([0.0; 3], 1.0);
+        scene.grain([2.0, 0.0, 0.0], 1.0);
+        let fragments = fragments(&scene.frame());
+        assert_eq!(fragments[0].grains, [1, 2]);
+        assert_eq!(membership(&fragments, 3), [1, 0, 0]);
     }
 
     #[test]
     fn no_grains_no_fragments() {
-        assert!(shares(&Scene::default().frame()).is_empty());
+        assert!(shares(&Scene::default()).is_empty());
     }
 
     #[test]
@@ -113,7 +142,8 @@ mod tests {
             scene.cube([x, 0.0, 0.0], 1.0);
         }
         scene.grain([4.5, 0.0, 0.0], 1.0);
-        assert_eq!(fragments(&scene.frame()).0, [0, 1, 2, 3, 4]);
+        let numbers = |scene: &Scene| membership(&fragments(&scene.frame()), 5);
+        assert_eq!(numbers(&scene), [0, 1, 2, 3, 4]);
         // Near enough, and half a metre too far.
         scene.contact_at(1, 0, [1.0, 0.0, 0.0], crate::frame::Vec3::x() * 1e-300);
         scene.snapshot.contacts.contact_impulse[0] = [0.0; 3];
@@ -121,8 +151,8 @@ mod tests {
         scene.push(4, 1, 0.0);
         scene.snapshot.contacts.contact_gap[1] = 0.5;
         scene.push(3, 2, 1.0);
-        assert_eq!(fragments(&scene.frame()), (vec![0, 0, 1, 1, 2], shares(&scene.frame())));
+        assert_eq!(numbers(&scene), [0, 0, 1, 1, 2]);
         let half = 8.0 / (32.0 + 4.0 / 3.0 * std::f64::consts::PI);
-        assert!((shares(&scene.frame())[0] - 2.0 * half).abs() < 1e-15);
+        assert!((shares(&scene)[0] - 2.0 * half).abs() < 1e-15);
     }
 }

@@ -5,9 +5,12 @@
 //! | [`coordination`] | contacts per grain, rattlers |
 //! | [`enclosing`] | the smallest ball around the grains, solid fraction |
 //! | [`stress`] | stress of the whole and of each grain, pressure, virial |
-//! | [`energy`] | kinetic and potential energies |
+//! | [`fabric`] | directions of contacts, mobilised friction, distributions |
+//! | [`energy`], [`gravity`] | kinetic and potential energies |
 //! | [`motion`] | centre of mass, momenta, spin, semi-axes |
-//! | [`fragments`] | groups of grains that touch |
+//! | [`fragments`], [`orbits`] | groups of grains that touch, and how they go round the largest |
+//! | [`profile`] | means over spherical shells |
+//! | [`surface`] | heights and slopes by direction |
 //!
 //! Every function takes grains in any number. A mean over nothing is 0/0, so a value that is not
 //! defined comes out as NaN; the writers leave it blank.
@@ -15,11 +18,17 @@
 pub mod coordination;
 pub mod enclosing;
 pub mod energy;
+pub mod fabric;
 pub mod fragments;
+pub mod gravity;
 pub mod motion;
+pub mod orbits;
+pub mod profile;
 pub mod stress;
+pub mod surface;
 
 use crate::frame::{Frame, Vec3};
+use energy::Summation;
 
 /// A value as it stands in `series.csv`.
 pub trait Field {
@@ -112,11 +121,48 @@ columns! {
     share_face: f64, "1", "share of the touching pairs that touch in a face";
     share_edge: f64, "1", "share of the touching pairs that touch in an edge";
     share_point: f64, "1", "share of the touching pairs that touch in a point";
+    sigma_xx: f64, "Pa", "mean stress of the contacts, symmetric part, > 0 compression";
+    sigma_yy: f64, "Pa", "the same, component yy";
+    sigma_zz: f64, "Pa", "the same, component zz";
+    sigma_xy: f64, "Pa", "the same, component xy";
+    sigma_xz: f64, "Pa", "the same, component xz";
+    sigma_yz: f64, "Pa", "the same, component yz";
+    kinetic_xx: f64, "Pa", "stress of the motion about the centre of mass";
+    kinetic_yy: f64, "Pa", "the same, component yy";
+    kinetic_zz: f64, "Pa", "the same, component zz";
+    kinetic_xy: f64, "Pa", "the same, component xy";
+    kinetic_xz: f64, "Pa", "the same, component xz";
+    kinetic_yz: f64, "Pa", "the same, component yz";
+    sqrt_J2: f64, "Pa", "root of the second invariant of the stress deviator";
+    drucker_prager: f64, "1", "sqrt_J2 over the trace of the stress";
+    friction_angle: f64, "rad", "angle of friction that the mean stress asks for";
+    tensile_fraction: f64, "1", "share of the grains' volume in grains under tension";
+    anisotropy: f64, "1", "anisotropy of the directions of the contacts";
+    mobilised: f64, "1", "mean share of the friction that contacts give";
+    sliding_fraction: f64, "1", "share of the contacts with friction that slide";
+    largest_mass: f64, "kg", "mass of the heaviest group";
+    largest_a: f64, "m", "its longest semi-axis";
+    largest_b: f64, "m", "its middle semi-axis";
+    largest_c: f64, "m", "its shortest semi-axis";
+    largest_spin: f64, "rad/s", "its angular velocity";
+    largest_period: f64, "s", "its period of rotation";
+    bound_fraction: f64, "1", "share of the mass in other groups bound to the heaviest";
+    escaping_fraction: f64, "1", "share of the mass in other groups not bound to it";
+    E_total: f64, "J", "kinetic and potential energy";
+    E_contacts: f64, "J", "work of all contacts since the start";
+    E_friction: f64, "J", "of it, of the tangential forces";
+    E_shocks: f64, "J", "of it, of the normal forces";
+    E_outside: f64, "J", "work from outside since the start";
 }
 
 impl Row {
     /// Measures everything on a frame.
     pub fn of(frame: &Frame) -> Row {
+        Row::with(frame, Summation::Fast)
+    }
+
+    /// Measures everything on a frame, its potential energies as wished.
+    pub fn with(frame: &Frame, summation: Summation) -> Row {
         let grains = &frame.grains;
         let count = grains.len() as f64;
         let coordination = coordination::coordination(frame);
@@ -127,8 +173,17 @@ impl Row {
         let [a, b, c] = whole.semi_axes();
         let spin = whole.spin();
         let (e_translation, e_rotation) = energy::kinetic_sums(grains);
-        let (_, fragments) = fragments::fragments(frame);
+        let fragments = fragments::fragments(frame);
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / count;
+        let stress = stress::mean_stress(frame, volume);
+        let kinetic_stress = stress::kinetic_stress(grains, whole.velocity(), volume);
+        let [sigma, motion_stress] = [stress, kinetic_stress].map(|s| 0.5 * (s + s.transpose()));
+        let invariants = stress::Invariants::of(&stress);
+        let (mobilised, sliding_fraction) = fabric::mobilised(frame);
+        let largest = Largest::of(&fragments, gravity, whole.mass);
+        let e_grav = gravity.map_or(0.0, |g| energy::gravitational(grains.iter().map(|k| (k.x, k.mass)), g, summation));
+        let e_uniform = energy::uniform(grains, Vec3::from(frame.meta.parameters.uniform_gravity));
+        let ledger = &frame.meta.ledger;
         Row {
             step: frame.meta.step,
             time: frame.meta.time,
@@ -138,14 +193,14 @@ impl Row {
             rattler_fraction: coordination.rattler_fraction,
             nu: grains.iter().map(|g| g.volume()).sum::<f64>() / volume,
             R_enclosing: ball.radius,
-            pressure: stress::pressure(&stress::mean_stress(frame, volume)),
-            pressure_virial: stress::virial_pressure(frame, volume),
+            pressure: stress::pressure(&stress),
+            pressure_virial: stress::virial_pressure(frame, volume, summation),
             a,
             b,
             c,
             Ec_mean: (e_translation + e_rotation) / count,
             Ec_rot_mean: e_rotation / count,
-            E_grav: gravity.map_or(0.0, |g| energy::gravitational(grains.iter().map(|k| (k.x, k.mass)), g)),
+            E_grav: e_grav,
             spin_x: spin.x,
             spin_y: spin.y,
             spin_z: spin.z,
@@ -153,12 +208,12 @@ impl Row {
             L_y: whole.angular_momentum.y,
             L_z: whole.angular_momentum.z,
             n_fragments: fragments.len() as u64,
-            largest_fraction: fragments.first().copied().unwrap_or(f64::NAN),
+            largest_fraction: largest.whole.mass / whole.mass,
             n_grains: grains.len() as u64,
             mass: whole.mass,
             pressure_kinetic: stress::kinetic_pressure(grains, whole.velocity(), volume),
             Ec_rigid_mean: whole.rigid_energy() / count,
-            E_uniform: energy::uniform(grains, Vec3::from(frame.meta.parameters.uniform_gravity)),
+            E_uniform: e_uniform,
             com_x: whole.x.x,
             com_y: whole.x.y,
             com_z: whole.x.z,
@@ -170,6 +225,63 @@ impl Row {
             share_edge: coordination.shares[1],
             share_point: coordination.shares[2],
             penetration: frame.contacts.iter().map(|c| -c.gap).fold(0.0, f64::max) / mean_radius,
+            sigma_xx: sigma[(0, 0)],
+            sigma_yy: sigma[(1, 1)],
+            sigma_zz: sigma[(2, 2)],
+            sigma_xy: sigma[(0, 1)],
+            sigma_xz: sigma[(0, 2)],
+            sigma_yz: sigma[(1, 2)],
+            kinetic_xx: motion_stress[(0, 0)],
+            kinetic_yy: motion_stress[(1, 1)],
+            kinetic_zz: motion_stress[(2, 2)],
+            kinetic_xy: motion_stress[(0, 1)],
+            kinetic_xz: motion_stress[(0, 2)],
+            kinetic_yz: motion_stress[(1, 2)],
+            sqrt_J2: invariants.sqrt_j2,
+            drucker_prager: invariants.drucker_prager,
+            friction_angle: invariants.friction_angle,
+            tensile_fraction: stress::tensile_fraction(frame),
+            anisotropy: fabric::anisotropy(&fabric::fabric(frame)),
+            mobilised,
+            sliding_fraction,
+            largest_mass: largest.whole.mass,
+            largest_a: largest.axes[0],
+            largest_b: largest.axes[1],
+            largest_c: largest.axes[2],
+            largest_spin: largest.spin,
+            largest_period: if largest.spin > 0.0 { std::f64::consts::TAU / largest.spin } else { f64::NAN },
+            bound_fraction: largest.bound,
+            escaping_fraction: largest.escaping,
+            E_total: e_translation + e_rotation + e_grav + e_uniform,
+            E_contacts: ledger.contact_work,
+            E_friction: ledger.friction_work,
+            E_shocks: ledger.contact_work - ledger.friction_work,
+            E_outside: ledger.outside_work,
         }
+    }
+}
+
+/// The heaviest fragment, and the shares of the mass in others that are bound to it and that are not.
+struct Largest {
+    whole: motion::Whole,
+    axes: [f64; 3],
+    /// rad/s
+    spin: f64,
+    bound: f64,
+    escaping: f64,
+}
+
+impl Largest {
+    fn of(fragments: &[fragments::Fragment], constant: Option<f64>, mass: f64) -> Largest {
+        let whole = fragments.first().map_or_else(|| motion::Whole::of(&[]), |first| first.whole.clone());
+        let mut bound = 0.0;
+        if let Some(constant) = constant {
+            let others = fragments.iter().skip(1).zip(orbits::orbits(fragments, constant));
+            bound = others.filter(|(_, orbit)| orbit.bound()).map(|(other, _)| other.whole.mass).sum::<f64>() / mass;
+        }
+        let escaping = fragments.iter().skip(1).map(|other| other.whole.mass).sum::<f64>() / mass - bound;
+        // What is left of a difference of sums is no mass.
+        let escaping = if escaping < 1e-12 { 0.0 } else { escaping };
+        Largest { axes: whole.semi_axes(), spin: whole.spin().norm(), whole, bound, escaping }
     }
 }

@@ -4,7 +4,8 @@
 //! in the time-stepping scheme, so that the balance between both pressures holds to the solver's
 //! tolerance, not just to first order in the step.
 
-use crate::derive::energy::{gravitational, self_gravity_constant};
+use crate::derive::energy::{Summation, gravitational, self_gravity_constant};
+use crate::derive::fabric::eigenvalues;
 use crate::frame::{Frame, Grain, Mat3, Vec3};
 
 /// Mean stress of the whole, Pa: sigma = (1/V) sum f (x) l over the contacts between grains.
@@ -44,11 +45,11 @@ pub fn pressure(stress: &Mat3) -> f64 {
 /// snapshot and are not counted.
 ///
 /// Source: the virial theorem of Clausius (1870).
-pub fn virial_pressure(frame: &Frame, volume: f64) -> f64 {
+pub fn virial_pressure(frame: &Frame, volume: f64, summation: Summation) -> f64 {
     let grains = &frame.grains;
     let com = grains.iter().map(|g| g.mass * g.x_contact).sum::<Vec3>() / frame.mass();
     let self_gravity = self_gravity_constant(frame)
-        .map_or(0.0, |constant| gravitational(grains.iter().map(|g| (g.x_contact, g.mass)), constant));
+        .map_or(0.0, |constant| gravitational(grains.iter().map(|g| (g.x_contact, g.mass)), constant, summation));
     let walls: f64 = frame
         .active()
         .filter(|contact| contact.pair().is_none())
@@ -63,6 +64,45 @@ pub fn virial_pressure(frame: &Frame, volume: f64) -> f64 {
 /// `velocity` is that of the centre of mass, m/s.
 pub fn kinetic_pressure(grains: &[Grain], velocity: Vec3, volume: f64) -> f64 {
     grains.iter().map(|g| g.mass * (g.v - velocity).norm_squared()).sum::<f64>() / (3.0 * volume)
+}
+
+/// Stress of the motion about the centre of mass, Pa: (1/V) sum m v' (x) v', v' = v - v_com.
+///
+/// It is no part of [`mean_stress`]; a third of its trace is [`kinetic_pressure`].
+pub fn kinetic_stress(grains: &[Grain], velocity: Vec3, volume: f64) -> Mat3 {
+    let of = |g: &Grain| g.mass * (g.v - velocity) * (g.v - velocity).transpose();
+    grains.iter().map(of).sum::<Mat3>() / volume
+}
+
+/// Invariants of a stress, of its symmetric part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Invariants {
+    /// Principal stresses, largest first, Pa, > 0 in compression.
+    pub principal: [f64; 3],
+    /// sqrt(J_2), Pa: J_2 = s:s / 2 of the deviator s.
+    pub sqrt_j2: f64,
+    /// sqrt(J_2) / I_1, I_1 = tr sigma: what a material without cohesion needs of the Drucker-Prager
+    /// coefficient s = 2 sin(phi) / (sqrt(3) (3 - sin(phi))).
+    pub drucker_prager: f64,
+    /// The angle phi to which that belongs, rad.
+    pub friction_angle: f64,
+}
+
+impl Invariants {
+    /// In triaxial compression (sigma_1 > sigma_2 = sigma_3) the friction angle is that of Mohr and Coulomb:
+    /// sin(phi) = (sigma_1 - sigma_3) / (sigma_1 + sigma_3). Source: Drucker & Prager (1952).
+    pub fn of(stress: &Mat3) -> Invariants {
+        let symmetric = 0.5 * (stress + stress.transpose());
+        let trace = symmetric.trace();
+        let deviator = symmetric - Mat3::from_diagonal_element(trace / 3.0);
+        let sqrt_j2 = (0.5 * deviator.norm_squared()).sqrt();
+        let share = sqrt_j2 / trace;
+        let root = 3f64.sqrt();
+        // More than 1 where no friction alone can hold it, and where the mean stress is tension: not defined.
+        let sine = 3.0 * root * share / (2.0 + root * share);
+        let friction_angle = if (0.0..=1.0).contains(&sine) { sine.asin() } else { f64::NAN };
+        Invariants { principal: eigenvalues(&symmetric), sqrt_j2, drucker_prager: share, friction_angle }
+    }
 }
 
 /// Stress of each grain, Pa: sigma_i = (1/V_i) sum f (x) (x_i - p) over its contacts, walls too.
@@ -84,6 +124,13 @@ pub fn grain_stresses(frame: &Frame) -> Vec<Mat3> {
     stresses
 }
 
+/// Share of the grains' volume in grains whose own pressure ([`grain_stresses`]) is negative: tension.
+pub fn tensile_fraction(frame: &Frame) -> f64 {
+    let volume: f64 = frame.grains.iter().map(Grain::volume).sum();
+    let pulled = grain_stresses(frame).into_iter().zip(&frame.grains).filter(|(stress, _)| pressure(stress) < 0.0);
+    pulled.map(|(_, grain)| grain.volume()).sum::<f64>() / volume
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,7 +139,7 @@ mod tests {
 
     fn pressures(frame: &Frame) -> (f64, f64) {
         let volume = enclosing_ball(&frame.grains).volume();
-        (pressure(&mean_stress(frame, volume)), virial_pressure(frame, volume))
+        (pressure(&mean_stress(frame, volume)), virial_pressure(frame, volume, Summation::Direct))
     }
 
     #[track_caller]
@@ -201,6 +248,58 @@ mod tests {
         let sum: Mat3 = grain_stresses(&frame).iter().zip(&frame.grains).map(|(s, g)| s * g.volume()).sum();
         let whole = mean_stress(&frame, 1.0);
         assert!((sum - whole).norm() < 1e-14 * whole.norm());
+    }
+
+    #[test]
+    fn triaxial_compression_has_the_angle_of_mohr_and_coulomb() {
+        let invariants = Invariants::of(&Mat3::from_diagonal(&Vec3::new(3.0, 1.0, 1.0)));
+        assert_eq!(invariants.principal, [3.0, 1.0, 1.0]);
+        assert_close(invariants.sqrt_j2, 2.0 / 3f64.sqrt());
+        assert_close(invariants.friction_angle, (2.0f64 / 4.0).asin());
+        // A uniform stress has no deviator; without stress nothing is defined.
+        assert_eq!(Invariants::of(&Mat3::from_diagonal_element(5.0)).drucker_prager, 0.0);
+        assert!(Invariants::of(&Mat3::zeros()).friction_angle.is_nan());
+    }
+
+    #[test]
+    fn a_simple_cubic_packing_under_uniform_stress_has_that_stress() {
+        // Spheres of radius 1/2 on a lattice of 1, every contact along axis k pushed by p_k: each grain feels
+        // p_k on a square of 1, so its own stress is p_k times 1 over its volume, and the deviator is known.
+        let p = [3.0, 2.0, 1.0];
+        let mut scene = Scene::default();
+        let side = 4;
+        let row = |x: [usize; 3]| x[0] + side * (x[1] + side * x[2]);
+        for k in 0..side * side * side {
+            scene.grain([k % side, k / side % side, k / side / side].map(|x| x as f64), 0.5);
+        }
+        for k in 0..side * side * side {
+            let x = [k % side, k / side % side, k / side / side];
+            for axis in (0..3).filter(|&axis| x[axis] + 1 < side) {
+                let mut y = x;
+                y[axis] += 1;
+                scene.push(row(y), row(x), p[axis]);
+            }
+        }
+        let frame = scene.frame();
+        let inner = grain_stresses(&frame)[row([1, 2, 1])] * frame.grains[0].volume();
+        assert!((inner - Mat3::from_diagonal(&p.into())).norm() < 1e-14);
+        // Of the whole: side^2 (side - 1) contacts along each axis in a volume of side^2 (side - 1).
+        let whole = mean_stress(&frame, 48.0);
+        assert!((whole - Mat3::from_diagonal(&p.into())).norm() < 1e-14);
+        let moving = kinetic_stress(&frame.grains, Vec3::new(1.0, 0.0, 0.0), 2.0);
+        assert_close(moving[(0, 0)], 0.5 * frame.mass());
+        assert_close(3.0 * kinetic_pressure(&frame.grains, Vec3::new(1.0, 0.0, 0.0), 2.0), moving.trace());
+    }
+
+    #[test]
+    fn grains_that_pull_are_under_tension() {
+        let mut scene = Scene::default();
+        for k in 0..4 {
+            scene.grain([2.0 * k as f64, 0.0, 0.0], 1.0);
+        }
+        scene.push(1, 0, -3.0); // pulls
+        scene.push(2, 1, 5.0);
+        assert_eq!(tensile_fraction(&scene.frame()), 0.25); // grain 0 alone; 3 feels nothing
     }
 
     #[test]

@@ -18,8 +18,10 @@ use vtkio::model::{
 
 use crate::derive::coordination::{contact_counts, neighbour_counts};
 use crate::derive::energy::kinetic;
-use crate::derive::fragments::fragments;
-use crate::derive::stress::{grain_stresses, pressure};
+use crate::derive::fabric::mobilisation;
+use crate::derive::fragments::{fragments, membership};
+use crate::derive::motion::Whole;
+use crate::derive::stress::{grain_stresses, kinetic_stress, pressure};
 use crate::frame::{Frame, Grain, Mat3, Side, Vec3, WallShape};
 
 /// The kinds of files, each with its collection.
@@ -72,7 +74,10 @@ pub fn polyhedra(frame: &Frame) -> Vec<u8> {
 fn arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
     let grains: Vec<&Grain> = rows.iter().map(|&row| &frame.grains[row]).collect();
     let (stresses, contacts) = (grain_stresses(frame), contact_counts(frame));
-    let (neighbours, (fragments, _)) = (neighbour_counts(frame), fragments(frame));
+    let (neighbours, fragments) = (neighbour_counts(frame), membership(&fragments(frame), frame.grains.len()));
+    let velocity = Whole::of(&frame.grains).velocity();
+    let motion: Vec<Mat3> =
+        grains.iter().map(|g| kinetic_stress(std::slice::from_ref(*g), velocity, g.volume())).collect();
     let stresses: Vec<Mat3> = rows.iter().map(|&row| stresses[row]).collect();
     let of = |counts: &[u32]| rows.iter().map(|&row| counts[row]).collect::<Vec<u32>>();
     let energy = |grain: &&Grain| {
@@ -98,6 +103,7 @@ fn arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
         scalars("kinetic_energy", each(&|g| energy(g))),
         scalars("neighbours", of(&neighbours)),
         scalars("fragment", of(&fragments)),
+        tensors("kinetic_stress", &motion),
         components("orientation", 4, grains.iter().flat_map(orientation).collect::<Vec<f64>>()),
     ]
 }
@@ -125,11 +131,12 @@ pub fn contacts(frame: &Frame) -> Vec<u8> {
         Side::Grain(grain) => frame.grains[grain].id,
         Side::Wall(wall) => frame.walls[wall].id,
     };
-    let all = &frame.contacts;
+    let (all, laws) = (&frame.contacts, &frame.meta.laws);
     let cell = vec![
         scalars("normal_force", all.iter().map(|c| c.normal_force).collect::<Vec<f64>>()),
         scalars("tangential_force", all.iter().map(|c| c.tangential_force).collect::<Vec<f64>>()),
         vectors("force", all.iter().map(|c| c.force)),
+        scalars("mobilised", all.iter().map(|c| mobilisation(c, laws).unwrap_or(0.0)).collect::<Vec<f64>>()),
         scalars("gap", all.iter().map(|c| c.gap).collect::<Vec<f64>>()),
         scalars("status", all.iter().map(|c| c.status).collect::<Vec<u8>>()),
         scalars("active", all.iter().map(|c| u8::from(c.active)).collect::<Vec<u8>>()),
@@ -202,7 +209,7 @@ pub fn collection(kind: &str, snapshots: &[(u64, f64)]) -> String {
     text + "</Collection>\n</VTKFile>\n"
 }
 
-fn scalars<T>(name: &str, values: Vec<T>) -> Attribute
+pub(crate) fn scalars<T>(name: &str, values: Vec<T>) -> Attribute
 where
     IOBuffer: From<Vec<T>>,
 {
@@ -217,7 +224,7 @@ where
     Attribute::DataArray(DataArray::scalars(name, count).with_data(IOBuffer::from(values)))
 }
 
-fn vectors(name: &str, values: impl Iterator<Item = Vec3>) -> Attribute {
+pub(crate) fn vectors(name: &str, values: impl Iterator<Item = Vec3>) -> Attribute {
     Attribute::DataArray(DataArray::vectors(name).with_data(IOBuffer::from(flat(values))))
 }
 
@@ -227,11 +234,11 @@ fn tensors(name: &str, values: &[Mat3]) -> Attribute {
     Attribute::DataArray(DataArray::tensors(name).with_data(IOBuffer::from(rows)))
 }
 
-fn flat(vectors: impl Iterator<Item = Vec3>) -> Vec<f64> {
+pub(crate) fn flat(vectors: impl Iterator<Item = Vec3>) -> Vec<f64> {
     vectors.flat_map(|v| [v.x, v.y, v.z]).collect()
 }
 
-fn cells<C: AsRef<[u64]>>(cells: impl Iterator<Item = C>) -> Option<VertexNumbers> {
+pub(crate) fn cells<C: AsRef<[u64]>>(cells: impl Iterator<Item = C>) -> Option<VertexNumbers> {
     let (mut connectivity, mut offsets) = (Vec::new(), Vec::new());
     for cell in cells {
         connectivity.extend_from_slice(cell.as_ref());
@@ -240,7 +247,7 @@ fn cells<C: AsRef<[u64]>>(cells: impl Iterator<Item = C>) -> Option<VertexNumber
     Some(VertexNumbers::XML { connectivity, offsets })
 }
 
-fn file(piece: PolyDataPiece) -> Vec<u8> {
+pub(crate) fn file(piece: PolyDataPiece) -> Vec<u8> {
     let no_points = piece.points.is_empty();
     let vtk = Vtk {
         version: Version::Auto,

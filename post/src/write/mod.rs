@@ -4,11 +4,15 @@
 //! |---|---|
 //! | [`series`] | `POSTPRO/series.csv` |
 //! | [`plots`] | `POSTPRO/*.svg`, the main columns against time |
+//! | [`figure`] | none: curves in a plot, as SVG |
 //! | [`picture`] | `POSTPRO/aggregate.svg`, the last state |
 //! | [`display`] | `DISPLAY/*.vtp` and `*.pvd` |
+//! | [`map`] | `POSTPRO/state-NNNNNN/surface_*.svg` |
 //! | [`scale`] | none: units and round numbers for the eye |
 
 pub mod display;
+pub mod figure;
+pub mod map;
 pub mod picture;
 pub mod plots;
 pub mod scale;

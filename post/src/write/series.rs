@@ -1,6 +1,6 @@
-//! `POSTPRO/series.csv`: a header, then a line a snapshot.
+//! Tables: `POSTPRO/series.csv`, a header, then a line a snapshot; and tables of any numbers.
 
-use crate::derive::Row;
+use crate::derive::{Field, Row};
 
 /// The text of the file: names of [`Row::COLUMNS`], then the fields of each row.
 ///
@@ -12,6 +12,17 @@ pub fn text(rows: &[Row]) -> String {
     text.push('\n');
     for row in rows {
         text += &row.texts().join(",");
+        text.push('\n');
+    }
+    text
+}
+
+/// Lines of a CSV file: names, then numbers; what is not defined is an empty field.
+pub fn csv(header: &[&str], rows: impl IntoIterator<Item = Vec<f64>>) -> String {
+    let lines = rows.into_iter().map(|row| row.iter().map(Field::text).collect::<Vec<_>>().join(","));
+    let mut text = header.join(",") + "\n";
+    for line in lines {
+        text += &line;
         text.push('\n');
     }
     text

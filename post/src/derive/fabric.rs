@@ -1,0 +1,154 @@
+//! How contacts are directed and what they carry.
+
+use cd_formats::snapshot::LawName;
+use cd_formats::tact_behav::LAWS;
+use nalgebra::SymmetricEigen;
+
+use crate::frame::{Contact, Frame, Mat3};
+
+/// Fabric tensor of the normals: F = (1/N) sum n (x) n over the N contacts that carry force, walls too; trace 1.
+///
+/// Directions without preference give 1/3 of the unit tensor. NaN without contacts. Source: Satake (1982).
+pub fn fabric(frame: &Frame) -> Mat3 {
+    let (count, sum) = frame
+        .active()
+        .fold((0.0, Mat3::zeros()), |(count, sum), c| (count + 1.0, sum + c.normal * c.normal.transpose()));
+    sum / count
+}
+
+/// Eigenvalues of a symmetric tensor, largest first; NaN if one of its components is.
+pub fn eigenvalues(tensor: &Mat3) -> [f64; 3] {
+    if tensor.iter().any(|x| !x.is_finite()) {
+        return [f64::NAN; 3];
+    }
+    let mut values: [f64; 3] = SymmetricEigen::new(*tensor).eigenvalues.into();
+    values.sort_by(|a, b| b.total_cmp(a));
+    values
+}
+
+/// Anisotropy a of the density of directions (1 + a (3 cos^2 - 1)) / 4 pi about an axis: a = (5/2) (F_1 - F_3).
+///
+/// Source: Azéma, Radjaï & Saussine (2009), in the principal frame of the fabric.
+pub fn anisotropy(fabric: &Mat3) -> f64 {
+    let [first, _, last] = eigenvalues(fabric);
+    2.5 * (first - last)
+}
+
+/// Coefficient of (static) friction and constant attraction, N, of a law; 0 where it has none.
+pub fn friction_and_cohesion(law: &LawName) -> (f64, f64) {
+    let labels = LAWS.iter().find(|(kind, _)| *kind == law.kind).map_or(&[][..], |(_, lines)| *lines);
+    let labels: Vec<&str> = labels.iter().flat_map(|line| line.iter().copied()).collect();
+    let of = |name: &str| labels.iter().position(|label| *label == name).and_then(|k| law.parameters.get(k)).copied();
+    let cohesion = if law.kind.contains("MOHR") { None } else { of("cohn") };
+    (of("fric").or(of("stfr")).unwrap_or(0.0), cohesion.unwrap_or(0.0))
+}
+
+/// Share of the friction that a contact could give: f_t / (mu (f_n + f_c)), 0 to 1; none where nothing can be given.
+///
+/// f_c is the attraction of a cohesive law.
+pub fn mobilisation(contact: &Contact, laws: &[LawName]) -> Option<f64> {
+    let (friction, cohesion) = friction_and_cohesion(laws.get(contact.law as usize)?);
+    let most = friction * (contact.normal_force + cohesion);
+    (most > 0.0).then(|| contact.tangential_force / most)
+}
+
+/// Mean of [`mobilisation`] over the contacts that carry force, and the share of these that slide
+/// (status 2 where there is friction); NaN without.
+pub fn mobilised(frame: &Frame) -> (f64, f64) {
+    let all: Vec<(f64, bool)> = frame
+        .active()
+        .filter_map(|c| Some((mobilisation(c, &frame.meta.laws)?, c.status == cd_formats::snapshot::STATUS_SLIDE)))
+        .collect();
+    let count = all.len() as f64;
+    let sliding = all.iter().filter(|(_, slides)| *slides).count() as f64;
+    (all.iter().map(|(share, _)| share).sum::<f64>() / count, sliding / count)
+}
+
+/// Density of probability of values over their mean, in bins of equal width from 0 on.
+///
+/// Returns the middle of each bin and the density P, with sum P x width = 1; values that are not > 0 are
+/// left out. None without values.
+pub fn distribution(values: impl Iterator<Item = f64>, width: f64) -> Vec<(f64, f64)> {
+    let values: Vec<f64> = values.filter(|v| *v > 0.0 && v.is_finite()).collect();
+    let (count, mean) = (values.len() as f64, values.iter().sum::<f64>() / values.len() as f64);
+    let bin = |value: &f64| (value / mean / width) as usize;
+    let mut bins = vec![0.0; values.iter().map(bin).max().map_or(0, |last| last + 1)];
+    values.iter().for_each(|value| bins[bin(value)] += 1.0 / (count * width));
+    bins.into_iter().enumerate().map(|(k, p)| ((k as f64 + 0.5) * width, p)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Vec3;
+    use crate::samples::Scene;
+
+    #[test]
+    fn three_axes_are_isotropic_and_one_is_not() {
+        let mut scene = Scene::default();
+        scene.grain([0.0; 3], 1.0);
+        for k in 0..3 {
+            let mut x = [0.0; 3];
+            x[k] = 2.0;
+            scene.grain(x, 1.0);
+        }
+        scene.push(1, 0, 1.0);
+        let single = scene.frame();
+        assert_eq!(fabric(&single), Mat3::from_diagonal(&Vec3::new(1.0, 0.0, 0.0)));
+        assert_eq!(anisotropy(&fabric(&single)), 2.5);
+        scene.push(2, 0, 5.0);
+        scene.push(3, 0, 0.1);
+        let all = fabric(&scene.frame());
+        assert!((all - Mat3::from_diagonal_element(1.0 / 3.0)).norm() < 1e-15);
+        assert!(anisotropy(&all) < 1e-14);
+        assert!(anisotropy(&fabric(&Scene::default().frame())).is_nan());
+    }
+
+    #[test]
+    fn a_known_density_of_directions_gives_its_anisotropy() {
+        // Normals at the nodes of an integration over cos and angle, as often as (1 + a (3 c^2 - 1)) asks.
+        let a = 0.4;
+        let (mut sum, mut total) = (Mat3::zeros(), 0.0);
+        for k in 0..200 {
+            let c = -1.0 + (k as f64 + 0.5) / 100.0;
+            for angle in [0.0, 1.0, 2.0, 3.0].map(|q| q * std::f64::consts::FRAC_PI_2) {
+                let s = (1.0 - c * c).sqrt();
+                let n = Vec3::new(s * angle.cos(), s * angle.sin(), c);
+                let weight = 1.0 + a * (3.0 * c * c - 1.0);
+                (sum, total) = (sum + weight * n * n.transpose(), total + weight);
+            }
+        }
+        assert!((anisotropy(&(sum / total)) - a).abs() < 1e-4); // the midpoint rule on 200 points
+    }
+
+    #[test]
+    fn sliding_contacts_mobilise_all_friction() {
+        let mut scene = Scene::default(); // friction 0.5
+        for k in 0..3 {
+            scene.grain([2.0 * k as f64, 0.0, 0.0], 1.0);
+        }
+        scene.contact(1, 0, Vec3::new(4.0, 0.0, 2.0)); // all of it
+        scene.contact(2, 1, Vec3::new(4.0, 1.0, 0.0)); // half of it
+        let (mean, _) = mobilised(&scene.frame());
+        assert!((mean - 0.75).abs() < 1e-15);
+        // A cohesive law adds to what friction can give: 1 / (0.5 (4 + 4)).
+        let law = &mut scene.snapshot.meta.laws[0];
+        (law.kind, law.parameters) = ("IQS_WET_DS_CLB".into(), vec![4.0, 0.0, 0.1, 0.4, 0.5]);
+        let (mean, _) = mobilised(&scene.frame());
+        assert!((mean - 0.375).abs() < 1e-15, "{mean}");
+    }
+
+    #[test]
+    fn a_distribution_is_normalised_and_has_mean_one() {
+        // Quantiles of the exponential distribution: P = exp(-x).
+        let count = 20_000;
+        let values = (0..count).map(|k| -3.0 * (1.0 - (k as f64 + 0.5) / count as f64).ln());
+        let bins = distribution(values, 0.1);
+        let area: f64 = bins.iter().map(|(_, p)| p * 0.1).sum();
+        assert!((area - 1.0).abs() < 1e-12);
+        for (x, p) in bins.iter().filter(|(x, _)| *x < 3.0) {
+            assert!((p / (-x).exp() - 1.0).abs() < 0.02, "{x} {p}"); // 0.1^2 / 24 of a bin, and one value more or less
+        }
+        assert!(distribution([0.0, -1.0].into_iter(), 0.1).is_empty());
+    }
+}

@@ -1,0 +1,255 @@
+//! The surface of an aggregate by direction: height, effective gravity, slope.
+
+use rayon::prelude::*;
+
+use crate::derive::motion::Whole;
+use crate::frame::{Frame, Grain, Vec3};
+
+/// Directions about the centre of mass: the middles of cells of equal steps of latitude and longitude.
+/// z of the world points to the north pole, x to longitude 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Grid {
+    pub latitudes: usize,
+    /// Even, so that a meridian goes on beyond the pole.
+    pub longitudes: usize,
+}
+
+impl Grid {
+    /// Cells of 5 degrees.
+    pub const STANDARD: Grid = Grid { latitudes: 36, longitudes: 72 };
+
+    pub fn len(&self) -> usize {
+        self.latitudes * self.longitudes
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Latitude and longitude of cell k, rad: the rows from south to north, each from -pi eastwards.
+    pub fn angles(&self, k: usize) -> (f64, f64) {
+        let (row, column) = (k / self.longitudes, k % self.longitudes);
+        let share = |index: usize, count: usize| (index as f64 + 0.5) / count as f64;
+        let pi = std::f64::consts::PI;
+        (pi * (share(row, self.latitudes) - 0.5), 2.0 * pi * (share(column, self.longitudes) - 0.5))
+    }
+
+    /// Unit vectors of cell k outward, eastward and northward.
+    pub fn axes(&self, k: usize) -> [Vec3; 3] {
+        let (latitude, longitude) = self.angles(k);
+        let ((sin_a, cos_a), (sin_o, cos_o)) = (latitude.sin_cos(), longitude.sin_cos());
+        [
+            Vec3::new(cos_a * cos_o, cos_a * sin_o, sin_a),
+            Vec3::new(-sin_o, cos_o, 0.0),
+            Vec3::new(-sin_a * cos_o, -sin_a * sin_o, cos_a),
+        ]
+    }
+
+    /// The cell `north` rows and `east` columns on; beyond a pole the meridian goes on half around.
+    fn neighbour(&self, k: usize, north: isize, east: isize) -> usize {
+        let (mut row, mut column) = ((k / self.longitudes) as isize + north, (k % self.longitudes) as isize + east);
+        let last = self.latitudes as isize - 1;
+        if row < 0 || row > last {
+            row = if row < 0 { -1 - row } else { 2 * last + 1 - row };
+            column += self.longitudes as isize / 2;
+        }
+        row as usize * self.longitudes + column.rem_euclid(self.longitudes as isize) as usize
+    }
+}
+
+/// The surface in one direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Facet {
+    /// rad
+    pub latitude: f64,
+    pub longitude: f64,
+    /// m
+    pub x: Vec3,
+    /// Distance from the centre of mass, m; NaN where no ray meets a grain.
+    pub height: f64,
+    /// Gravity and centrifugal acceleration in the frame that turns with the aggregate, m/s^2.
+    pub gravity: Vec3,
+    /// Angle between the outward normal and the direction against gravity, rad: 0 level, above pi/2
+    /// where loose material is shed.
+    pub slope: f64,
+}
+
+/// Heights, effective gravity and slopes of the grains `members` with the sums `whole`.
+///
+/// Rays from the centre of mass to the last surface of a sphere give the heights (of a polyhedron the sphere of
+/// equal volume). They are averaged over two mean radii around, since slopes are those of the aggregate and not
+/// of its grains. Gravity is that of all grains of the frame, each a solid ball; `constant`: G. The spin is that of `whole`.
+pub fn surface(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, grid: Grid) -> Vec<Facet> {
+    let grains: Vec<&Grain> = members.iter().map(|&i| &frame.grains[i]).collect();
+    let raw = heights(&grains, whole.x, grid);
+    let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
+    let smooth = smoothed(&raw, 2.0 * mean_radius, grid);
+    let gravity = |x: Vec3| frame.grains.iter().map(|g| attraction(g, x)).sum::<Vec3>() * constant;
+    facets(&smooth, whole.x, whole.spin(), gravity, grid)
+}
+
+/// Distance along each direction from `centre` to the last surface of a grain, m; NaN without.
+pub fn heights(grains: &[&Grain], centre: Vec3, grid: Grid) -> Vec<f64> {
+    let height = |k: usize| {
+        let [out, ..] = grid.axes(k);
+        let far = grains.iter().filter_map(|g| {
+            let d = g.x - centre;
+            let along = d.dot(&out);
+            let left = g.radius * g.radius - (d.norm_squared() - along * along);
+            (left >= 0.0).then(|| along + left.sqrt())
+        });
+        far.filter(|height| *height > 0.0).fold(f64::NAN, f64::max)
+    };
+    (0..grid.len()).into_par_iter().map(height).collect()
+}
+
+/// The mean over the directions within an arc of `length` (m) on the surface, by their solid angles.
+fn smoothed(raw: &[f64], length: f64, grid: Grid) -> Vec<f64> {
+    let known: Vec<(Vec3, f64, f64)> = (0..grid.len())
+        .filter(|&k| raw[k].is_finite())
+        .map(|k| (grid.axes(k)[0], grid.angles(k).0.cos(), raw[k]))
+        .collect();
+    let mean = known.iter().map(|(_, _, h)| h).sum::<f64>() / known.len() as f64;
+    let of = |k: usize| {
+        let [out, ..] = grid.axes(k);
+        let reach = (length / if raw[k].is_finite() { raw[k] } else { mean }).min(std::f64::consts::PI).cos();
+        let near = known.iter().filter(|(other, _, _)| out.dot(other) >= reach);
+        let (weight, sum) = near.fold((0.0, 0.0), |(weight, sum), (_, w, h)| (weight + w, sum + w * h));
+        sum / weight
+    };
+    (0..grid.len()).into_par_iter().map(of).collect()
+}
+
+/// Acceleration by a solid ball over G, kg/m^2: m r / r^3, within it m r / R^3.
+fn attraction(grain: &Grain, x: Vec3) -> Vec3 {
+    let d = grain.x - x;
+    let distance = d.norm().max(grain.radius);
+    d * (grain.mass / distance.powi(3))
+}
+
+/// The surface of known heights about `centre`: normals by central differences, gravity as given, the
+/// centrifugal acceleration of `spin` (rad/s).
+///
+/// Of r = h u the normal is along h u - (dh/dlatitude) north - (dh/dlongitude / cos latitude) east.
+pub fn facets(
+    heights: &[f64],
+    centre: Vec3,
+    spin: Vec3,
+    gravity: impl Fn(Vec3) -> Vec3 + Sync,
+    grid: Grid,
+) -> Vec<Facet> {
+    let (up, across) = (std::f64::consts::PI / grid.latitudes as f64, std::f64::consts::TAU / grid.longitudes as f64);
+    let facet = |k: usize| {
+        let (latitude, longitude) = grid.angles(k);
+        let [out, east, north] = grid.axes(k);
+        let height = heights[k];
+        let at = |n: isize, e: isize| heights[grid.neighbour(k, n, e)];
+        let to_north = (at(1, 0) - at(-1, 0)) / (2.0 * up);
+        let to_east = (at(0, 1) - at(0, -1)) / (2.0 * across * latitude.cos());
+        let normal = height * out - to_north * north - to_east * east;
+        let x = centre + height * out;
+        let effective = gravity(x) - spin.cross(&spin.cross(&(x - centre)));
+        let slope = (-effective.dot(&normal) / (effective.norm() * normal.norm())).clamp(-1.0, 1.0).acos();
+        Facet { latitude, longitude, x, height, gravity: effective, slope }
+    };
+    (0..grid.len()).into_par_iter().map(facet).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::Scene;
+
+    /// Heights of the ellipsoid with these semi-axes.
+    fn ellipsoid(axes: [f64; 3], grid: Grid) -> Vec<f64> {
+        let height = |k: usize| {
+            let [out, ..] = grid.axes(k);
+            1.0 / (0..3).map(|i| (out[i] / axes[i]).powi(2)).sum::<f64>().sqrt()
+        };
+        (0..grid.len()).map(height).collect()
+    }
+
+    const FINE: Grid = Grid { latitudes: 90, longitudes: 180 };
+
+    #[test]
+    fn a_ball_at_rest_is_level_and_one_that_turns_slopes_to_its_equator() {
+        let level = |x: Vec3| -x;
+        let radius = ellipsoid([2.0; 3], FINE);
+        assert!(facets(&radius, Vec3::zeros(), Vec3::zeros(), level, FINE).iter().all(|f| f.slope < 1e-7));
+        // g = x, w^2 = 1/2: at latitude b, along the radius 1 - cos^2 / 2, across sin cos / 2.
+        let spin = Vec3::new(0.0, 0.0, 0.5f64.sqrt());
+        for facet in facets(&radius, Vec3::zeros(), spin, level, FINE) {
+            let (sin, cos) = facet.latitude.abs().sin_cos();
+            let expected = (0.5 * sin * cos).atan2(1.0 - 0.5 * cos * cos);
+            assert!((facet.slope - expected).abs() < 1e-7, "{facet:?} {expected}");
+        }
+    }
+
+    #[test]
+    fn slopes_of_an_ellipsoid_are_those_of_its_normal() {
+        let axes = [3.0, 2.0, 1.5];
+        let central = |x: Vec3| -x / x.norm().powi(3);
+        for facet in facets(&ellipsoid(axes, FINE), Vec3::zeros(), Vec3::zeros(), central, FINE) {
+            let normal = Vec3::from_fn(|i, _| facet.x[i] / (axes[i] * axes[i]));
+            let expected = (normal.dot(&facet.x) / (normal.norm() * facet.x.norm())).clamp(-1.0, 1.0).acos();
+            // Central differences over 2 degrees: the third derivative of the height times 0.035^2 / 6.
+            assert!((facet.slope - expected).abs() < 2e-3, "{facet:?} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_spheroid_of_maclaurin_is_level_everywhere() {
+        // g_i = -2 pi G rho A_i x_i within a homogeneous spheroid; w^2 = 2 pi G rho (A_1 - A_3 (1 - e^2)).
+        let e: f64 = 0.8;
+        let root = (1.0 - e * e).sqrt();
+        let (a1, a3) = (root / e.powi(3) * (e.asin() - e * root), 2.0 / (e * e) * (1.0 - root * e.asin() / e));
+        let gravity = |x: Vec3| -Vec3::new(a1 * x.x, a1 * x.y, a3 * x.z);
+        let spin = Vec3::new(0.0, 0.0, (a1 - a3 * (1.0 - e * e)).sqrt());
+        let heights = ellipsoid([5.0, 5.0, 5.0 * root], FINE);
+        for facet in facets(&heights, Vec3::zeros(), spin, gravity, FINE) {
+            assert!(facet.slope < 2e-3, "{facet:?}"); // as above
+        }
+        let still = facets(&heights, Vec3::zeros(), Vec3::zeros(), gravity, FINE);
+        assert!(still.iter().any(|facet| facet.slope > 0.1));
+    }
+
+    #[test]
+    fn heights_are_those_of_the_outermost_spheres() {
+        let mut scene = Scene::default();
+        scene.grain([0.0; 3], 1.0);
+        scene.grain([0.0, 0.0, 3.0], 0.5);
+        let frame = scene.frame();
+        let grains: Vec<&Grain> = frame.grains.iter().collect();
+        let found = heights(&grains, Vec3::zeros(), FINE);
+        assert!((found[0] - 1.0).abs() < 1e-12);
+        let north = FINE.len() - 1; // a degree off the pole: 3 cos + sqrt(1/4 - 9 sin^2)
+        let (sin, cos) = (std::f64::consts::PI / 180.0).sin_cos();
+        assert!((found[north] - 3.0 * cos - (0.25 - 9.0 * sin * sin).sqrt()).abs() < 1e-12);
+        // From outside of all, a ray that looks away meets nothing.
+        let aside = heights(&grains, Vec3::new(10.0, 0.0, 0.0), FINE);
+        assert!(aside.iter().any(|h| h.is_nan()) && aside.iter().any(|h| (*h - 11.0).abs() < 0.1));
+    }
+
+    #[test]
+    fn a_fine_lattice_in_a_ball_is_a_ball() {
+        let (mut scene, n) = (Scene::self_gravitating(1.0), 12);
+        for (i, j, k) in (-n..=n).flat_map(|i| (-n..=n).flat_map(move |j| (-n..=n).map(move |k| (i, j, k)))) {
+            if i * i + j * j + k * k <= n * n {
+                scene.grain([i, j, k].map(f64::from), 0.5);
+            }
+        }
+        let frame = scene.frame();
+        let members: Vec<usize> = (0..frame.grains.len()).collect();
+        let whole = Whole::of(&frame.grains);
+        let found = surface(&frame, &members, &whole, 1.0, Grid::STANDARD);
+        let mean = |of: &dyn Fn(&Facet) -> f64| found.iter().map(of).sum::<f64>() / found.len() as f64;
+        // Rays slip between the outermost spheres, so that the height is up to a unit below the lattice's 12.
+        let height = mean(&|f| f.height);
+        assert!((11.0..12.5).contains(&height), "{height}");
+        // The steps of the lattice are one unit in twelve; averaged over two units they leave some ten degrees.
+        assert!(mean(&|f| f.slope).to_degrees() < 15.0, "{}", mean(&|f| f.slope).to_degrees());
+        // Below its height a ball of one grain of pi / 6 a unit of volume: g = (4 pi / 3) rho h.
+        let expected = 4.0 / 3.0 * std::f64::consts::PI * std::f64::consts::FRAC_PI_6 * height;
+        assert!((mean(&|f| f.gravity.norm()) / expected - 1.0).abs() < 0.05);
+    }
+}

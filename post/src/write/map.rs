@@ -1,0 +1,115 @@
+//! A quantity on the sphere of directions, as SVG: longitude to the right, latitude up, colour by value.
+
+use std::fmt::Write;
+
+use crate::derive::surface::Grid;
+use crate::write::picture::COLOURS;
+use crate::write::scale::{prefixed, significant};
+
+const CELL: f64 = 10.0;
+const LEFT: f64 = 70.0;
+const TOP: f64 = 50.0;
+const RIGHT: f64 = 120.0;
+const BOTTOM: f64 = 60.0;
+/// Steps of the colour bar.
+const STEPS: usize = 60;
+
+/// The text of the SVG file; `values` by cell of the grid in `unit`, white where not finite.
+pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], grid: Grid) -> String {
+    let (wide, high) = (CELL * grid.longitudes as f64, CELL * grid.latitudes as f64);
+    let known = || values.iter().copied().filter(|v| v.is_finite());
+    let (low, top) = known().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, top), v| (low.min(v), top.max(v)));
+    let (low, top) = if low < top { (low, top) } else { (low - 0.5, low + 0.5) };
+    let (factor, unit) = if low.is_finite() { prefixed(low.abs().max(top.abs()), unit) } else { (1.0, unit.into()) };
+    let (width, height) = (LEFT + wide + RIGHT, TOP + high + BOTTOM);
+    let mut text = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
+         font-family=\"sans-serif\" font-size=\"14\" fill=\"#3c3c3c\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
+    );
+    let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
+    put(format!("<text x=\"{}\" y=\"28\" font-size=\"20\" text-anchor=\"middle\">{title}</text>", LEFT + wide / 2.0));
+    put("<g shape-rendering=\"crispEdges\">".into());
+    for (k, value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+        let (row, column) = (k / grid.longitudes, k % grid.longitudes);
+        let (x, y) = (LEFT + CELL * column as f64, TOP + high - CELL * (row + 1) as f64);
+        let fill = ramp((value - low) / (top - low));
+        put(format!("<rect x=\"{x}\" y=\"{y}\" width=\"{CELL}\" height=\"{CELL}\" fill=\"{fill}\"/>"));
+    }
+    let bar = LEFT + wide + 20.0;
+    for step in 0..STEPS {
+        let y = TOP + high * (1.0 - (step + 1) as f64 / STEPS as f64);
+        let fill = ramp((step as f64 + 0.5) / STEPS as f64);
+        put(format!(
+            "<rect x=\"{bar}\" y=\"{y:.2}\" width=\"18\" height=\"{:.2}\" fill=\"{fill}\"/>",
+            high / STEPS as f64 + 0.5
+        ));
+    }
+    put("</g>".into());
+    put(format!(
+        "<rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{wide}\" height=\"{high}\" fill=\"none\" stroke=\"#3c3c3c\"/>"
+    ));
+    for degrees in (-180..=180).step_by(60) {
+        let x = LEFT + wide * (f64::from(degrees) + 180.0) / 360.0;
+        put(format!("<path d=\"M{x} {}v6\" stroke=\"#3c3c3c\"/>", TOP + high));
+        put(format!(
+            "<text x=\"{x}\" y=\"{}\" text-anchor=\"middle\" font-size=\"13\">{degrees}</text>",
+            TOP + high + 21.0
+        ));
+    }
+    for degrees in (-90..=90).step_by(30) {
+        let y = TOP + high * (90.0 - f64::from(degrees)) / 180.0;
+        put(format!("<path d=\"M{LEFT} {y}h-6\" stroke=\"#3c3c3c\"/>"));
+        put(format!(
+            "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" font-size=\"13\">{degrees}</text>",
+            LEFT - 10.0,
+            y + 5.0
+        ));
+    }
+    for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
+        let (y, value) = (TOP + high * (1.0 - share), (low + share * (top - low)) / factor);
+        let label = if value.is_finite() { significant((value * 1000.0).round() / 1000.0) } else { String::new() };
+        put(format!("<text x=\"{}\" y=\"{}\" font-size=\"13\">{label}</text>", bar + 24.0, y + 5.0));
+    }
+    let label = if unit == "1" { quantity.to_string() } else { format!("{quantity} ({unit})") };
+    put(format!("<text x=\"{bar}\" y=\"{}\">{label}</text>", TOP - 12.0));
+    put(format!(
+        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">longitude (°)</text>",
+        LEFT + wide / 2.0,
+        TOP + high + 46.0
+    ));
+    let middle = TOP + high / 2.0;
+    put(format!(
+        "<text x=\"20\" y=\"{middle}\" text-anchor=\"middle\" transform=\"rotate(-90 20 {middle})\">latitude (°)</text>"
+    ));
+    put("</svg>".into());
+    text
+}
+
+/// The colour of a share from 0 to 1.
+fn ramp(share: f64) -> String {
+    let place = share.clamp(0.0, 1.0) * (COLOURS.len() - 1) as f64;
+    let low = (place as usize).min(COLOURS.len() - 2);
+    let part = place - low as f64;
+    let [r, g, b]: [f64; 3] = std::array::from_fn(|k| (1.0 - part) * COLOURS[low][k] + part * COLOURS[low + 1][k]);
+    format!("rgb({r:.0},{g:.0},{b:.0})")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_known_cell_is_drawn_in_its_place() {
+        let grid = Grid { latitudes: 2, longitudes: 4 };
+        let text = svg("Slope", "slope", "1", &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, f64::NAN], grid);
+        assert_eq!(text.matches("width=\"10\" height=\"10\"").count(), 7);
+        // The first cell is in the south-west, in the colour of the least value.
+        let first =
+            format!("<rect x=\"{LEFT}\" y=\"{}\" width=\"10\" height=\"10\" fill=\"{}\"/>", TOP + 10.0, ramp(0.0));
+        assert!(text.contains(&first), "{text}");
+        assert!(text.contains("longitude") && !text.contains("NaN"));
+        for values in [[1.0; 8], [f64::NAN; 8]] {
+            assert!(!svg("Slope", "slope", "m", &values, grid).contains("NaN"));
+        }
+    }
+}
