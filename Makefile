@@ -5,7 +5,7 @@ CARGO_TARGET_DIR ?= target
 TARGET := $(abspath $(CARGO_TARGET_DIR))
 BIN := $(TARGET)/release
 
-.PHONY: help build demo test vtk golden lint fmt doc check clean
+.PHONY: help build demo test vtk browser golden lint fmt doc check clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -23,13 +23,18 @@ demo: build ## runs examples/accretion: a thousand grains fall together
 	@echo "  DISPLAY/grains.pvd     for ParaView; contacts.pvd beside it"
 	@echo "  OUTBOX/steps.csv       cost and error of every step"
 
-test: ## all tests; CD_REQUIRE_VTK=1 makes a missing VTK an error
+test: ## all tests; CD_REQUIRE_VTK=1 and CD_REQUIRE_CHROMIUM=1 make what is missing an error
 	$(CARGO) test --workspace --no-fail-fast
 	$(MAKE) --no-print-directory vtk
+	$(MAKE) --no-print-directory browser
 
 vtk: ## reads the ParaView files of two small cases back with VTK
 	$(CARGO) build --bins
 	TARGET=$(TARGET) tests/vtk_readback.sh
+
+browser: ## opens the report of a small case in Chromium, without a screen
+	$(CARGO) build --bins
+	TARGET=$(TARGET) tests/report_in_browser.sh
 
 golden: ## makes the expected files of tests/golden anew, of all or of SCENE=name; prints the largest changes
 	$(CARGO) run --quiet --package cd-tests --bin golden -- $(SCENE)

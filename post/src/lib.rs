@@ -2,7 +2,8 @@
 //!
 //! `read` ([`frame`]) -> `derive` ([`mod@derive`]) -> `write` ([`mod@write`]): each snapshot of
 //! `DIR/OUTBOX` becomes a [`Frame`], a [`Row`] of `POSTPRO/series.csv` and the files of
-//! `DISPLAY/`; the rows together become plots, the last frame a picture.
+//! `DISPLAY/`; the rows together become plots, the last frame a picture. [`mod@state`] measures one
+//! snapshot in depth, [`compare`] several runs, [`report`] makes a page of a run.
 
 use std::collections::HashSet;
 use std::ffi::OsString;
@@ -16,12 +17,16 @@ use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
+pub mod compare;
 pub mod derive;
 pub mod frame;
+pub mod report;
 pub mod shapes;
+pub mod state;
 pub mod write;
 
 use derive::Row;
+use derive::energy::Summation;
 use frame::Frame;
 use write::display;
 
@@ -29,9 +34,65 @@ use write::display;
 ///
 /// Reads DIR/OUTBOX/snapshot-*.npz; writes DIR/POSTPRO (series.csv, plots, a picture) and
 /// DIR/DISPLAY (ParaView files: open grains.pvd, polyhedra.pvd, contacts.pvd,
-/// walls.pvd). The shapes of polyhedra are read from DIR/DATBOX/BODIES.DAT.
+/// walls.pvd). The shapes of polyhedra are read from DIR/DATBOX/BODIES.DAT. A folder whose name is
+/// that of a command below is given as ./NAME.
 #[derive(Debug, Clone, Parser)]
-#[command(name = "cd-post", version)]
+#[command(name = "cd-post", version, args_conflicts_with_subcommands = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    options: Options,
+}
+
+#[derive(Debug, Clone, clap::Subcommand)]
+enum Command {
+    /// One snapshot in depth: profiles, forces, fabric, fragments with orbits, ejecta, surface.
+    ///
+    /// Writes DIR/POSTPRO/state-NNNNNN.
+    State {
+        /// The case directory
+        #[arg(default_value = ".")]
+        dir: PathBuf,
+        /// Step of the snapshot; without it the last
+        #[arg(long, value_name = "STEP")]
+        snapshot: Option<u64>,
+    },
+    /// The same observable of several runs in one figure, and their values in one table.
+    ///
+    /// Reads the POSTPRO/series.csv of each, which cd-post writes.
+    Compare {
+        /// The case directories
+        #[arg(required = true, num_args = 2..)]
+        dirs: Vec<PathBuf>,
+        /// Folder in which NAME.svg and NAME.csv are written
+        #[arg(short, long, default_value = "compare")]
+        output: PathBuf,
+        /// Names of the runs, in their order; without them those of their folders
+        #[arg(long, value_delimiter = ',')]
+        labels: Vec<String>,
+        /// Columns of series.csv; without them those of the plots
+        #[arg(long, value_delimiter = ',')]
+        columns: Vec<String>,
+        /// Column of the horizontal axis
+        #[arg(long, default_value = "time")]
+        against: String,
+    },
+    /// The run on one page that needs nothing else: figures, numbers, options, the grains to turn and zoom.
+    ///
+    /// Writes DIR/POSTPRO/report.html.
+    Report {
+        /// The case directory
+        #[arg(default_value = ".")]
+        dir: PathBuf,
+        /// Take every Nth snapshot, counted from the first, and the last
+        #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+        every: u32,
+    },
+}
+
+/// What is measured of a case, and what is written.
+#[derive(Debug, Clone, Default, clap::Args)]
 pub struct Options {
     /// The case directory
     #[arg(default_value = ".")]
@@ -45,6 +106,9 @@ pub struct Options {
     /// Write no ParaView files
     #[arg(long)]
     pub no_vtk: bool,
+    /// Sum potential energies over every pair at any number of grains
+    #[arg(long)]
+    pub direct_gravity: bool,
     /// Threads; 0 takes all cores. Results do not depend on it
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub threads: usize,
@@ -55,8 +119,8 @@ pub struct Options {
 /// Returns the exit status: 0 done; 1 done, with something reported; 2 input refused, each fault on
 /// a line of stderr as `cd-post: file: object: found; expected`.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
-    let options = match Options::try_parse_from(args) {
-        Ok(options) => options,
+    let Arguments { command, options } = match Arguments::try_parse_from(args) {
+        Ok(arguments) => arguments,
         Err(error) => {
             let _ = error.print();
             return error.exit_code();
@@ -69,7 +133,24 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             return 2;
         }
     };
-    match pool.install(|| process(&options)) {
+    let done = pool.install(|| match &command {
+        None => process(&options),
+        Some(Command::State { dir, snapshot }) => state::write(dir, *snapshot).map(|(folder, notes)| {
+            println!("cd-post: {}", folder.display());
+            notes
+        }),
+        Some(Command::Compare { dirs, output, labels, columns, against }) => {
+            compare::write(dirs, labels, columns, against, output).map(|count| {
+                println!("cd-post: {count} figures in {}", output.display());
+                Vec::new()
+            })
+        }
+        Some(Command::Report { dir, every }) => report::write(dir, *every).map(|page| {
+            println!("cd-post: {}", page.display());
+            Vec::new()
+        }),
+    });
+    match done {
         Ok(notes) => {
             notes.iter().for_each(|note| eprintln!("cd-post: {note}"));
             i32::from(!notes.is_empty())
@@ -81,15 +162,38 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     }
 }
 
-/// Does the work of [`run`]; returns what is worth a report.
+/// Measures a case and writes what the options ask for; returns what is worth a report.
 ///
-/// Snapshots go through in batches of as many as there are threads, so memory holds no more than
-/// these. The files that name others (`series.csv`, `*.pvd`) are written last: if a snapshot is
+/// The files that name others (`series.csv`, `*.pvd`) are written last: if a snapshot is
 /// refused, they are those of before.
 pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
+    let (rows, last) = series(options)?;
+    let postpro = options.dir.join("POSTPRO");
+    atomic::write(&postpro.join("series.csv"), write::series::text(&rows).as_bytes())?;
+    println!("cd-post: {} snapshots of {}", rows.len(), options.dir.join("OUTBOX").display());
+    println!("  series   {}", postpro.join("series.csv").display());
+    if !options.no_plots {
+        for plot in &write::plots::PLOTS {
+            atomic::write(&postpro.join(plot.file), plot.figure(&rows).svg().as_bytes())?;
+        }
+        atomic::write(&postpro.join("aggregate.svg"), write::picture::svg(&last).as_bytes())?;
+        println!("  plots    {}", postpro.join("*.svg").display());
+    }
+    if !options.no_vtk {
+        finish_display(&options.dir, &rows, &last)?;
+        println!("  ParaView {}", options.dir.join("DISPLAY").join("grains.pvd").display());
+    }
+    Ok(notes(&rows))
+}
+
+/// A row for each snapshot that is taken, and the last frame; writes the ParaView files by the way.
+///
+/// Snapshots go through in batches of as many as there are threads, so memory holds no more than these.
+fn series(options: &Options) -> Result<(Vec<Row>, Frame), Faults> {
     let outbox = options.dir.join("OUTBOX");
     let selected = select(&outbox, options.every)?;
     let bar = progress(selected.len());
+    let summation = if options.direct_gravity { Summation::Direct } else { Summation::Fast };
     let mut rows = Vec::with_capacity(selected.len());
     let mut last = None;
     for batch in selected.chunks(rayon::current_num_threads()) {
@@ -97,7 +201,7 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
             .par_iter()
             .map(|(_, path)| {
                 let frame = Frame::read(path)?;
-                let row = Row::of(&frame);
+                let row = Row::with(&frame, summation);
                 if !options.no_vtk {
                     draw(&options.dir, &frame)?;
                 }
@@ -115,24 +219,7 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
         bar.inc(batch.len() as u64);
     }
     bar.finish_and_clear();
-    let last = last.expect("select gives at least one");
-
-    let postpro = options.dir.join("POSTPRO");
-    atomic::write(&postpro.join("series.csv"), write::series::text(&rows).as_bytes())?;
-    println!("cd-post: {} snapshots of {}", rows.len(), outbox.display());
-    println!("  series   {}", postpro.join("series.csv").display());
-    if !options.no_plots {
-        for plot in &write::plots::PLOTS {
-            atomic::write(&postpro.join(plot.file), write::plots::svg(plot, &rows).as_bytes())?;
-        }
-        atomic::write(&postpro.join("aggregate.svg"), write::picture::svg(&last).as_bytes())?;
-        println!("  plots    {}", postpro.join("*.svg").display());
-    }
-    if !options.no_vtk {
-        finish_display(&options.dir, &rows, &last)?;
-        println!("  ParaView {}", options.dir.join("DISPLAY").join("grains.pvd").display());
-    }
-    Ok(notes(&rows))
+    Ok((rows, last.expect("select gives at least one")))
 }
 
 /// The snapshots to take: every `every`th, and the last.

@@ -65,6 +65,7 @@ fn writes_series_plots_picture_and_paraview_files() {
         [
             "aggregate.svg",
             "coordination.svg",
+            "dissipation.svg",
             "energy.svg",
             "pressure.svg",
             "semi_axes.svg",
@@ -189,4 +190,81 @@ fn a_wrong_command_line_is_refused() {
     let help = Command::new(env!("CARGO_BIN_EXE_cd-post")).arg("--help").output().unwrap();
     assert_eq!(help.status.code(), Some(0));
     assert!(String::from_utf8(help.stdout).unwrap().contains("--no-vtk"));
+}
+
+#[test]
+fn a_state_in_depth_has_its_tables_and_figures() {
+    let case = case(&[0, 10]);
+    assert_eq!(cd_post(&["state"], case.path()).status.code(), Some(0));
+    let folder = case.path().join("POSTPRO/state-000010");
+    let expected = [
+        "ejecta.csv",
+        "ejecta.svg",
+        "fabric.csv",
+        "forces.csv",
+        "forces.svg",
+        "fragments.csv",
+        "mobilisation.csv",
+        "mobilisation.svg",
+        "profile.csv",
+        "profile_Z.svg",
+        "profile_nu.svg",
+        "profile_stress.svg",
+        "surface.csv",
+        "surface.vtp",
+        "surface_height.svg",
+        "surface_slope.svg",
+    ];
+    assert_eq!(names(&folder), expected);
+    for (name, bytes) in files(&folder) {
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        assert!(!text.contains("NaN") && !text.contains("inf,"), "{name}");
+    }
+    assert_eq!(cd_post(&["state", "--snapshot", "0"], case.path()).status.code(), Some(0));
+    assert!(case.path().join("POSTPRO/state-000000/profile.csv").exists());
+    let none = cd_post(&["state", "--snapshot", "7"], case.path());
+    assert_eq!(none.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&none.stderr).contains("holds no snapshot of step 7"));
+}
+
+#[test]
+fn runs_are_compared_in_one_figure() {
+    let (one, two, output) = (case(&[0, 10]), case(&[0, 20]), tempfile::tempdir().unwrap());
+    let compare = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+        command.arg("compare").args([one.path(), two.path()]).arg("-o").arg(output.path()).args(more);
+        command.output().unwrap()
+    };
+    // The series come first.
+    let early = compare(&[]);
+    assert_eq!(early.status.code(), Some(2), "{early:?}");
+    assert_eq!(String::from_utf8_lossy(&early.stderr).lines().count(), 2);
+    for case in [&one, &two] {
+        assert!(cd_post(&["--no-vtk", "--no-plots"], case.path()).status.success());
+    }
+    let done = compare(&["--labels", "first,second", "--columns", "Z,nu"]);
+    assert_eq!(done.status.code(), Some(0), "{done:?}");
+    assert_eq!(names(output.path()), ["Z.csv", "Z.svg", "nu.csv", "nu.svg"]);
+    let table = fs::read_to_string(output.path().join("Z.csv")).unwrap();
+    let lines: Vec<&str> = table.lines().collect();
+    assert_eq!(lines[0], "time,first,second");
+    assert!(lines[2].starts_with("2.5,1.0,") && lines[2].ends_with(','), "{table}"); // the second has no such time
+    assert!(fs::read_to_string(output.path().join("Z.svg")).unwrap().contains("second"));
+    for wrong in [["--columns", "no_such"], ["--labels", "one"]] {
+        assert_eq!(compare(&wrong).status.code(), Some(2));
+    }
+}
+
+#[test]
+fn a_report_is_one_page_that_needs_nothing_else() {
+    let case = case(&[0, 10]);
+    assert_eq!(cd_post(&["report"], case.path()).status.code(), Some(0));
+    assert_eq!(names(&case.path().join("POSTPRO")), ["report.html"]);
+    let page = fs::read_to_string(case.path().join("POSTPRO/report.html")).unwrap();
+    let addresses = page.split("http").skip(1).filter(|rest| !rest.starts_with("://www.w3.org/2000/svg")).count();
+    assert_eq!(addresses, 0, "no address but the name of SVG");
+    for wanted in ["<canvas", "Mean kinetic energy of a grain", "largest_period", "iqsc0", "\"gravity_constant\""] {
+        assert!(page.contains(wanted), "{wanted}");
+    }
+    assert!(!page.contains("NaN"));
 }

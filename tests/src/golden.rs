@@ -113,6 +113,7 @@ const SOLVE: &[Tolerance] = &[
     within("contact_velocity", 1e-7, "body_v"), // zero of contacts that stick: no scale of its own
     within("meta.ledger.energy_start", 1e-12, ""),
     within("meta.ledger.contact_work", 1e-7, ""),
+    within("meta.ledger.friction_work", 1e-7, "meta.ledger.contact_work"),
     within("meta.ledger.outside_work", 1e-7, ""),
     within("meta.ledger.momentum_expected", 1e-7, "meta.ledger.momentum_scale"),
     within("meta.ledger.angular_momentum_expected", 1e-7, ""),
@@ -129,6 +130,7 @@ const SOLVE: &[Tolerance] = &[
     within("rotational_energy", 1e-7, ""),
     within("potential_energy", 1e-9, ""),
     within("contact_work", 1e-7, ""),
+    within("friction_work", 1e-7, "contact_work"),
     within("outside_work", 1e-7, ""),
     within("momentum_drift", 1e-12, ONE), // round-off itself
     within("gravity_error", 1e-12, ONE),

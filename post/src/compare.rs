@@ -1,0 +1,158 @@
+//! `cd-post compare`: the same observable of several runs in one figure.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::error::{Fault, Faults};
+
+use crate::derive::Row;
+use crate::write::figure::{Axis, Curve, Figure};
+use crate::write::plots::PLOTS;
+use crate::write::series::csv;
+
+/// A run by its name in the legend: the columns of its series.
+struct Run {
+    name: String,
+    columns: BTreeMap<String, Vec<f64>>,
+}
+
+/// Reads `POSTPRO/series.csv` of each case and writes a figure and a table for each of `columns` into `output`.
+///
+/// `columns` empty: those of the plots. `labels`: names in the legend, as many as cases, or none for
+/// those of the folders. `against`: the column of the horizontal axis.
+pub fn write(
+    cases: &[PathBuf],
+    labels: &[String],
+    columns: &[String],
+    against: &str,
+    output: &Path,
+) -> Result<usize, Faults> {
+    let mut faults = Faults::default();
+    let option =
+        |name: &str, found: String, expected: String| Fault::new(Path::new("options"), None, name, found, expected);
+    if !labels.is_empty() && labels.len() != cases.len() {
+        faults.push(option(
+            "labels",
+            format!("{} names", labels.len()),
+            format!("expected {}, one a case", cases.len()),
+        ));
+    }
+    let plotted = PLOTS.iter().flat_map(|plot| plot.curves.iter().map(|(name, _)| name.to_string()));
+    let columns: Vec<String> = if columns.is_empty() { plotted.collect() } else { columns.to_vec() };
+    for name in columns.iter().map(String::as_str).chain([against]) {
+        if known(name).is_none() {
+            faults.push(option(
+                "columns",
+                format!("'{name}'"),
+                "expected columns of series.csv, see docs/observables.md".into(),
+            ));
+        }
+    }
+    let runs: Vec<Run> = cases
+        .iter()
+        .enumerate()
+        .filter_map(|(k, case)| {
+            let name = labels.get(k).cloned().unwrap_or_else(|| name_of(case));
+            Some(Run { name, columns: faults.gather(read(&case.join("POSTPRO/series.csv")))? })
+        })
+        .collect();
+    faults.into_result(())?;
+    for name in &columns {
+        let (figure, table) = draw(&runs, name, against);
+        atomic::write(&output.join(format!("{name}.svg")), figure.svg().as_bytes())?;
+        atomic::write(&output.join(format!("{name}.csv")), table.as_bytes())?;
+    }
+    Ok(columns.len())
+}
+
+/// Unit and meaning of a column.
+fn known(name: &str) -> Option<(&'static str, &'static str)> {
+    Row::COLUMNS.iter().find(|(known, _, _)| *known == name).map(|(_, unit, help)| (*unit, *help))
+}
+
+/// The name of a case's folder.
+fn name_of(case: &Path) -> String {
+    let whole = std::fs::canonicalize(case).unwrap_or(case.to_path_buf());
+    whole.file_name().map_or(case.display().to_string(), |name| name.to_string_lossy().into_owned())
+}
+
+/// The columns of a table of numbers; empty fields are NaN.
+fn read(path: &Path) -> Result<BTreeMap<String, Vec<f64>>, Faults> {
+    let text = atomic::read_text(path).map_err(|mut faults| {
+        faults.0.iter_mut().for_each(|fault| fault.expected = "expected the series that cd-post writes".into());
+        faults
+    })?;
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
+    let mut faults = Faults::default();
+    for (number, line) in (2..).zip(lines) {
+        let fields: Vec<Option<f64>> =
+            line.split(',').map(|field| if field.is_empty() { Some(f64::NAN) } else { field.parse().ok() }).collect();
+        match (fields.len() == names.len()).then(|| fields.into_iter().collect::<Option<Vec<f64>>>()).flatten() {
+            Some(values) => columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value)),
+            None => {
+                faults.push(Fault::new(path, Some(number), "row", line, format!("expected {} numbers", names.len())))
+            }
+        }
+    }
+    faults.into_result(names.into_iter().map(str::to_string).zip(columns).collect())
+}
+
+/// The figure of a column, and its table: a row for each value of the horizontal axis that some run has, an
+/// empty field where another has none.
+fn draw(runs: &[Run], name: &str, against: &str) -> (Figure, String) {
+    let column = |run: &Run, name: &str| run.columns.get(name).cloned().unwrap_or_default();
+    let points: Vec<Vec<(f64, f64)>> =
+        runs.iter().map(|run| column(run, against).into_iter().zip(column(run, name)).collect()).collect();
+    let axis = |name: &str| {
+        let (unit, _) = known(name).unwrap_or(("1", ""));
+        let logarithmic =
+            PLOTS.iter().any(|plot| plot.logarithmic && plot.curves.iter().any(|(curve, _)| *curve == name));
+        Axis { quantity: name.into(), unit: unit.into(), logarithmic }
+    };
+    let title = known(name).map_or(name.to_string(), |(_, help)| {
+        let short = help.split(", ").next().unwrap_or(help);
+        let mut letters = short.chars();
+        letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+    });
+    let curves = runs.iter().zip(&points).map(|(run, points)| Curve::line(&run.name, points.clone())).collect();
+    let figure = Figure { title, x: Axis { logarithmic: false, ..axis(against) }, y: axis(name), curves };
+    let mut places: Vec<f64> = points.iter().flatten().map(|p| p.0).filter(|x| x.is_finite()).collect();
+    places.sort_by(f64::total_cmp);
+    places.dedup();
+    let mut header = vec![against];
+    // A comma would make two columns of a name.
+    let names: Vec<String> = runs.iter().map(|run| run.name.replace(',', ";")).collect();
+    header.extend(names.iter().map(String::as_str));
+    let rows = places.into_iter().map(|x| {
+        let at = |points: &Vec<(f64, f64)>| points.iter().find(|p| p.0 == x).map_or(f64::NAN, |p| p.1);
+        std::iter::once(x).chain(points.iter().map(at)).collect()
+    });
+    (figure, csv(&header, rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn series_of_several_runs_are_aligned_by_their_times() {
+        let run = |name: &str, rows: &[(f64, f64)]| Run {
+            name: name.into(),
+            columns: [
+                ("time".to_string(), rows.iter().map(|r| r.0).collect()),
+                ("Z".to_string(), rows.iter().map(|r| r.1).collect()),
+            ]
+            .into(),
+        };
+        let runs =
+            [run("one", &[(0.0, 1.0), (2.0, 3.0)]), run("two, more", &[(0.0, 5.0), (1.0, f64::NAN), (2.0, 7.0)])];
+        let (figure, table) = draw(&runs, "Z", "time");
+        assert_eq!(table, "time,one,two; more\n0.0,1.0,5.0\n1.0,,\n2.0,3.0,7.0\n");
+        assert_eq!(figure.curves.len(), 2);
+        let svg = figure.svg();
+        assert!(svg.contains("two, more") && svg.contains("time (s)"), "{svg}");
+    }
+}

@@ -1,0 +1,186 @@
+//! `cd-post report`: a run on one page, which needs no network and no other file.
+
+mod grains;
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::error::Faults;
+
+use crate::derive::Row;
+use crate::frame::Frame;
+use crate::write::plots::PLOTS;
+use crate::write::scale::significant;
+use crate::{Options, series, state, write};
+
+/// Figures of the last state, with their captions.
+const STATE_FIGURES: [(&str, &str); 8] = [
+    ("profile_nu.svg", "Share of spherical shells about the centre of mass of the largest remnant that grains fill."),
+    ("profile_Z.svg", "Contacts that carry force, per grain, by the shell of the grain's centre."),
+    (
+        "profile_stress.svg",
+        "Stress of the grains by shell: a third of the trace, its radial and its mean tangential component.",
+    ),
+    ("forces.svg", "Distribution of the contact forces between grains, each over its mean."),
+    ("mobilisation.svg", "Tangential force of a contact over the largest that friction allows; 1 is sliding."),
+    ("surface_height.svg", "Surface of the largest remnant, averaged over two grain radii."),
+    ("surface_slope.svg", "Angle between the surface and the level of gravity and rotation."),
+    ("ejecta.svg", "Speed of the grains that are not part of the largest remnant."),
+];
+
+/// Captions of the plots against time, by file.
+const CAPTIONS: [(&str, &str); 6] = [
+    (
+        "energy.svg",
+        "Mean kinetic energy of a grain: all of it, its rotation, and the share of the whole's rigid motion.",
+    ),
+    (
+        "coordination.svg",
+        "Mean number of contacts that carry force, of all grains and without those that are not held.",
+    ),
+    ("solid_fraction.svg", "Volume of the grains over that of the smallest ball around them."),
+    (
+        "pressure.svg",
+        "Mean pressure from the contact forces and that which the loads ask for at rest; both are equal there.",
+    ),
+    ("semi_axes.svg", "Semi-axes of the uniform ellipsoid with the same moments of inertia."),
+    ("dissipation.svg", "Work of the contacts since the start, by friction and by shocks; negative is dissipated."),
+];
+
+/// Measures the case as cd-post does without ParaView files, and writes `POSTPRO/report.html`.
+pub fn write(dir: &Path, every: u32) -> Result<PathBuf, Faults> {
+    let options = Options { dir: dir.to_path_buf(), every, no_plots: true, no_vtk: true, ..Options::default() };
+    let (rows, last) = series(&options)?;
+    let path = dir.join("POSTPRO/report.html");
+    atomic::write(&path, page(dir, &rows, &last).as_bytes())?;
+    Ok(path)
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+/// The text of the page; `rows` hold at least that of `last`.
+fn page(dir: &Path, rows: &[Row], last: &Frame) -> String {
+    let whole = std::fs::canonicalize(dir).unwrap_or(dir.to_path_buf());
+    let name = escaped(&whole.file_name().map_or("case".into(), |name| name.to_string_lossy().into_owned()));
+    let meta = &last.meta;
+    let mut page = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{name}</title>\n<style>\n{}</style></head><body>\n\
+         <h1>{name}</h1>\n<p>{} grains, {} walls, {} snapshots to t = {} s (step {}), by {}.</p>\n",
+        include_str!("page.css"),
+        last.grains.len(),
+        last.walls.len(),
+        rows.len(),
+        significant(meta.time),
+        meta.step,
+        escaped(&meta.program)
+    );
+    let mut put = |text: &str| page.push_str(text);
+    put("<h2>The last state</h2>\n");
+    put("<p><label>Colour by <select id=\"view-quantity\"></select></label>\
+         <span id=\"view-legend\"><span class=\"low\"></span><span class=\"bar\"></span><span class=\"high\"></span></span></p>\n");
+    put(
+        "<canvas id=\"view\" tabindex=\"0\"></canvas>\n<p id=\"view-note\">The grains are drawn by a script of this page.</p>\n",
+    );
+    put(
+        "<p>Drag to turn, wheel or + and - to zoom, shift and drag to move, double click for the start. z points up.</p>\n",
+    );
+    put(&format!("<script type=\"application/json\" id=\"grains\">{}</script>\n", grains::json(last)));
+    put(&format!("<script>\n{}</script>\n", include_str!("viewer.js")));
+    put("<h2>In numbers</h2>\n");
+    put(&numbers(rows.last().expect("a row of the last state")));
+    put("<h2>In time</h2>\n<div class=\"figures\">\n");
+    for plot in &PLOTS {
+        let caption = CAPTIONS.iter().find(|(file, _)| *file == plot.file).map_or(plot.title, |(_, caption)| caption);
+        put(&figure(&plot.figure(rows).svg(), caption));
+    }
+    put("</div>\n");
+    if !last.grains.is_empty() {
+        put("<h2>In depth, at the end</h2>\n<div class=\"figures\">\n");
+        let files: BTreeMap<&str, Vec<u8>> = state::files(last).into_iter().collect();
+        for (file, caption) in STATE_FIGURES {
+            put(&figure(&String::from_utf8_lossy(&files[file]), caption));
+        }
+        // Its gradients have names that only one picture of a page may use.
+        put(&figure(
+            &write::picture::svg(last),
+            "Grains by their contacts, from the front, a little from the right and above.",
+        ));
+        put("</div>\n");
+    }
+    put("<h2>The run</h2>\n");
+    put(&run(dir, last));
+    put("</body></html>\n");
+    page
+}
+
+fn figure(svg: &str, caption: &str) -> String {
+    format!("<figure>{svg}<figcaption>{caption}</figcaption></figure>\n")
+}
+
+/// The columns of the series at the end, with unit and meaning.
+fn numbers(row: &Row) -> String {
+    let mut text = String::from("<table><tr><th>quantity</th><th>value</th><th>unit</th><th></th></tr>\n");
+    for ((name, unit, help), value) in Row::COLUMNS.iter().zip(row.numbers()) {
+        let value = if value.is_finite() { significant(value) } else { "not defined".into() };
+        let unit = if *unit == "1" { "" } else { unit };
+        let _ = writeln!(
+            text,
+            "<tr><td>{name}</td><td class=\"number\">{value}</td><td>{unit}</td><td>{}</td></tr>",
+            escaped(help)
+        );
+    }
+    text + "</table>\n"
+}
+
+/// Parameters, laws, cost and errors of the run.
+fn run(dir: &Path, last: &Frame) -> String {
+    let (meta, ledger) = (&last.meta, &last.meta.ledger);
+    let mut rows: Vec<(String, String)> = Vec::new();
+    let mut row = |name: &str, value: String| rows.push((name.to_string(), value));
+    row("time step", format!("{} s", significant(meta.h)));
+    row("steps", meta.step.to_string());
+    row("sweeps of the contact solver per step", significant(ledger.sweeps as f64 / meta.step.max(1) as f64));
+    let unconverged = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at {step}"));
+    row("steps that were not converged", format!("{}{unconverged}", ledger.steps_unconverged));
+    row("largest penetration", format!("{} of the mean radius", significant(ledger.penetration_largest)));
+    for law in &meta.laws {
+        let parameters: Vec<String> = law.parameters.iter().map(|p| significant(*p)).collect();
+        row(&format!("law {}", law.nickname), format!("{} ({})", law.kind, parameters.join(", ")));
+    }
+    for material in &meta.materials {
+        row(&format!("material {}", material.name), format!("{} kg/m³", significant(material.density)));
+    }
+    if let Some(seconds) = seconds(&dir.join("TIMER.csv")) {
+        for (room, time) in seconds {
+            row(&format!("seconds, {room}"), significant(time));
+        }
+    }
+    let mut text = String::from("<table>\n");
+    for (name, value) in rows {
+        let _ = writeln!(text, "<tr><td>{}</td><td>{}</td></tr>", escaped(&name), escaped(&value));
+    }
+    text += "</table>\n";
+    let parameters = serde_json::to_string_pretty(&meta.parameters).unwrap_or_default();
+    text += &format!("<h3>Options in force</h3>\n<pre>{}</pre>\n", escaped(&parameters));
+    if let Ok(options) = atomic::read_text(&dir.join("DATBOX/COMPUTE.RON")) {
+        text += &format!("<h3>COMPUTE.RON</h3>\n<pre>{}</pre>\n", escaped(&options));
+    }
+    text
+}
+
+/// Sums of the columns of TIMER.csv but the step; none if it is not there or not as expected.
+fn seconds(path: &Path) -> Option<Vec<(String, f64)>> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let mut lines = text.lines();
+    let mut sums: Vec<(String, f64)> = lines.next()?.split(',').skip(1).map(|name| (name.to_string(), 0.0)).collect();
+    for line in lines {
+        for (sum, field) in sums.iter_mut().zip(line.split(',').skip(1)) {
+            sum.1 += field.parse().unwrap_or(0.0);
+        }
+    }
+    Some(sums)
+}

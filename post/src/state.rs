@@ -1,0 +1,274 @@
+//! `cd-post state`: one snapshot in depth. Each table has its figure beside it.
+
+use std::path::{Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::error::{Fault, Faults};
+use cd_formats::snapshot;
+use vtkio::model::{Attributes, PolyDataPiece};
+
+use crate::derive::energy::self_gravity_constant;
+use crate::derive::fabric::{anisotropy, distribution, eigenvalues, fabric, mobilisation};
+use crate::derive::fragments::{Fragment, fragments};
+use crate::derive::orbits::orbits;
+use crate::derive::profile::shells;
+use crate::derive::surface::{Facet, Grid, surface};
+use crate::frame::{Frame, Vec3};
+use crate::write::display::{cells, file, flat, scalars, vectors};
+use crate::write::figure::{Axis, Curve, Figure, Marks};
+use crate::write::{map, series::csv};
+
+/// Name and bytes of a file.
+type File = (&'static str, Vec<u8>);
+
+/// Shells of the radial profiles.
+const SHELLS: usize = 20;
+/// Width of a bin of the distributions of forces, over the mean.
+const BIN: f64 = 0.25;
+
+/// Reads a snapshot, the last without `step`; writes `POSTPRO/state-NNNNNN/` and returns its path and
+/// what is worth a report.
+pub fn write(dir: &Path, step: Option<u64>) -> Result<(PathBuf, Vec<String>), Faults> {
+    let outbox = dir.join("OUTBOX");
+    let all = snapshot::list(&outbox);
+    let chosen = match step {
+        Some(step) => all.iter().find(|(number, _)| *number == step),
+        None => all.last(),
+    };
+    let (step, path) = chosen.ok_or_else(|| {
+        let found = step.map_or("holds no snapshot".into(), |step| format!("holds no snapshot of step {step}"));
+        Fault::new(&outbox, None, "folder", found, "expected snapshot-*.npz, the results of cd-solve")
+    })?;
+    let frame = Frame::read(path)?;
+    let folder = dir.join("POSTPRO").join(format!("state-{step:06}"));
+    if frame.grains.is_empty() {
+        return Ok((folder, vec![format!("the snapshot of step {step} holds no grain: nothing is written")]));
+    }
+    for (name, bytes) in files(&frame) {
+        atomic::write(&folder.join(name), &bytes)?;
+    }
+    Ok((folder, Vec::new()))
+}
+
+/// All files of a frame that holds grains.
+pub fn files(frame: &Frame) -> Vec<File> {
+    let fragments = fragments(frame);
+    let mut files = profiles(frame, &fragments[0]);
+    files.extend(forces(frame));
+    files.push(("fabric.csv", fabric_table(frame).into_bytes()));
+    files.extend(ejecta(frame, &fragments));
+    files.extend(surface_files(frame, &fragments[0]));
+    files
+}
+
+fn text(name: &'static str, text: String) -> File {
+    (name, text.into_bytes())
+}
+
+/// Radial profiles of the largest remnant.
+fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
+    let shells = shells(frame, &largest.grains, largest.whole.x, SHELLS);
+    let header = ["inner", "outer", "nu", "grains", "Z", "pressure", "radial_stress", "tangential_stress"];
+    let rows =
+        shells.iter().map(|s| vec![s.inner, s.outer, s.nu, s.grains as f64, s.z, s.pressure, s.radial, s.tangential]);
+    let points = |of: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
+        (0..shells.len()).map(|k| (0.5 * (shells[k].inner + shells[k].outer), of(k))).collect()
+    };
+    let figure = |title: &str, quantity: &str, unit: &str, curves: Vec<Curve>| {
+        let (x, y) = (Axis::linear("distance from the centre of mass", "m"), Axis::linear(quantity, unit));
+        Figure { title: title.into(), x, y, curves }.svg()
+    };
+    let nu = vec![Curve::line("ν", points(&|k| shells[k].nu))];
+    let z = vec![Curve::line("Z", points(&|k| shells[k].z))];
+    let stress = vec![
+        Curve::line("pressure", points(&|k| shells[k].pressure)),
+        Curve::line("radial", points(&|k| shells[k].radial)),
+        Curve::line("tangential", points(&|k| shells[k].tangential)),
+    ];
+    vec![
+        text("profile.csv", csv(&header, rows)),
+        text("profile_nu.svg", figure("Solid fraction by radius", "ν", "1", nu)),
+        text("profile_Z.svg", figure("Contacts per grain by radius", "Z", "1", z)),
+        text("profile_stress.svg", figure("Stress by radius", "stress", "Pa", stress)),
+    ]
+}
+
+/// Distributions of the forces between grains, and of the mobilised friction.
+fn forces(frame: &Frame) -> Vec<File> {
+    let between = || frame.active().filter(|c| c.pair().is_some());
+    let normal = distribution(between().map(|c| c.normal_force), BIN);
+    let tangential = distribution(between().map(|c| c.tangential_force), BIN);
+    let shares: Vec<f64> = between().filter_map(|c| mobilisation(c, &frame.meta.laws)).collect();
+    // Twenty bins from 0 to 1; what round-off puts beyond is all of it.
+    let mut bins = [0.0; 20];
+    shares.iter().for_each(|share| bins[((share * 20.0) as usize).min(19)] += 20.0 / shares.len() as f64);
+    let mobilised: Vec<(f64, f64)> = (0..20).map(|k| ((k as f64 + 0.5) / 20.0, bins[k])).collect();
+    let longest = normal.len().max(tangential.len());
+    let density = |bins: &[(f64, f64)], k: usize| bins.get(k).map_or(0.0, |bin| bin.1);
+    let rows = (0..longest).map(|k| vec![(k as f64 + 0.5) * BIN, density(&normal, k), density(&tangential, k)]);
+    let known = |bins: &[(f64, f64)]| bins.iter().copied().filter(|(_, p)| *p > 0.0).collect::<Vec<_>>();
+    let forces = Figure {
+        title: "Forces between grains".into(),
+        x: Axis::linear("force / mean", "1"),
+        y: Axis::logarithmic("probability density", "1"),
+        curves: vec![Curve::line("normal", known(&normal)), Curve::line("tangential", known(&tangential))],
+    };
+    let friction = Figure {
+        title: "Mobilised friction".into(),
+        x: Axis::linear("tangential force / largest possible", "1"),
+        y: Axis::linear("probability density", "1"),
+        curves: vec![Curve::line("contacts", if shares.is_empty() { Vec::new() } else { mobilised.clone() })],
+    };
+    let table = mobilised.iter().filter(|_| !shares.is_empty()).map(|(x, p)| vec![*x, *p]);
+    vec![
+        text("forces.csv", csv(&["force_over_mean", "P_normal", "P_tangential"], rows)),
+        text("forces.svg", forces.svg()),
+        text("mobilisation.csv", csv(&["share", "P"], table)),
+        text("mobilisation.svg", friction.svg()),
+    ]
+}
+
+fn fabric_table(frame: &Frame) -> String {
+    let f = fabric(frame);
+    let [first, second, third] = eigenvalues(&f);
+    let header = ["F_xx", "F_yy", "F_zz", "F_xy", "F_xz", "F_yz", "F_1", "F_2", "F_3", "anisotropy"];
+    let row = [f[(0, 0)], f[(1, 1)], f[(2, 2)], f[(0, 1)], f[(0, 2)], f[(1, 2)], first, second, third, anisotropy(&f)];
+    csv(&header, [row.to_vec()])
+}
+
+/// The fragments with their orbits about the largest, and how fast grains leave it.
+fn ejecta(frame: &Frame, fragments: &[Fragment]) -> Vec<File> {
+    let constant = self_gravity_constant(frame).unwrap_or(0.0);
+    let largest = &fragments[0].whole;
+    let mut orbits = orbits(fragments, constant).into_iter().map(Some).collect::<Vec<_>>();
+    orbits.insert(0, None);
+    let header = [
+        "fragment",
+        "grains",
+        "mass",
+        "x",
+        "y",
+        "z",
+        "v_x",
+        "v_y",
+        "v_z",
+        "a",
+        "b",
+        "c",
+        "spin_x",
+        "spin_y",
+        "spin_z",
+        "period",
+        "distance",
+        "speed",
+        "bound",
+        "orbit_a",
+        "orbit_e",
+        "inclination",
+        "pericentre",
+        "orbit_period",
+        "speed_at_infinity",
+    ];
+    let row = |(k, (fragment, orbit)): (usize, (&Fragment, Option<crate::derive::orbits::Orbit>))| {
+        let whole = &fragment.whole;
+        let (v, w, [a, b, c]) = (whole.velocity(), whole.spin(), whole.semi_axes());
+        let mut row = vec![k as f64, fragment.grains.len() as f64, whole.mass];
+        row.extend(whole.x.iter().chain(v.iter()));
+        row.extend([a, b, c, w.x, w.y, w.z, std::f64::consts::TAU / w.norm()]);
+        match orbit.filter(|_| constant > 0.0) {
+            Some(o) => row.extend([o.distance, o.speed, f64::from(u8::from(o.bound())), o.a, o.e]),
+            None => row.extend([f64::NAN; 5]),
+        }
+        match orbit.filter(|_| constant > 0.0) {
+            Some(o) => row.extend([o.inclination, o.pericentre, o.period, o.speed_at_infinity]),
+            None => row.extend([f64::NAN; 4]),
+        }
+        row
+    };
+    let table = csv(&header, fragments.iter().zip(orbits).enumerate().map(row));
+
+    let mass = frame.mass();
+    let others = fragments.iter().skip(1).flat_map(|fragment| fragment.grains.iter());
+    let mut speeds: Vec<(f64, f64)> =
+        others.map(|&i| ((frame.grains[i].v - largest.velocity()).norm(), frame.grains[i].mass / mass)).collect();
+    speeds.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut faster = 0.0;
+    let cumulated: Vec<(f64, f64)> = speeds
+        .into_iter()
+        .map(|(speed, share)| {
+            faster += share;
+            (speed, faster)
+        })
+        .collect();
+    let [a, b, c] = largest.semi_axes();
+    let escape = (2.0 * constant * largest.mass / (a * b * c).cbrt()).sqrt();
+    let rows = cumulated
+        .iter()
+        .rev()
+        .map(|&(speed, share)| vec![speed, if escape > 0.0 { speed / escape } else { f64::NAN }, share]);
+    let figure = Figure {
+        title: "Grains that have left the largest remnant".into(),
+        x: Axis::linear("speed relative to it", "m/s"),
+        y: Axis::linear("share of the mass that is faster", "1"),
+        curves: vec![Curve { name: "grains".into(), points: cumulated.clone(), marks: Marks::Dots }],
+    };
+    vec![
+        text("fragments.csv", table),
+        text("ejecta.csv", csv(&["speed", "speed_over_escape", "mass_share_faster"], rows)),
+        text("ejecta.svg", figure.svg()),
+    ]
+}
+
+/// Height, gravity and slope of the largest remnant by direction.
+fn surface_files(frame: &Frame, largest: &Fragment) -> Vec<File> {
+    let grid = Grid::STANDARD;
+    let constant = self_gravity_constant(frame).unwrap_or(0.0);
+    let facets = surface(frame, &largest.grains, &largest.whole, constant, grid);
+    let header = ["latitude", "longitude", "x", "y", "z", "height", "g_x", "g_y", "g_z", "slope"];
+    // Without gravity and spin nothing is level.
+    let slope = |f: &Facet| if f.gravity.norm() > 0.0 { f.slope.to_degrees() } else { f64::NAN };
+    let row = |f: &Facet| {
+        let mut row = vec![f.latitude.to_degrees(), f.longitude.to_degrees()];
+        row.extend(f.x.iter());
+        row.push(f.height);
+        row.extend(f.gravity.iter());
+        row.push(slope(f));
+        row
+    };
+    let heights: Vec<f64> = facets.iter().map(|f| f.height).collect();
+    let slopes: Vec<f64> = facets.iter().map(slope).collect();
+    vec![
+        text("surface.csv", csv(&header, facets.iter().map(row))),
+        ("surface.vtp", surface_vtp(&facets, &slopes, grid)),
+        text("surface_height.svg", map::svg("Height above the centre of mass", "height", "m", &heights, grid)),
+        text("surface_slope.svg", map::svg("Slope against gravity and rotation", "slope, °", "1", &slopes, grid)),
+    ]
+}
+
+/// Quadrilaterals between four neighbouring directions; the cells at the poles are left open.
+fn surface_vtp(facets: &[Facet], slopes: &[f64], grid: Grid) -> Vec<u8> {
+    let mut number = vec![None; facets.len()];
+    let mut kept: Vec<usize> = Vec::new();
+    for k in (0..facets.len()).filter(|&k| facets[k].height.is_finite() && slopes[k].is_finite()) {
+        number[k] = Some(kept.len() as u64);
+        kept.push(k);
+    }
+    let corner = |row: usize, column: usize| number[row * grid.longitudes + column % grid.longitudes];
+    let quads = (0..grid.latitudes - 1).flat_map(|row| (0..grid.longitudes).map(move |column| (row, column)));
+    let quads = quads.filter_map(|(row, column)| {
+        Some([corner(row, column)?, corner(row, column + 1)?, corner(row + 1, column + 1)?, corner(row + 1, column)?])
+    });
+    let of = |value: &dyn Fn(usize) -> f64| kept.iter().map(|&k| value(k)).collect::<Vec<f64>>();
+    let vectors_of = |value: &dyn Fn(usize) -> Vec3| kept.iter().map(|&k| value(k)).collect::<Vec<Vec3>>();
+    let point = vec![
+        scalars("height", of(&|k| facets[k].height)),
+        scalars("slope", of(&|k| slopes[k])),
+        vectors("gravity", vectors_of(&|k| facets[k].gravity).into_iter()),
+    ];
+    file(PolyDataPiece {
+        points: flat(vectors_of(&|k| facets[k].x).into_iter()).into(),
+        polys: cells(quads),
+        data: Attributes { point, cell: vec![] },
+        ..Default::default()
+    })
+}
