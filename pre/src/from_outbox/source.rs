@@ -9,7 +9,7 @@ use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::groups::Groups;
-use cd_formats::snapshot::{self, Snapshot};
+use cd_formats::snapshot::{self, MemoryArrays, Snapshot};
 use cd_formats::tact_behav::TactBehav;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
@@ -116,6 +116,7 @@ impl Source {
         let kept: Vec<usize> = (0..count).filter(|&row| pair(row).is_some()).collect();
         state.contacts = self.snapshot.contacts.rows(&kept);
         state.contacts.contact_body = kept.iter().filter_map(|&row| pair(row)).collect();
+        state.memory = self.snapshot.memory.as_ref().map(|memory| memory.rows(&kept));
         relocate(&mut state, &free, taken);
         let records = rows.iter().zip(&state.bodies.body_x).map(|(&row, &position)| {
             let mut record = Body { position, ..self.bodies.0[row].clone() };
@@ -242,8 +243,15 @@ impl Part<'_> {
         if scale != 1.0 && scale.is_finite() {
             contacts.contact_impulse.iter_mut().flatten().for_each(|r| *r *= scale);
         }
+        let (before, count) = (start.contacts.contact_body.len(), contacts.contact_body.len());
         start.bodies.append(bodies);
         start.contacts.append(contacts);
+        // Contacts of a part whose laws remember nothing have no bond.
+        let unbonded = |count| MemoryArrays { contact_bonded: vec![0; count], contact_bond_gap: vec![0.0; count] };
+        if start.memory.is_some() || self.state.memory.is_some() {
+            let memory = self.state.memory.clone().unwrap_or_else(|| unbonded(count));
+            start.memory.get_or_insert_with(|| unbonded(before)).append(memory);
+        }
     }
 
     /// The motion of row `k` for DOF.INI, as body `body` (from 0); its place stands in BODIES.DAT.

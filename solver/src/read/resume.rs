@@ -137,6 +137,7 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
     };
     state.contacts.retain_mut(|solved| see(&solved.contact).map(|see| solved.contact.law = see.law).is_some());
     state.contacts.sort_by_key(|solved| solved.contact.key());
+    state.bonding = Bonding::No;
     Ok(())
 }
 
