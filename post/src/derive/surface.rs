@@ -57,6 +57,9 @@ impl Grid {
     }
 }
 
+/// Heights are averaged over so many mean radii around: slopes are those of the aggregate, not of its grains.
+const SMOOTHING: f64 = 3.0;
+
 /// The surface in one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Facet {
@@ -77,13 +80,13 @@ pub struct Facet {
 /// Heights, effective gravity and slopes of the grains `members` with the sums `whole`.
 ///
 /// Rays from the centre of mass to the last surface of a sphere give the heights (of a polyhedron the sphere of
-/// equal volume). They are averaged over two mean radii around, since slopes are those of the aggregate and not
-/// of its grains. Gravity is that of all grains of the frame, each a solid ball; `constant`: G. The spin is that of `whole`.
+/// equal volume), averaged over three mean radii around with less weight farther away. Gravity is that of all
+/// grains of the frame, each a solid ball; `constant`: G. The spin is that of `whole`.
 pub fn surface(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, grid: Grid) -> Vec<Facet> {
     let grains: Vec<&Grain> = members.iter().map(|&i| &frame.grains[i]).collect();
     let raw = heights(&grains, whole.x, grid);
     let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
-    let smooth = smoothed(&raw, 2.0 * mean_radius, grid);
+    let smooth = smoothed(&raw, SMOOTHING * mean_radius, grid);
     let gravity = |x: Vec3| frame.grains.iter().map(|g| attraction(g, x)).sum::<Vec3>() * constant;
     facets(&smooth, whole.x, whole.spin(), gravity, grid)
 }
@@ -103,18 +106,23 @@ pub fn heights(grains: &[&Grain], centre: Vec3, grid: Grid) -> Vec<f64> {
     (0..grid.len()).into_par_iter().map(height).collect()
 }
 
-/// The mean over the directions within an arc of `length` (m) on the surface, by their solid angles.
+/// The mean over the directions within an arc of `length` (m) on the surface, by their solid angles and by
+/// (1 - (arc / length)^2)^2, so that it has a slope everywhere.
 fn smoothed(raw: &[f64], length: f64, grid: Grid) -> Vec<f64> {
     let known: Vec<(Vec3, f64, f64)> = (0..grid.len())
         .filter(|&k| raw[k].is_finite())
         .map(|k| (grid.axes(k)[0], grid.angles(k).0.cos(), raw[k]))
         .collect();
     let mean = known.iter().map(|(_, _, h)| h).sum::<f64>() / known.len() as f64;
+    // One reach for all: with one for each direction its own change would be a slope.
+    let reach = (length / mean).min(std::f64::consts::PI);
     let of = |k: usize| {
         let [out, ..] = grid.axes(k);
-        let reach = (length / if raw[k].is_finite() { raw[k] } else { mean }).min(std::f64::consts::PI).cos();
-        let near = known.iter().filter(|(other, _, _)| out.dot(other) >= reach);
-        let (weight, sum) = near.fold((0.0, 0.0), |(weight, sum), (_, w, h)| (weight + w, sum + w * h));
+        let near = known.iter().filter_map(|(other, solid, height)| {
+            let share = out.dot(other).clamp(-1.0, 1.0).acos() / reach;
+            (share < 1.0).then(|| (solid * (1.0 - share * share).powi(2), height))
+        });
+        let (weight, sum) = near.fold((0.0, 0.0), |(weight, sum), (w, h)| (weight + w, sum + w * h));
         sum / weight
     };
     (0..grid.len()).into_par_iter().map(of).collect()
@@ -246,7 +254,7 @@ mod tests {
         // Rays slip between the outermost spheres, so that the height is up to a unit below the lattice's 12.
         let height = mean(&|f| f.height);
         assert!((11.0..12.5).contains(&height), "{height}");
-        // The steps of the lattice are one unit in twelve; averaged over two units they leave some ten degrees.
+        // The steps of the lattice are one unit in twelve; averaged over one and a half they leave some ten degrees.
         assert!(mean(&|f| f.slope).to_degrees() < 15.0, "{}", mean(&|f| f.slope).to_degrees());
         // Below its height a ball of one grain of pi / 6 a unit of volume: g = (4 pi / 3) rho h.
         let expected = 4.0 / 3.0 * std::f64::consts::PI * std::f64::consts::FRAC_PI_6 * height;

@@ -25,7 +25,7 @@ const STATE_FIGURES: [(&str, &str); 8] = [
     ),
     ("forces.svg", "Distribution of the contact forces between grains, each over its mean."),
     ("mobilisation.svg", "Tangential force of a contact over the largest that friction allows; 1 is sliding."),
-    ("surface_height.svg", "Surface of the largest remnant, averaged over two grain radii."),
+    ("surface_height.svg", "Surface of the largest remnant, averaged over three grain radii around."),
     ("surface_slope.svg", "Angle between the surface and the level of gravity and rotation."),
     ("ejecta.svg", "Speed of the grains that are not part of the largest remnant."),
 ];

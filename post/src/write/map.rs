@@ -67,7 +67,7 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], grid: Grid) 
     }
     for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
         let (y, value) = (TOP + high * (1.0 - share), (low + share * (top - low)) / factor);
-        let label = if value.is_finite() { significant((value * 1000.0).round() / 1000.0) } else { String::new() };
+        let label = format!("{value:.2e}").parse().map_or(String::new(), |rounded: f64| significant(rounded));
         put(format!("<text x=\"{}\" y=\"{}\" font-size=\"13\">{label}</text>", bar + 24.0, y + 5.0));
     }
     let label = if unit == "1" { quantity.to_string() } else { format!("{quantity} ({unit})") };
