@@ -16,7 +16,9 @@
 # taken away before the program starts and comes back when it has ended well, so that a stage that
 # was refused or killed is not done. Flags are not watched.
 #
-# An example with several cases lists their folders in CASES and has a rule for CASE/scene.ron.
+# An example with several cases lists their folders in CASES and has a rule for CASE/scene.ron. A case that is
+# made of something else, such as the end of another, has PRE_CASE, the command for its DATBOX, and INPUT_CASE, what
+# that reads.
 
 EXAMPLES := $(patsubst %/,%,$(dir $(lastword $(MAKEFILE_LIST))))
 TOP := $(abspath $(EXAMPLES)/..)
@@ -40,9 +42,9 @@ figures: post
 REPORTED = || test $$$$? -eq 1
 
 define rules
-$(1)/DATBOX/.done: $(1)/scene.ron $(CD_BIN)/cd-pre
+$(1)/DATBOX/.done: $(or $(INPUT_$(1)),$(1)/scene.ron) $(CD_BIN)/cd-pre
 	@rm -f $$@
-	$(CD_BIN)/cd-pre $(PRE_FLAGS) $(1)/scene.ron -o $(1) $(REPORTED)
+	$(or $(PRE_$(1)),$(CD_BIN)/cd-pre $(PRE_FLAGS) $(1)/scene.ron -o $(1)) $(REPORTED)
 	@touch $$@
 
 $(1)/OUTBOX/.done: $(1)/DATBOX/.done $(wildcard $(1)/DATBOX/*) $(CD_BIN)/cd-solve
