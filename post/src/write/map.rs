@@ -65,7 +65,8 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], grid: Grid) 
             y + 5.0
         ));
     }
-    for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
+    // Without a known value the bar has no numbers.
+    for share in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().filter(|_| low.is_finite()) {
         let (y, value) = (TOP + high * (1.0 - share), (low + share * (top - low)) / factor);
         let label = format!("{value:.2e}").parse().map_or(String::new(), |rounded: f64| significant(rounded));
         put(format!("<text x=\"{}\" y=\"{}\" font-size=\"13\">{label}</text>", bar + 24.0, y + 5.0));
