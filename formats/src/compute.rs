@@ -97,6 +97,29 @@ pub enum NarrowPhase {
     Accurate,
 }
 
+/// Who solves the contact problem.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum ContactSolver {
+    /// Gauss-Seidel sweeps, and the others in turn where a small problem stalls.
+    #[default]
+    Auto,
+    /// Nonlinear Gauss-Seidel with momentum.
+    Nlgs,
+    /// Gauss-Seidel on the stored Delassus matrix with Anderson's acceleration.
+    NlgsAnderson,
+    /// Proximal point with a semismooth Newton method.
+    ProxNewton,
+    /// Alternating directions of multipliers.
+    Admm,
+}
+
+impl std::fmt::Display for ContactSolver {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(clap::ValueEnum::to_possible_value(self).as_ref().map_or("", |value| value.get_name()))
+    }
+}
+
 /// Smallest RMS relative error that the fast multipole method can be asked for.
 pub const LEAST_FMM_ERROR: f64 = 1e-6;
 
@@ -147,8 +170,12 @@ options! {
     theta: f64 = 0.5, f64, [value_name = "X"];
     /// Residual |F(r)|/|F(0)| at which the contact solver stops.
     tol: f64 = 1.0e-2, f64, [value_name = "X"];
-    /// Gauss-Seidel sweeps after which a step is reported as not converged, and goes on.
+    /// Who solves the contact problem: nlgs, Gauss-Seidel sweeps; nlgs-anderson, prox-newton, admm, on the stored matrix, for small scenes; auto, nlgs, and the others where a small problem stalls.
+    solver: ContactSolver = ContactSolver::Auto, ContactSolver, [value_enum, value_name = "SOLVER"];
+    /// Sweeps, or iterations, after which a step is reported as not converged, and goes on.
     max_sweeps: u64 = 2000, u64, [value_name = "N"];
+    /// Also writes LMGC90's stopping criteria of each step's solution to steps.csv.
+    lmgc90_norms: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Distance within which contacts are listed, m; without it, that of each row of TACT_BEHAV.DAT.
     alert: Option<f64> = None, f64, [value_name = "M"];
     /// How the direction of contact of two polyhedra is found: accurate, with a proof that it is the best of all; fast, near that of the last step.

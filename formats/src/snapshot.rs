@@ -116,6 +116,8 @@ pub struct LawName {
 pub struct Parameters {
     pub theta: f64,
     pub tol: f64,
+    #[serde(default)]
+    pub solver: crate::compute::ContactSolver,
     pub max_sweeps: u64,
     pub alert: Option<f64>,
     pub self_gravity: bool,
@@ -316,6 +318,8 @@ arrays! {
         contact_bonded: u8,
         /// Gap at which the contact was bonded, m; 0 without a bond
         contact_bond_gap: f64,
+        /// Angular impulse of rolling and spinning friction on the candidate along n, t, s, N m s
+        contact_moment: [f64; 3],
     }
 }
 
@@ -590,7 +594,8 @@ mod tests {
         remembering.memory = Some(MemoryArrays::default());
         remembering.write(&path).unwrap();
         assert_eq!(Snapshot::read(&path).unwrap(), remembering);
-        remembering.memory = Some(MemoryArrays { contact_bonded: vec![1], contact_bond_gap: vec![0.1] });
+        remembering.memory =
+            Some(MemoryArrays { contact_bonded: vec![1], contact_bond_gap: vec![0.1], contact_moment: vec![[0.0; 3]] });
         remembering.write(&path).unwrap();
         Snapshot::read(&path).unwrap_err();
     }

@@ -49,7 +49,7 @@ pub struct Side {
 
 /// The laws that can be read, with the labels of their parameters, one slice a line of the file.
 /// Which of them are computed is the solver's concern.
-pub const LAWS: [(&str, &[&[&str]]); 22] = [
+pub const LAWS: [(&str, &[&[&str]]); 24] = [
     ("IQS_CLB", &[&["fric"]]),
     ("IQS_CLB_g0", &[&["fric"]]),
     ("IQS_DS_CLB", &[&["dyfr", "stfr"]]),
@@ -72,12 +72,15 @@ pub const LAWS: [(&str, &[&[&str]]); 22] = [
     ("ELASTIC_ROD", &[&["F/gp", "prst"]]),
     ("VOIGT_WIRE", &[&["F/gp", "prst"], &["F/vl"]]),
     ("VOIGT_ROD", &[&["F/gp", "prst"], &["F/vl"]]),
+    // Not of LMGC90.
+    ("IQS_DS_ROLL_CLB", &[&["dyfr", "stfr"], &["roll", "spin"]]),
+    ("IQS_WET_DS_ROLL_CLB", &[&["cohn", "coht"], &["Wthk"], &["dyfr", "stfr"], &["roll", "spin"]]),
 ];
 
 const WET: &[&[&str]] = &[&["cohn", "coht"], &["Wthk"], &["dyfr", "stfr"]];
 
 /// Parameters that a law makes no sense with when negative.
-const NOT_NEGATIVE: [&str; 7] = ["fric", "dyfr", "stfr", "cohn", "Wthk", "rstn", "F/gp"];
+const NOT_NEGATIVE: [&str; 9] = ["fric", "dyfr", "stfr", "cohn", "Wthk", "rstn", "F/gp", "roll", "spin"];
 
 /// First columns of the parameters of a line.
 const PARAMETERS: [usize; 2] = [46, 67];

@@ -516,7 +516,9 @@ impl LawKind {
     /// Largest gap at which the law acts, m; 0 without cohesion.
     pub fn range(&self) -> f64 {
         match *self {
-            LawKind::IqsWetDsClb { range, .. } | LawKind::XqsWetDsClb { range, .. } => range,
+            LawKind::IqsWetDsClb { range, .. }
+            | LawKind::XqsWetDsClb { range, .. }
+            | LawKind::IqsWetDsRollClb { range, .. } => range,
             _ => 0.0,
         }
     }

@@ -65,6 +65,19 @@ pub enum LawKind {
     /// Inelastic quasi-shock with bonds that carry stresses up to the cohesions, Pa, until they break.
     #[serde(rename = "IQS_MOHR_DS_CLB")]
     IqsMohrDsClb { normal_cohesion: f64, tangential_cohesion: f64, dynamic_friction: f64, static_friction: f64 },
+    /// As IQS_DS_CLB, with friction against rolling and spinning.
+    #[serde(rename = "IQS_DS_ROLL_CLB")]
+    IqsDsRollClb { dynamic_friction: f64, static_friction: f64, rolling_friction: f64, spinning_friction: f64 },
+    /// As IQS_WET_DS_CLB, with friction against rolling and spinning.
+    #[serde(rename = "IQS_WET_DS_ROLL_CLB")]
+    IqsWetDsRollClb {
+        cohesion: f64,
+        range: f64,
+        dynamic_friction: f64,
+        static_friction: f64,
+        rolling_friction: f64,
+        spinning_friction: f64,
+    },
     /// Newton's restitution.
     #[serde(rename = "RST_CLB")]
     RstClb { normal_restitution: f64, tangential_restitution: f64, friction: f64 },
@@ -486,6 +499,34 @@ impl LawKind {
                     ("tangential_cohesion", tangential_cohesion),
                     (DYNAMIC, dynamic_friction),
                     (STATIC, static_friction),
+                ],
+            ),
+            LawKind::IqsDsRollClb { dynamic_friction, static_friction, rolling_friction, spinning_friction } => (
+                "IQS_DS_ROLL_CLB",
+                vec![
+                    (DYNAMIC, dynamic_friction),
+                    (STATIC, static_friction),
+                    ("rolling_friction", rolling_friction),
+                    ("spinning_friction", spinning_friction),
+                ],
+            ),
+            LawKind::IqsWetDsRollClb {
+                cohesion,
+                range,
+                dynamic_friction,
+                static_friction,
+                rolling_friction,
+                spinning_friction,
+            } => (
+                "IQS_WET_DS_ROLL_CLB",
+                vec![
+                    ("cohesion", cohesion),
+                    ("tangential cohesion", 0.0),
+                    ("range", range),
+                    (DYNAMIC, dynamic_friction),
+                    (STATIC, static_friction),
+                    ("rolling_friction", rolling_friction),
+                    ("spinning_friction", spinning_friction),
                 ],
             ),
             LawKind::RstClb { normal_restitution, tangential_restitution, friction } => (

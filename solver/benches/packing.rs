@@ -48,5 +48,5 @@ pub fn packing(side: usize, friction: f64) -> System {
     };
     let mut order: Vec<u32> = (0..count as u32).collect();
     order.sort_by_cached_key(key);
-    System { rows, full: None, records, order }
+    System { rows, rolls: Vec::new(), full: None, records, order }
 }

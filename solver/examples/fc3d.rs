@@ -47,10 +47,11 @@ fn run(arguments: &Arguments) -> Result<bool, Faults> {
     let limits = Limits {
         tol: arguments.tol,
         max_sweeps: arguments.max_sweeps,
+        max_cost: f64::INFINITY,
         max_time: Duration::try_from_secs_f64(arguments.max_time).ok(),
     };
     let start = Instant::now();
-    let solution = solve(&problem, arguments.solver, limits);
+    let solution = solve(&problem, arguments.solver, &[], limits);
     let seconds = start.elapsed().as_secs_f64();
     let mut text = String::new();
     for [n, t1, t2] in &solution.r {

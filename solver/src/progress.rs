@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use cd_formats::compute::Compute;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::state::State;
@@ -54,10 +55,11 @@ impl Progress {
     }
 
     /// Tells of a step that did not converge.
-    pub fn unconverged(&self, state: &State, report: &StepReport, tol: f64) {
+    pub fn unconverged(&self, state: &State, report: &StepReport, options: &Compute) {
         let pair = report.worst_pair.map_or(String::new(), |(a, b)| format!(", worst pair bodies {}-{}", a + 1, b + 1));
+        let Compute { tol, solver, .. } = options;
         let message = format!(
-            "cd-solve: step {}, t = {} s: NLGS stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{pair}; continuing",
+            "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{pair}; continuing",
             state.step, state.time, report.sweeps, report.residual
         );
         self.bar.suspend(|| eprintln!("{message}"));

@@ -40,7 +40,7 @@ impl From<Faults> for Failure {
 pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Option<u64>) -> Result<String, Failure> {
     let start = Instant::now();
     let last = last_step(scene);
-    let mut results = Results::open(case, &state)?;
+    let mut results = Results::open(case, scene, &state)?;
     let mut course = Course { threads: rayon::current_num_threads(), ..Course::default() };
     // The time that an output takes is entered with the step after it.
     let mut writing = Duration::ZERO;
@@ -62,10 +62,11 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         course.steps += 1;
         course.sweeps += report.sweeps;
         course.gravity = report.gravity.sampled.or(course.gravity);
+        course.taken_over += u64::from(report.taken_over);
         if !report.converged {
             course.unconverged += 1;
             if course.unconverged <= TOLD {
-                progress.unconverged(&state, &report, scene.options.tol);
+                progress.unconverged(&state, &report, &scene.options);
             }
         }
         progress.step(&state, &report);
@@ -126,6 +127,10 @@ pub fn check(scene: &Scene, state: &State) -> Result<(), Faults> {
     if !scene.turning.is_empty() && scene.outside().iter().any(|field| field.rate() != Vec3::zeros()) {
         let found = "RotatingFrame, with bodies whose moments of inertia differ";
         faults.push(Fault::new(Path::new("options"), None, "fields", found, "expected spheres alone, or fixed axes"));
+    }
+    if scene.options.lmgc90_norms && scene.is_general() {
+        let expected = "expected a scene of spheres and plates";
+        faults.push(Fault::new(Path::new("options"), None, "lmgc90_norms", "true", expected));
     }
     let last = last_step(scene);
     if last < state.step {

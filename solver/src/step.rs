@@ -8,7 +8,8 @@ use crate::integrate::{self, Configuration};
 use crate::math::lanes::Width;
 use crate::math::{Quat, Vec3, to_local};
 use crate::scene::Scene;
-use crate::solve::{self, Solution};
+use crate::solve::norms::{Norms, norms};
+use crate::solve::{self, Solution, Task};
 use crate::state::{Bonding, Contact, SolvedContact, State, Status};
 
 /// Time spent in each room.
@@ -43,6 +44,10 @@ pub struct StepReport {
     pub sweeps: u64,
     pub residual: f64,
     pub converged: bool,
+    /// Whether a solver of stored problems found the solution where the sweeps had stalled.
+    pub taken_over: bool,
+    /// LMGC90's criteria, if asked for.
+    pub norms: Option<Norms>,
     /// Bodies of the contact with the largest part in the residual.
     pub worst_pair: Option<(u32, u32)>,
     /// Largest penetration in the contact configuration, and the sum of all over `contacts_active`, m.
@@ -71,7 +76,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     lap.stop(&mut clock.detection);
     let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
     lap.stop(&mut clock.assembly);
-    let solution = solve::nlgs(&system, scene.options.tol, scene.options.max_sweeps, Width::detect()); // M5  r
+    let solution = solve::contact_problem(&system, task(scene), |s| assemble::stored_problem(s, &contacts)); // M5  r
     lap.stop(&mut clock.solve);
     let solved = end_of_contacts(scene, &q_c, contacts, &free, &system, &solution);
     let report = book(scene, state, &q_c, &free, &system, &solution, &solved);
@@ -80,6 +85,11 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     state.bonding = Bonding::No;
     lap.stop(&mut clock.integration);
     report
+}
+
+fn task(scene: &Scene) -> Task {
+    let options = &scene.options;
+    Task { solver: options.solver, tol: options.tol, max_sweeps: options.max_sweeps, width: Width::detect() }
 }
 
 /// The contact problem that the next step would solve, written out.
@@ -116,6 +126,7 @@ fn end_of_contacts(
     let solved = |contact: Contact| SolvedContact {
         contact,
         impulse: Vec3::zeros(),
+        moment: Vec3::zeros(),
         velocity: to_local(&contact.frame, &relative_velocity(&contact, &q_c.x, &v, &w)),
         status: Status::NoContact,
         bond: None,
@@ -136,6 +147,10 @@ fn end_of_contacts(
         let (parted, slid) = (solved.status == Status::NoContact, solved.status == Status::Slide);
         solved.bond = row.bond.filter(|_| law.keeps_bond(solved.contact.gap, parted, slid));
     }
+    for (roll, m) in system.rolls.iter().zip(&solution.moments) {
+        let solved = &mut contacts[system.rows[roll.row as usize].contact as usize];
+        solved.moment = to_local(&solved.contact.frame, m);
+    }
     Solved { v, w, contacts }
 }
 
@@ -154,23 +169,28 @@ fn book(
     let mut angular_in = free.angular_impulse;
     let ledger = &mut state.ledger;
     for row in &system.rows {
-        let SolvedContact { contact, impulse, velocity, .. } = &solved.contacts[row.contact as usize];
+        let SolvedContact { contact, impulse, moment, velocity, .. } = &solved.contacts[row.contact as usize];
         if impulse.x == 0.0 && impulse.y == 0.0 && impulse.z == 0.0 {
             continue;
         }
         let mean = 0.5 * (velocity + row.u_before);
         ledger.contact_work += impulse.dot(&mean);
         ledger.friction_work += impulse.y * mean.y + impulse.z * mean.z;
-        let antagonist = contact.antagonist as usize;
-        let sides = [(contact.candidate as usize, 1.0), (antagonist, -1.0)];
+        let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
+        let moment = crate::math::to_world(&contact.frame, moment);
+        let turned = |body: usize| solved.w[body] + q_c.w[body];
+        let turning_work = 0.5 * moment.dot(&(turned(candidate) - turned(antagonist)));
+        ledger.contact_work += turning_work;
+        ledger.friction_work += turning_work;
+        let sides = [(candidate, 1.0), (antagonist, -1.0)];
         for (body, sign) in sides.into_iter().filter(|(body, _)| scene.bodies[*body].driven) {
             // What a driven body gives the free one: minus the impulse that it takes itself.
             let given = crate::math::to_world(&contact.frame, impulse) * -sign;
             let arm = contact.point - q_c.x[body];
-            let moved = (solved.v[body] + state.v[body]) + (solved.w[body] + q_c.w[body]).cross(&arm);
-            ledger.outside_work += 0.5 * given.dot(&moved);
+            let moved = (solved.v[body] + state.v[body]) + turned(body).cross(&arm);
+            ledger.outside_work += 0.5 * (given.dot(&moved) - sign * moment.dot(&turned(body)));
             momentum_in += given;
-            angular_in += contact.point.cross(&given);
+            angular_in += contact.point.cross(&given) - moment * sign;
         }
     }
     for (i, force, moment) in &free.loads {
@@ -205,6 +225,8 @@ fn book(
         sweeps: solution.sweeps,
         residual: solution.residual,
         converged: solution.converged,
+        taken_over: solution.taken_over,
+        norms: scene.options.lmgc90_norms.then(|| norms(system, &solution.impulses, &solution.records)),
         worst_pair: solution.worst.map(pair),
         penetration_largest,
         penetration_mean: depths().sum::<f64>() / contacts_active.max(1) as f64,

@@ -18,8 +18,12 @@ fn load(name: &str) -> Problem {
     Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).unwrap()
 }
 
+fn limits(max_sweeps: u64) -> Limits {
+    Limits { tol: TOL, max_sweeps, max_time: None, max_cost: f64::INFINITY }
+}
+
 fn solved(problem: &Problem, solver: Solver, max_sweeps: u64) -> Solution {
-    solve(problem, solver, Limits { tol: TOL, max_sweeps, max_time: None })
+    solve(problem, solver, &[], limits(max_sweeps))
 }
 
 /// Sweeps that each solver may take: twice what it took when this was written. Plain sweeps never solve oneobject-499.
@@ -49,9 +53,9 @@ fn what_is_not_reached_is_told_with_the_best_found() {
     let problem = load("oneobject-499");
     let few = solved(&problem, Solver::Nlgs, 300);
     assert!(!few.converged && few.sweeps == 300 && few.residual < 0.1, "{}", few.residual);
-    let none = solve(&problem, Solver::Auto, Limits { tol: 0.0, max_sweeps: 3000, max_time: None });
+    let none = solve(&problem, Solver::Auto, &[], Limits { tol: 0.0, ..limits(3000) });
     assert!(!none.converged && none.residual < TOL, "{}", none.residual);
-    let at_once = solve(&problem, Solver::Auto, Limits { tol: TOL, max_sweeps: 9, max_time: Some(Default::default()) });
+    let at_once = solve(&problem, Solver::Auto, &[], Limits { max_time: Some(Default::default()), ..limits(9) });
     assert!(!at_once.converged && at_once.sweeps == 0);
 }
 

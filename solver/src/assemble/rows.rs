@@ -7,10 +7,10 @@
 use nalgebra::Matrix3;
 
 use crate::integrate::Configuration;
-use crate::laws::Approach;
-use crate::math::{Quat, Vec3, to_local};
+use crate::laws::{Approach, Rolling};
+use crate::math::{Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Scene, Shape};
-use crate::state::{Bonding, Contact, State, Status};
+use crate::state::{Bonding, Contact, SolvedContact, State, Status};
 
 /// What a sweep reads and writes of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,10 +56,30 @@ pub struct Row {
     pub bond: Option<f64>,
 }
 
+/// Resistance of a row's contact to rolling and spinning, see [`crate::laws::Rolling`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Roll {
+    /// Index into the rows.
+    pub row: u32,
+    /// 1/(1/R_a + 1/R_b), m.
+    pub radius: f64,
+    pub rolling: f64,
+    pub spinning: f64,
+    /// 1/(1/I_a + 1/I_b), kg m^2.
+    pub inverse_w: f64,
+    /// Relative angular velocity that a plate adds, rad/s.
+    pub shift: Vec3,
+    /// Moment to start from, world frame, N m s.
+    pub start: Vec3,
+}
+
+#[derive(Debug, Clone)]
 pub struct System {
     pub rows: Vec<Row>,
     /// What the rows and records do not hold where bodies are not all spheres and plates.
     pub full: Option<Full>,
+    /// In the order of the rows; empty in most scenes.
+    pub rolls: Vec<Roll>,
     /// All bodies in the order of space, neighbours near each other.
     pub order: Vec<u32>,
     /// Velocities if every r̂ were 0.
@@ -68,6 +88,7 @@ pub struct System {
 
 /// Rows whose W is a full block: lever arms of any direction, inertia that is not isotropic. `arm` of the rows and
 /// `inverse_inertia` and `radius` of the records are not used then; `w_n` is W_nn and `w_t` the mean of W_tt and W_ss.
+#[derive(Debug, Clone)]
 pub struct Full {
     /// By row: from the centres of candidate and antagonist to the contact point, m.
     pub arms: Vec<[Vec3; 2]>,
@@ -130,6 +151,7 @@ pub fn contact_problem(
         .collect();
 
     let mut rows = Vec::with_capacity(contacts.len());
+    let mut rolls = Vec::new();
     let mut previous = state.contacts.iter().peekable();
     for (index, contact) in contacts.iter().enumerate() {
         while previous.next_if(|old| old.contact.key() < contact.key()).is_some() {}
@@ -164,6 +186,18 @@ pub fn contact_problem(
         let w_t = w_n
             + (arm * radii[0]).powi(2) * records[a].inverse_inertia
             + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
+        if let Some(Rolling { rolling, spinning }) = law.rolling {
+            let turned = |old: &SolvedContact| to_world(&old.contact.frame, &old.moment) * (h / state.h);
+            rolls.push(Roll {
+                row: rows.len() as u32,
+                radius,
+                rolling,
+                spinning,
+                inverse_w: 1.0 / (records[a].inverse_inertia + records[b].inverse_inertia),
+                shift: if on_plate { -w_free[b] } else { Vec3::zeros() },
+                start: previous.map_or(Vec3::zeros(), turned),
+            });
+        }
         let u_tangent = u_before - n * n.dot(&u_before);
         let mut travel = h * (v_free[a].norm() + plate.norm().max(v_free[b].norm()));
         if let Some(full) = &mut full {
@@ -195,7 +229,7 @@ pub fn contact_problem(
             row.w_t = 0.5 * (w.trace() - row.w_n);
         }
     }
-    let mut system = System { rows, full, records, order: order_of_space(&q_c.x) };
+    let mut system = System { rows, rolls, full, records, order: order_of_space(&q_c.x) };
     for k in 0..system.rows.len() {
         let Row { impulse_shift, normal, .. } = system.rows[k];
         if impulse_shift != 0.0 {
@@ -220,7 +254,7 @@ fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
 
 /// r̂ of the last step for the same contact, scaled to the new step length, its tangential part
 /// laid into the new tangent plane.
-fn warm_start(old: &crate::state::SolvedContact, contact: &Contact, impulse_shift: f64, scale: f64) -> Vec3 {
+fn warm_start(old: &SolvedContact, contact: &Contact, impulse_shift: f64, scale: f64) -> Vec3 {
     let [n_old, t_old, s_old] = old.contact.frame;
     let n = contact.frame[0];
     debug_assert!((n_old.norm() - 1.0).abs() < 1e-3);

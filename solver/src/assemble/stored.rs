@@ -12,6 +12,8 @@ pub struct StoredProblem {
     pub q: Vec<[f64; 3]>,
     /// Blocks (i, j, w): û of contact i answered to unit impulses at contact j, 1/kg; those not listed are 0.
     pub blocks: Vec<(usize, usize, [[f64; 3]; 3])>,
+    /// Row of the system and frame (n, t, s) of each contact.
+    pub rows: Vec<(u32, [Vec3; 3])>,
 }
 
 /// The problem of the rows that can close, in the order of the contacts.
@@ -25,6 +27,7 @@ pub fn stored_problem(system: &System, contacts: &[Contact]) -> StoredProblem {
     for (i, &here) in rows.iter().enumerate() {
         let row = &system.rows[here];
         let frame = &contacts[row.contact as usize].frame;
+        problem.rows.push((here as u32, *frame));
         problem.mu.push(row.friction);
         problem.q.push(to_local(frame, &system.velocity(here, &system.records)).into());
         let mut neighbours: Vec<usize> = row.bodies.iter().flat_map(|&body| &on_body[body as usize]).copied().collect();
@@ -105,7 +108,8 @@ mod tests {
             bond: None,
         };
         let contacts: Vec<Contact> = (0..4).map(contact).collect();
-        let system = System { rows: (0..4).map(row).collect(), full: None, records, order: vec![0, 1, 2, 3] };
+        let system =
+            System { rows: (0..4).map(row).collect(), rolls: vec![], full: None, records, order: vec![0, 1, 2, 3] };
         let problem = stored_problem(&system, &contacts);
 
         let local = |k: usize| Vec3::new(1.0 + k as f64, -0.5, 0.3 * k as f64);

@@ -22,6 +22,10 @@
 //! moments, carries a traction up to c_n S and a shear up to c_t S + (c_t/c_n) r_n/h, and is gone for good once it
 //! parts or slides. S = pi R², 1/R = 1/R_a + 1/R_b.
 //!
+//! IQS_DS_ROLL_CLB and IQS_WET_DS_ROLL_CLB, which LMGC90 does not have, are IQS_DS_CLB and IQS_WET_DS_CLB with moments
+//! on top: up to mu_r R r̂_n against rolling and mu_s R r̂_n against spinning. Common models have such limits, e.g.
+//! J. Ai et al., Powder Technol. 206 (2011) 269-282; rigid here, without a spring.
+//!
 //! Restitution holds for a contact that was parting, too: thrown back by its neighbours within the step, it may
 //! close at e_n times its speed. So (v⁺ + e v⁻)/(1 + e) is the projection of v⁻ on what the contacts allow, and
 //! several contacts of one e_n give no energy without friction. With friction that holds for a single contact only.
@@ -55,6 +59,14 @@ pub enum Cohesion {
 /// Two bodies touch, for a bond, when their gap is at most this share of 1/(1/R_a + 1/R_b).
 pub const TOUCHING: f64 = 1e-3;
 
+/// Moments of a contact between spheres: at most `rolling` R r̂_n in the tangent plane, opposite to the rolling, and
+/// `spinning` R r̂_n along the normal, opposite to the spinning; 1/R = 1/R_a + 1/R_b.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rolling {
+    pub rolling: f64,
+    pub spinning: f64,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Law {
     pub unilateral: Unilateral,
@@ -63,6 +75,7 @@ pub struct Law {
     pub friction_static: f64,
     /// Coefficient of friction of a contact that slid in the last step.
     pub friction_dynamic: f64,
+    pub rolling: Option<Rolling>,
 }
 
 /// What a law looks at in one contact and step.
@@ -94,7 +107,7 @@ pub struct Shift {
 }
 
 /// The parameters that a law is read from, in the order of TACT_BEHAV.DAT.
-pub const KINDS: [&str; 9] = [
+pub const KINDS: [&str; 11] = [
     "IQS_CLB",
     "IQS_DS_CLB",
     "GAP_SGR_CLB",
@@ -104,6 +117,8 @@ pub const KINDS: [&str; 9] = [
     "IQS_WET_DS_CLB",
     "xQS_WET_DS_CLB",
     "IQS_MOHR_DS_CLB",
+    "IQS_DS_ROLL_CLB",
+    "IQS_WET_DS_ROLL_CLB",
 ];
 
 impl Law {
@@ -115,6 +130,7 @@ impl Law {
             cohesion,
             friction_static: fixed,
             friction_dynamic: dynamic,
+            rolling: None,
         };
         Some(match (kind, parameters) {
             ("IQS_CLB", &[mu]) => law(InelasticShock, None, mu, mu),
@@ -131,6 +147,10 @@ impl Law {
             }
             ("IQS_MOHR_DS_CLB", &[normal, tangential, dynamic, fixed]) => {
                 law(InelasticShock, Some(Cohesion::Bond { normal, tangential }), dynamic, fixed)
+            }
+            ("IQS_DS_ROLL_CLB" | "IQS_WET_DS_ROLL_CLB", &[ref plain @ .., rolling, spinning]) => {
+                let rolling = Some(Rolling { rolling, spinning });
+                return Law::new(&kind.replace("_ROLL", ""), plain).map(|law| Law { rolling, ..law });
             }
             _ => return None,
         })
@@ -156,7 +176,9 @@ impl Law {
             None => [("", 0.0); 2],
         };
         let friction = [("static friction", self.friction_static), ("dynamic friction", self.friction_dynamic)];
-        let mut least_zero = friction.into_iter().chain(cohesion);
+        let Rolling { rolling, spinning } = self.rolling.unwrap_or(Rolling { rolling: 0.0, spinning: 0.0 });
+        let moments = [("rolling friction", rolling), ("spinning friction", spinning)];
+        let mut least_zero = friction.into_iter().chain(cohesion).chain(moments);
         let outside = restitution.into_iter().find(|(_, e)| !(0.0..=1.0).contains(e));
         outside.or(least_zero.find(|(_, x)| !(*x >= 0.0 && x.is_finite())))
     }
@@ -187,9 +209,14 @@ impl Law {
         Some(Shift { normal, tangential, impulse: 0.0 - h * attraction, friction })
     }
 
-    /// Whether a contact's history decides more than its friction.
-    pub fn remembers(&self) -> bool {
+    /// Whether a contact may be bonded.
+    pub fn bonds(&self) -> bool {
         matches!(self.cohesion, Some(Cohesion::Bond { .. } | Cohesion::Wet { remembers: true, .. }))
+    }
+
+    /// Whether a contact's history decides more than its friction, or holds more than its impulse.
+    pub fn remembers(&self) -> bool {
+        self.bonds() || self.rolling.is_some()
     }
 
     /// The gap that a bond made now has (m); none where the law makes no bonds or the two do not touch.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use cd_formats::compute::Action;
+use cd_formats::compute::{Action, ContactSolver};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::LawName;
 use cd_formats::tact_behav::{Side, TactBehav};
@@ -63,6 +63,15 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
             Some(law) => match law.fault() {
                 Some((name, value)) => {
                     refuse(format!("{name} {value}"), "expected restitutions from 0 to 1, others >= 0".into())
+                }
+                None if law.rolling.is_some()
+                    && !matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs) =>
+                {
+                    let solver = scene.options.solver;
+                    refuse(format!("{} with solver {solver}", record.kind), "expected solver auto or nlgs".into());
+                }
+                None if law.rolling.is_some() && scene.is_general() => {
+                    refuse(record.kind.clone(), "expected a scene of spheres and plates for rolling friction".into());
                 }
                 None => {
                     number[k] = Some(scene.laws.len() as u8);
@@ -202,6 +211,7 @@ pub fn history(
                 law: see.law,
             },
             impulse: Vec3::from(record.force) * h,
+            moment: Vec3::zeros(),
             velocity: Vec3::from(record.velocity),
             status,
             bond: bonded.then_some(record.gap),

@@ -76,7 +76,7 @@ const DIGITS: f64 = 1e-6;
 ///
 /// The law of a contact is that of TACT_BEHAV.DAT for its two bodies; without one it is dropped.
 /// Refused are bodies that DATBOX has not and positions other than those of the text files, which
-/// somebody has changed then.
+/// somebody has changed then. Where it knows of no bonds, the first step makes them of all that touches.
 pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults> {
     let snapshot = Snapshot::read(path)?;
     let mut faults = Faults::default();
@@ -109,6 +109,9 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         Some(shapes) => (pairs(scene, shapes, |row| body[row as usize]), shapes.turning.turning_body.clone()),
         None => (Vec::new(), Vec::new()),
     };
+    if snapshot.memory.is_none() {
+        state.bonding = Bonding::All; // a run without bonds does not know which would hold
+    }
     restore(snapshot, &mut started);
     (state.step, state.time, state.h) = (started.step, started.time, started.h);
     for (row, &i) in body.iter().enumerate() {
@@ -136,6 +139,11 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         scene.visibility.see(a, b)
     };
     state.contacts.retain_mut(|solved| see(&solved.contact).map(|see| solved.contact.law = see.law).is_some());
+    for solved in &mut state.contacts {
+        let law = &scene.laws[solved.contact.law as usize];
+        solved.bond = solved.bond.filter(|_| law.bonds());
+        solved.moment = if law.rolling.is_some() { solved.moment } else { Vec3::zeros() };
+    }
     state.contacts.sort_by_key(|solved| solved.contact.key());
     state.bonding = Bonding::No;
     Ok(())
@@ -198,6 +206,7 @@ fn restore(snapshot: Snapshot, state: &mut State) {
                 law: contacts.contact_law[k],
             },
             impulse: Vec3::from(contacts.contact_impulse[k]),
+            moment: memory.as_ref().map_or(Vec3::zeros(), |m| m.contact_moment[k].into()),
             velocity: Vec3::from(contacts.contact_velocity[k]),
             status: match contacts.contact_status[k] {
                 STATUS_NO_CONTACT => Status::NoContact,

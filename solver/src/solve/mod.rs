@@ -7,15 +7,22 @@
 //! | [`sweep`] | one sweep, in vectors of contacts and side by side |
 //! | `nlgs` | when to sweep, with what momentum, and when to stop |
 //! | [`full`] | the same for bodies whose contacts have full blocks |
+//! | `choice` | who solves, and who comes after |
+//! | [`norms`] | LMGC90's stopping criteria, for comparison |
 //! | [`residual`] | judges, never solves |
+//! | `rolling` | contacts with rolling and spinning friction |
 //! | [`stored`] | the same problem given as a matrix |
 
 pub mod batches;
+mod choice;
 pub mod full;
 pub mod local;
 mod nlgs;
+pub mod norms;
 pub mod residual;
+mod rolling;
 pub mod stored;
 pub mod sweep;
 
+pub use choice::{Task, contact_problem};
 pub use nlgs::{Solution, nlgs};

@@ -22,11 +22,13 @@ use crate::solve::sweep::sweep;
 /// after a while less of it, then none, and again. Without friction the problem is convex and needs
 /// no cap.
 const FRICTIONAL_CAPS: [(u64, f64); 3] = [(600, 0.8), (800, 0.5), (ROUND, 0.0)];
-const ROUND: u64 = 1000;
+pub(super) const ROUND: u64 = 1000;
 
 /// Impulses r̂ of all rows (world frame, N s), the velocities they lead to, and how good they are.
 pub struct Solution {
     pub impulses: Vec<Vec3>,
+    /// Moments of all rolls, world frame, N m s.
+    pub moments: Vec<Vec3>,
     pub records: Vec<Record>,
     pub sweeps: u64,
     /// E of [`crate::solve::residual`].
@@ -36,6 +38,8 @@ pub struct Solution {
     pub worst: Option<u32>,
     /// Rows that took part.
     pub active: usize,
+    /// Whether a solver of stored problems found it where the sweeps had stalled.
+    pub taken_over: bool,
 }
 
 /// Solves to E <= `tol`, or stops after `max_sweeps`.
@@ -55,12 +59,14 @@ pub fn nlgs(system: &System, tol: f64, max_sweeps: u64, width: Width) -> Solutio
         if missed.is_empty() || sweeps >= max_sweeps {
             return Solution {
                 impulses,
+                moments: Vec::new(),
                 records,
                 sweeps,
                 residual: residual.value,
                 converged: residual.value <= tol && missed.is_empty(),
                 worst: residual.worst.or(missed.first().copied()),
                 active: active.len(),
+                taken_over: false,
             };
         }
         active.extend(missed);
@@ -147,18 +153,18 @@ impl Laid {
 }
 
 /// How far each sweep carries on the change of the one before.
-struct Momentum {
+pub(super) struct Momentum {
     t: f64,
-    beta: f64,
+    pub(super) beta: f64,
     frictional: bool,
 }
 
 impl Momentum {
-    fn new(frictional: bool) -> Self {
+    pub(super) fn new(frictional: bool) -> Self {
         Momentum { t: 1.0, beta: 0.0, frictional }
     }
 
-    fn after(&mut self, uphill: bool, sweeps: u64) {
+    pub(super) fn after(&mut self, uphill: bool, sweeps: u64) {
         if uphill {
             (self.t, self.beta) = (1.0, 0.0);
         } else {
@@ -175,7 +181,7 @@ impl Momentum {
 }
 
 /// Rows outside `active` (sorted) that these velocities close.
-fn closing_outside(system: &System, active: &[u32], records: &[Record]) -> Vec<u32> {
+pub(super) fn closing_outside(system: &System, active: &[u32], records: &[Record]) -> Vec<u32> {
     let mut inside = active.iter().peekable();
     (0..system.rows.len() as u32)
         .filter(|k| inside.next_if_eq(&k).is_none())

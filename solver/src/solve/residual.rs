@@ -40,7 +40,7 @@ pub struct Judge<'a> {
     /// Rows that are judged.
     rows: &'a [u32],
     contacts: Vec<Eight>,
-    rho: f64,
+    pub(super) rho: f64,
     at_zero: f64,
     floor: f64,
 }
@@ -69,6 +69,11 @@ impl<'a> Judge<'a> {
         judge
     }
 
+    /// Share of |F(0)| that is rounding.
+    pub fn least(&self) -> f64 {
+        if self.at_zero > 0.0 { self.floor / self.at_zero } else { 0.0 }
+    }
+
     /// E of the impulses r̂ (one a row of the system, world frame, N s; 0 in rows that are not judged).
     pub fn residual(&self, impulses: &[Vec3]) -> Residual {
         self.residual_at(impulses, &self.velocities(impulses))
@@ -76,7 +81,13 @@ impl<'a> Judge<'a> {
 
     /// The same, where the velocities that the impulses lead to are known.
     pub fn residual_at(&self, impulses: &[Vec3], records: &[Record]) -> Residual {
+        self.residual_with(impulses, records, 0.0)
+    }
+
+    /// The same, with a further part `others` of |F|^2, N^2 s^2.
+    pub(super) fn residual_with(&self, impulses: &[Vec3], records: &[Record], others: f64) -> Residual {
         let (norm, worst) = self.norm(impulses, records);
+        let norm = if others > 0.0 { (norm * norm + others).sqrt() } else { norm };
         if norm <= self.floor {
             return Residual { value: 0.0, worst: None };
         }

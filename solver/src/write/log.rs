@@ -8,6 +8,7 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 
 use crate::scene::Scene;
+use crate::solve::norms::Norms;
 use crate::state::State;
 use crate::step::{Clock, StepReport};
 
@@ -82,6 +83,15 @@ impl From<f64> for Cell {
     fn from(x: f64) -> Self {
         Cell::Real(x)
     }
+}
+
+columns! {
+    norms_header, norms_row(norms: &Norms),
+    quad_dv = norms.quad_dv,
+    quad_dvr = norms.quad_dvr,
+    maxm_dv = norms.maxm_dv,
+    maxm_dvr = norms.maxm_dvr,
+    mean_dvor = norms.mean_dvor,
 }
 
 columns! {

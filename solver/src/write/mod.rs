@@ -66,16 +66,24 @@ pub fn remove(case: &Path) -> Result<(), Faults> {
 
 impl Results {
     /// Opens the results for a run that goes on from `state`: rows of later steps are dropped.
-    pub fn open(case: &Path, state: &State) -> Result<Self, Faults> {
+    pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<Self, Faults> {
         let outbox = outbox(case);
-        let steps = Table::open(&outbox.join(log::STEPS), &log::steps_header(), state.step)?;
+        let mut columns = log::steps_header();
+        if scene.options.lmgc90_norms {
+            columns = format!("{columns},{}", log::norms_header());
+        }
+        let steps = Table::open(&outbox.join(log::STEPS), &columns, state.step)?;
         let timer = Table::open(&case.join(log::TIMER), &log::timer_header(), state.step)?;
         Ok(Results { outbox, steps, timer })
     }
 
     /// Enters a step in the logs.
     pub fn step(&mut self, scene: &Scene, state: &State, report: &StepReport, lap: &Clock) -> Result<(), Faults> {
-        self.steps.row(&log::steps_row(scene, state, report))?;
+        let mut row = log::steps_row(scene, state, report);
+        if let Some(norms) = &report.norms {
+            row = format!("{row},{}", log::norms_row(norms));
+        }
+        self.steps.row(&row)?;
         self.timer.row(&log::timer_row(state.step, lap))
     }
 

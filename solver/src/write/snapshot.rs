@@ -34,6 +34,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
         parameters: Parameters {
             theta: options.theta,
             tol: options.tol,
+            solver: options.solver,
             max_sweeps: options.max_sweeps,
             alert: options.alert,
             self_gravity: options.self_gravity,
@@ -141,6 +142,7 @@ fn contacts(state: &State) -> ContactArrays {
 fn memory(state: &State) -> MemoryArrays {
     MemoryArrays {
         contact_bonded: state.contacts.iter().map(|c| c.bond.is_some().into()).collect(),
+        contact_moment: state.contacts.iter().map(|c| c.moment.into()).collect(),
         contact_bond_gap: state.contacts.iter().map(|c| c.bond.unwrap_or(0.0)).collect(),
     }
 }

@@ -18,6 +18,7 @@ pub struct Course {
     pub unconverged: u64,
     /// The last look at the error of self-gravity.
     pub gravity: Option<Sampled>,
+    pub taken_over: u64,
     pub threads: usize,
     pub wall: Duration,
     pub clock: Clock,
@@ -65,6 +66,9 @@ pub fn text(scene: &Scene, state: &State, course: &Course) -> String {
     line("sweeps per step", format!("{:.1}", course.sweeps as f64 / course.steps.max(1) as f64));
     let last = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
     line("unconverged steps", format!("{} now, {} in all{last}", course.unconverged, ledger.steps_unconverged));
+    if course.taken_over > 0 {
+        line("stored solvers", format!("found the solution in {} steps where sweeps had stalled", course.taken_over));
+    }
     line("largest penetration", format!("{:.2e} of the mean radius", ledger.penetration_largest));
     line("energy drift", format!("{:.2e}", energy_drift(scene, state)));
     if let Some(Sampled { rms, largest }) = course.gravity {

@@ -78,7 +78,7 @@ fn contacts(scene: &Scene, state: &State) -> VlocRloc {
         };
         ContactSide { body: body as usize, contactor: contactor.into(), rank: rank.into() }
     };
-    let record = |SolvedContact { contact, impulse, velocity, status, bond }: &SolvedContact| {
+    let record = |SolvedContact { contact, impulse, velocity, status, bond, .. }: &SolvedContact| {
         let candidate = side(contact.candidate, contact.ranks.0);
         let antagonist = side(contact.antagonist, contact.ranks.1);
         ContactRecord {

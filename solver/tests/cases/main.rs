@@ -16,5 +16,6 @@ mod refusals;
 mod rolling;
 mod rotation;
 mod same_bits;
+mod solvers;
 mod statics;
 mod walls;

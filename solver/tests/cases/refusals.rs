@@ -201,7 +201,7 @@ fn laws() {
     assert!(text.starts_with(line) && text.lines().count() == 1, "{text}");
 
     case.law("ELASTIC_REPELL_CLB", &[1e6, 0.3]);
-    let computed = "computed are IQS_CLB, IQS_DS_CLB, GAP_SGR_CLB, VEL_SGR_CLB, RST_CLB, RST_DS_CLB, IQS_WET_DS_CLB, xQS_WET_DS_CLB, IQS_MOHR_DS_CLB";
+    let computed = "computed are IQS_CLB, IQS_DS_CLB, GAP_SGR_CLB, VEL_SGR_CLB, RST_CLB, RST_DS_CLB, IQS_WET_DS_CLB, xQS_WET_DS_CLB, IQS_MOHR_DS_CLB, IQS_DS_ROLL_CLB, IQS_WET_DS_ROLL_CLB";
     let lines = [("2", "law00"), ("5", "law01")].map(|(line, name)| {
         format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': ELASTIC_REPELL_CLB with 2 parameters; {computed}")
     });
@@ -266,7 +266,7 @@ fn options_in_the_file() {
         (
             "(\n    dt: 1e-3,\n    speed: 3.0,\n)",
             "3:5: options: Unexpected field named `speed` in `Compute`, expected one of `dt`, `steps`, `end_time`, \
-             `theta`, `tol`, `max_sweeps`, `alert`, `narrow_phase`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
+             `theta`, `tol`, `solver`, `max_sweeps`, `lmgc90_norms`, `alert`, `narrow_phase`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
              `gravity_order`, `gravity_opening`, `gravity_refresh`, `fields`, `quench`, `output_every`, `threads`, `text`, or `events` instead; expected RON as described in docs/files.md",
         ),
         ("(\n    theta: \"a\",\n)", "2:11: options: Expected float; expected RON as described in docs/files.md"),

@@ -122,3 +122,98 @@ fn a_sphere_in_a_groove_rolls_on_a_smaller_circle() {
         equal(force.yz().norm(), 0.05 * 5.0, 1e-9);
     }
 }
+
+/// A ball of radius 1/2 on a plane, 8 m/s^2 across it and `along` along x; friction 1/2, rolling and spinning as given.
+fn resisting(along: f64, rolling: f64, spinning: f64) -> Case {
+    let mut case = Case::new();
+    case.law("IQS_DS_ROLL_CLB", &[0.5, 0.5, rolling, spinning]);
+    case.gravity = [along, 0.0, -8.0];
+    case.floor();
+    case.sphere(0.5, [0.0, 0.0, 0.5]);
+    case
+}
+
+#[test]
+fn rolling_friction_stops_a_ball_at_five_sevenths_of_its_share_of_gravity() {
+    // m v' = -f and I w' = f R - mu_r R m g without slipping: v' = -5/7 mu_r g.
+    let mut case = resisting(0.0, 0.0625, 0.0);
+    case.launch(1, [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]);
+    let a = 5.0 / 7.0 * 0.0625 * 8.0;
+    for state in case.states(2000, 100) {
+        let v = (0.5 - a * state.meta.time).max(0.0); // at rest after 1.4 s
+        // Sums of 2000 terms.
+        near(state.v(1), [v, 0.0, 0.0], 1e-12);
+        near(state.w(1), [0.0, 2.0 * v, 0.0], 1e-12);
+    }
+    // What it loses is the work of the moment.
+    let work = case.column("contact_work");
+    let m = std::f64::consts::PI / 6.0;
+    equal(*work.last().unwrap(), -0.5 * m * 0.25 * 1.4, 1e-12);
+    assert!(case.column("momentum_drift").iter().all(|drift| *drift < 1e-13));
+}
+
+#[test]
+fn a_ball_stays_on_a_slope_up_to_its_rolling_friction() {
+    // tan of the slope against mu_r.
+    let end = resisting(0.124 * 8.0, 0.125, 0.0).run(500);
+    // Each step is solved to 1e-12 of the velocity that gravity gives, 8e-3 m/s.
+    near(end.v(1), [0.0; 3], 8e-15);
+    near(end.w(1), [0.0; 3], 2.0 * 8e-15);
+    near(end.x(1), [0.0, 0.0, 0.5], 0.5 * 8e-15);
+    let end = resisting(0.25 * 8.0, 0.125, 0.0).run(500);
+    near(end.v(1), [5.0 / 7.0 * (0.25 - 0.125) * 8.0 * 0.5, 0.0, 0.0], 1e-12);
+}
+
+#[test]
+fn a_spin_about_the_normal_decays_linearly() {
+    let mut case = resisting(0.0, 0.0, 0.125);
+    case.launch(1, [0.0; 3], [0.0, 0.0, 3.0]);
+    let rate = 0.125 * 8.0 / (0.4 * 0.5);
+    for state in case.states(1000, 100) {
+        near(state.w(1), [0.0, 0.0, (3.0 - rate * state.meta.time).max(0.0)], 1e-12);
+        near(state.v(1), [0.0; 3], 0.0);
+    }
+}
+
+#[test]
+fn rolling_friction_counts_the_effective_radius_and_the_cohesion() {
+    // Two balls of radii 1/2 and 1/4 pressed together by 3 N; 1/R = 2 + 4. Cohesion 2 N on top in the second.
+    for (law, parameters, force) in [
+        ("IQS_DS_ROLL_CLB", &[0.5, 0.5, 0.25, 0.125][..], 3.0),
+        ("IQS_WET_DS_ROLL_CLB", &[2.0, 0.0, 0.01, 0.5, 0.5, 0.25, 0.125], 5.0),
+    ] {
+        let mut case = Case::new();
+        case.law(law, parameters);
+        let (a, b) = (case.sphere(0.5, [0.0; 3]), case.sphere(0.25, [0.75, 0.0, 0.0]));
+        case.pull(a, 0, 3.0);
+        case.pull(b, 0, -3.0);
+        case.launch(a, [0.0; 3], [20.0, 0.0, 0.0]);
+        let states = case.states(10, 10);
+        let t = 10.0 * case.options.dt;
+        let moment = 0.125 / 6.0 * force;
+        let inertia = |body: usize| states[0].bodies.body_inertia[body][0];
+        // 8 digits of the forces in the files.
+        near(states[1].w(a), [20.0 - moment / inertia(a) * t, 0.0, 0.0], 1e-7);
+        near(states[1].w(b), [moment / inertia(b) * t, 0.0, 0.0], 1e-7);
+        let memory = states[1].memory.as_ref().unwrap();
+        near(memory.contact_moment[0].map(f64::abs), [moment * case.options.dt, 0.0, 0.0], 1e-9 * moment);
+    }
+}
+
+#[test]
+fn angular_momentum_is_kept_with_rolling_friction() {
+    // A heap of spinning balls that attract each other.
+    let mut case = Case::new();
+    case.law("IQS_WET_DS_ROLL_CLB", &[0.01, 0.0, 0.01, 0.3, 0.5, 0.1, 0.05]);
+    case.options.self_gravity = true;
+    (case.options.gravity_constant, case.options.tol, case.options.dt) = (1.0, 1e-6, 0.01);
+    for (k, (radius, x)) in crate::case::shaken_lattice(3, 7).into_iter().enumerate() {
+        let body = case.sphere(radius, x);
+        case.launch(body, [0.0; 3], [f64::from(k as u8 % 5), 1.0, -2.0]);
+    }
+    let states = case.states(300, 300);
+    let scale = states[1].momentum_scale();
+    near(states[1].angular_momentum(), states[0].angular_momentum(), 1e-12 * scale);
+    assert!(states[1].memory.as_ref().unwrap().contact_moment.iter().flatten().any(|m| *m != 0.0));
+    assert!(case.column("residual").iter().all(|e| *e <= 1e-6), "every step converges");
+}

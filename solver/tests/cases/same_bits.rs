@@ -121,6 +121,12 @@ fn bonds_outlive_a_restart() {
     // Some of the 31 bonds break, some hold, and an event makes new ones.
     assert!(held[1] < 31 && held[1] < held[2] && held[4] > 0, "{held:?}");
     same(&unbroken, &files(&slab(), &[&["--steps", "0"], &["--resume", "--steps", "15"], &["--resume"]]));
+    let mut rolling = slab();
+    rolling.law_with("SPHER", "IQS_WET_DS_ROLL_CLB", &[0.5, 0.0, 0.02, 0.3, 0.5, 0.1, 0.1]);
+    rolling.tact.visibility.remove(0);
+    rolling.options.events.remove(2);
+    let unbroken_rolling = files(&rolling, &[&[]]);
+    same(&unbroken_rolling, &files(&rolling, &[&["--force", "--steps", "30"], &["--resume"]]));
     let threads = files(&slab(), &[&["--threads", "1", "--steps", "30"], &["--resume", "--threads", "3"]]);
     same(&unbroken, &threads);
 }

@@ -66,7 +66,7 @@ mod tests {
             row.w_t = 0.5 * (w.trace() - row.w_n);
             rows.push(row);
         }
-        System { rows, full: Some(full), records, order: (0..count).collect() }
+        System { rows, rolls: vec![], full: Some(full), records, order: (0..count).collect() }
     }
 
     /// Friction stops sweeps short of the last digits in such heaps, see docs/performance.md; without it they arrive.

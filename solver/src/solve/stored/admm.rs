@@ -18,7 +18,7 @@ use faer::linalg::solvers::Solve;
 use super::anderson::Anderson;
 use super::scaled::Scaled;
 use super::sweep::DEPTH;
-use super::{Run, Triple};
+use super::{Run, Triple, newton_cost};
 
 /// The penalty c, relative to the mean diagonal.
 const PENALTY: f64 = 0.1;
@@ -43,6 +43,7 @@ pub fn admm(run: &mut Run, steps: u64) {
             }
         }
     }
+    run.cost += newton_cost(n);
     // Not Cholesky's: W may be slightly unsymmetric or indefinite.
     let factors = matrix.partial_piv_lu();
     let z = scaled.impulses_in(&run.best.0);
@@ -57,7 +58,7 @@ pub fn admm(run: &mut Run, steps: u64) {
     let mut right = Mat::<f64>::zeros(3 * n, 1);
     let end = run.sweeps.saturating_add(steps);
     while !run.is_over() && run.sweeps < end {
-        run.sweeps += 1;
+        run.pass(0.3 * (3.0 * n as f64).powi(2) + run.problem.sweep_cost());
         let z: Vec<Triple> = v.iter().zip(&scaled.mu).map(|(v, mu)| project(*v, *mu)).collect();
         run.judge(&scaled.impulses_out(&z));
         for i in 0..n {

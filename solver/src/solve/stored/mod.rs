@@ -111,10 +111,21 @@ impl Problem {
         (0..self.len()).map(|i| self.row(i).fold(self.q[i], add)).collect()
     }
 
+    /// Cost of one accelerated sweep, see [`newton_cost`].
+    fn sweep_cost(&self) -> f64 {
+        5.0 * self.blocks.len() as f64 + 50.0 * self.len() as f64
+    }
+
     /// The blocks W_ii.
     pub fn diagonal(&self) -> impl Iterator<Item = &Block> {
         (0..self.len()).filter_map(|i| self.row(i).find(|(j, _)| *j == i).map(|(_, w)| w))
     }
+}
+
+/// Cost of one Newton step of a problem of so many contacts: about 1e-9 s on one core, counted, not measured, so
+/// that what follows from it is the same everywhere.
+pub fn newton_cost(contacts: usize) -> f64 {
+    5e4 + 0.025 * (3.0 * contacts as f64).powi(3)
 }
 
 /// Ways to solve.
@@ -150,6 +161,8 @@ pub struct Limits {
     pub tol: f64,
     pub max_sweeps: u64,
     pub max_time: Option<Duration>,
+    /// Cost of all that is done, see [`newton_cost`].
+    pub max_cost: f64,
 }
 
 /// What a solver has reached: the best iterate it met.
@@ -159,14 +172,20 @@ pub struct Solution {
     pub r: Vec<Triple>,
     /// Passes over the contacts.
     pub sweeps: u64,
+    /// See [`newton_cost`].
+    pub cost: f64,
     /// See [`residual`].
     pub residual: f64,
     pub converged: bool,
 }
 
-/// Solves to a residual of at most `limits.tol`, or returns the best that was met.
-pub fn solve(problem: &Problem, solver: Solver, limits: Limits) -> Solution {
+/// Solves to a residual of at most `limits.tol`, or returns the best that was met. Starts from the impulses
+/// `start`, or from 0 where these are the better.
+pub fn solve(problem: &Problem, solver: Solver, start: &[Triple], limits: Limits) -> Solution {
     let mut run = Run::new(problem, limits);
+    if start.len() == problem.len() {
+        run.judge(start);
+    }
     match solver {
         Solver::Auto => ladder(&mut run),
         Solver::Nlgs => sweep::nlgs(&mut run, 0, u64::MAX),
@@ -175,7 +194,7 @@ pub fn solve(problem: &Problem, solver: Solver, limits: Limits) -> Solution {
         Solver::Admm => admm::admm(&mut run, u64::MAX),
     }
     let converged = run.best.1 <= limits.tol;
-    Solution { residual: residual(problem, &run.best.0), r: run.best.0, sweeps: run.sweeps, converged }
+    Solution { residual: residual(problem, &run.best.0), r: run.best.0, sweeps: run.sweeps, cost: run.cost, converged }
 }
 
 /// Accelerated sweeps first, as many as cost what 20 Newton steps do; where they stall ADMM and Newton from the best so
@@ -183,9 +202,7 @@ pub fn solve(problem: &Problem, solver: Solver, limits: Limits) -> Solution {
 /// times the budget.
 fn ladder(run: &mut Run) {
     let problem = run.problem;
-    // Seconds of a sweep and of a Newton step on one core, roughly, in units of 1e-9 s.
-    let sweep = 5.0 * problem.blocks.len() as f64 + 50.0 * problem.len() as f64;
-    let newton = 5e4 + 0.025 * (3.0 * problem.len() as f64).powi(3);
+    let (sweep, newton) = (problem.sweep_cost(), newton_cost(problem.len()));
     for steps in (0..).map(|round| 20u64.saturating_mul(4u64.saturating_pow(round))) {
         sweep::nlgs(run, sweep::DEPTH, ((steps as f64 * newton / sweep) as u64).max(200));
         admm::admm(run, steps.saturating_mul(5));
@@ -204,6 +221,7 @@ struct Run<'a> {
     limits: Limits,
     start: Instant,
     sweeps: u64,
+    cost: f64,
     best: (Vec<Triple>, f64),
 }
 
@@ -211,7 +229,7 @@ impl<'a> Run<'a> {
     fn new(problem: &'a Problem, limits: Limits) -> Self {
         let r = vec![[0.0; 3]; problem.len()];
         let residual = residual(problem, &r);
-        Run { problem, limits, start: Instant::now(), sweeps: 0, best: (r, residual) }
+        Run { problem, limits, start: Instant::now(), sweeps: 0, cost: 0.0, best: (r, residual) }
     }
 
     /// Residual of `r`, or what rounding hides of it; kept if it is the best.
@@ -224,9 +242,16 @@ impl<'a> Run<'a> {
         value
     }
 
+    /// Enters a pass over the contacts and its cost.
+    fn pass(&mut self, cost: f64) {
+        self.sweeps += 1;
+        self.cost += cost;
+    }
+
     fn is_over(&self) -> bool {
         self.best.1 <= self.limits.tol
             || self.sweeps >= self.limits.max_sweeps
+            || self.cost >= self.limits.max_cost
             || self.limits.max_time.is_some_and(|time| self.start.elapsed() >= time)
     }
 }

@@ -19,7 +19,7 @@ use faer::linalg::solvers::Solve;
 use super::anderson::Anderson;
 use super::scaled::Scaled;
 use super::sweep::DEPTH;
-use super::{Run, Triple};
+use super::{Run, Triple, newton_cost};
 
 /// The proximal parameter a: where it starts, its limits, and its change after success and failure.
 const START: f64 = 1e-3;
@@ -41,7 +41,7 @@ pub fn prox_newton(run: &mut Run, start: &[Triple], steps: u64) {
         let mut state = Contacts::new(&scaled, &x, &x, a);
         let mut solved = norm(&state.phi) <= target;
         while !solved && run.sweeps - before < INNER as u64 {
-            run.sweeps += 1;
+            run.pass(newton_cost(run.problem.len()));
             let Some(next) = state.newton_step().and_then(|step| line_search(&state, &step)) else { break };
             state = next;
             solved = norm(&state.phi) <= target;

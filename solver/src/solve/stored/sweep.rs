@@ -20,7 +20,7 @@ pub fn nlgs(run: &mut Run, depth: usize, sweeps: u64) {
     while !run.is_over() && run.sweeps - start < sweeps {
         g.copy_from_slice(&x);
         sweeper.sweep(&mut g);
-        run.sweeps += 1;
+        run.pass(run.problem.sweep_cost());
         patience += 1;
         let change = anderson.next(&mut x, &g);
         // Judging costs a sweep; the change of a sweep falls as the residual does and tells when.

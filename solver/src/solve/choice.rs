@@ -1,0 +1,115 @@
+//! Who solves the contact problem of a step, and who comes after where the sweeps stall.
+
+use cd_formats::compute::ContactSolver;
+
+use crate::assemble::{StoredProblem, System};
+use crate::math::lanes::Width;
+use crate::math::{to_local, to_world};
+use crate::solve::nlgs::{ROUND, Solution, closing_outside, nlgs};
+use crate::solve::residual::Judge;
+use crate::solve::rolling;
+use crate::solve::stored::{Limits, Problem, Solver, newton_cost, residual, solve};
+
+/// What a step asks of its solver.
+#[derive(Debug, Clone, Copy)]
+pub struct Task {
+    pub solver: ContactSolver,
+    /// E to reach.
+    pub tol: f64,
+    pub max_sweeps: u64,
+    pub width: Width,
+}
+
+/// What comes after the sweeps of `auto` may cost this many times `max_sweeps` sweeps ...
+const PATIENCE: f64 = 100.0;
+/// ... and is not begun if that does not pay for so many Newton steps.
+const WORTH: f64 = 20.0;
+/// One contact in one sweep, in units of [`newton_cost`].
+const SWEPT: f64 = 6.0;
+/// From so many contacts on dense matrices take gigabytes: sweeps take the place of the other solvers.
+const DENSE: usize = 3000;
+/// The stored solvers aim a little below the tolerance, which is judged by other sums than theirs.
+const AIM: f64 = 0.9;
+
+/// Solves to E <= `tol`, or as far as the limits allow; the decisions follow from the problem alone.
+///
+/// `stored` writes the rows that can close as a problem with its Delassus matrix.
+pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> StoredProblem) -> Solution {
+    if !system.rolls.is_empty() {
+        return rolling::nlgs(system, task.tol, task.max_sweeps, task.width);
+    }
+    let contacts = system.rows.iter().filter(|row| row.can_close).count();
+    let budget = PATIENCE * SWEPT * contacts as f64 * task.max_sweeps as f64;
+    let pays = contacts < DENSE && budget >= WORTH * newton_cost(contacts);
+    let swept = |sweeps| nlgs(system, task.tol, sweeps, task.width);
+    let (solver, max_sweeps, max_cost) = match task.solver {
+        ContactSolver::Nlgs => return swept(task.max_sweeps),
+        _ if contacts >= DENSE => return swept(task.max_sweeps),
+        ContactSolver::Auto if !pays => return swept(task.max_sweeps),
+        ContactSolver::Auto => (Solver::Auto, u64::MAX, budget),
+        ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, task.max_sweeps, f64::INFINITY),
+        ContactSolver::ProxNewton => (Solver::ProxNewton, task.max_sweeps, f64::INFINITY),
+        ContactSolver::Admm => (Solver::Admm, task.max_sweeps, f64::INFINITY),
+    };
+    // `auto` gives the sweeps a round of their momentum's caps; the others go on from the warm start.
+    let sweeps = if solver == Solver::Auto { task.max_sweeps.min(ROUND) } else { 0 };
+    let start = swept(sweeps);
+    if start.converged {
+        return start;
+    }
+    let limits = Limits { tol: task.tol, max_sweeps, max_time: None, max_cost };
+    by_stored(system, start, solver, limits, task.width, stored)
+}
+
+/// Goes on from `start` with a solver of stored problems; the better of the two by E.
+fn by_stored(
+    system: &System,
+    start: Solution,
+    solver: Solver,
+    limits: Limits,
+    width: Width,
+    stored: impl Fn(&System) -> StoredProblem,
+) -> Solution {
+    let mut system = system.clone();
+    let mut best = start;
+    let mut left = limits;
+    loop {
+        let problem = stored(&system);
+        let rows: Vec<u32> = problem.rows.iter().map(|(row, _)| *row).collect();
+        let from: Vec<[f64; 3]> =
+            problem.rows.iter().map(|(row, frame)| to_local(frame, &best.impulses[*row as usize]).into()).collect();
+        let judge = Judge::new(&system, &rows, width);
+        best.residual = judge.residual(&best.impulses).value;
+        let Ok(matrix) = Problem::new(problem.mu, problem.q, problem.blocks) else { return best };
+        let zero = residual(&matrix, &vec![[0.0; 3]; rows.len()]);
+        left.tol = AIM * limits.tol.max(judge.least()) * zero;
+        let found = solve(&matrix, solver, &from, left);
+        let mut impulses = best.impulses.clone();
+        for ((row, frame), r) in problem.rows.iter().zip(&found.r) {
+            impulses[*row as usize] = to_world(frame, &(*r).into());
+        }
+        let records = judge.velocities(&impulses);
+        let residual = judge.residual_at(&impulses, &records);
+        best.sweeps += found.sweeps;
+        left.max_sweeps = left.max_sweeps.saturating_sub(found.sweeps);
+        left.max_cost -= found.cost;
+        if residual.value < best.residual {
+            best = Solution {
+                impulses,
+                records,
+                residual: residual.value,
+                worst: residual.worst,
+                taken_over: true,
+                ..best
+            };
+        }
+        best.active = rows.len();
+        let missed = closing_outside(&system, &rows, &best.records);
+        best.converged = best.residual <= limits.tol && missed.is_empty();
+        if missed.is_empty() || left.max_sweeps == 0 || left.max_cost <= 0.0 {
+            best.worst = best.worst.or(missed.first().copied());
+            return best;
+        }
+        missed.into_iter().for_each(|row| system.rows[row as usize].can_close = true);
+    }
+}

@@ -1,0 +1,94 @@
+//! The option `solver`: all of them find the same, `auto` goes on where sweeps stall; and LMGC90's criteria.
+
+use cd_formats::compute::ContactSolver::{self, Admm, Auto, Nlgs, NlgsAnderson, ProxNewton};
+use cd_formats::snapshot::Snapshot;
+
+use crate::case::{Case, Figures, Vec3, near};
+
+/// Spheres of radius 1/2 that fill a tub without a gap, two layers of three by three, pushed askew: more contacts than
+/// motions, and rough ones.
+fn packed(solver: ContactSolver, friction: f64) -> Case {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[friction]);
+    case.gravity = [2.0, 1.0, -8.0];
+    case.tub(1.5);
+    for k in 0..18 {
+        let [i, j, l] = [k % 3, k / 3 % 3, k / 9].map(f64::from);
+        let ball = case.sphere(0.5, [i - 1.0, j - 1.0, l + 0.5]);
+        case.launch(ball, [0.3 * j, -0.2 * l, -0.1 * i], [i, -j, 2.0 * l]);
+    }
+    (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, 1e-8, 2000);
+    case
+}
+
+fn all_converged(case: &Case) -> bool {
+    case.column("converged").iter().all(|c| *c == 1.0)
+}
+
+/// Largest difference of velocities, m/s.
+fn difference(a: &Snapshot, b: &Snapshot) -> f64 {
+    a.free().iter().map(|&i| (a.v(i) - b.v(i)).norm().max((a.w(i) - b.w(i)).norm())).fold(0.0, f64::max)
+}
+
+#[test]
+fn newtons_method_finds_what_auto_finds_where_sweeps_stall() {
+    let run = |solver| {
+        let mut case = packed(solver, 0.3);
+        let end = case.run(3);
+        (all_converged(&case), end)
+    };
+    let (auto, newton) = (run(Auto), run(ProxNewton));
+    assert!(auto.0 && newton.0 && !run(Nlgs).0);
+    // Velocities of 1 m/s solved to 1e-8, in a system that may amplify that a hundred times.
+    assert!(difference(&auto.1, &newton.1) < 1e-6, "{}", difference(&auto.1, &newton.1));
+}
+
+#[test]
+fn all_solvers_let_a_pyramid_slide_alike() {
+    let ends = [Auto, Nlgs, NlgsAnderson, ProxNewton, Admm].map(|solver| {
+        let mut case = Case::new();
+        case.law("IQS_CLB", &[0.25]);
+        case.gravity = [1.0, 0.0, -8.0];
+        case.floor();
+        for x in [[-0.5, 0.0, 0.5], [0.5, 0.0, 0.5], [0.0, 0.0, 0.5 + 0.75f64.sqrt()]] {
+            let ball = case.sphere(0.5, x);
+            case.launch(ball, [2.0, 0.5, 0.0], [0.0; 3]);
+        }
+        (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, 1e-8, 2000);
+        let end = case.run(3);
+        assert!(all_converged(&case), "{solver}");
+        end
+    });
+    for end in &ends {
+        assert!(difference(&ends[0], end) < 1e-6, "{}", difference(&ends[0], end));
+    }
+}
+
+#[test]
+fn a_resting_ball_stays_solved_when_the_step_changes() {
+    // Its impulse is m g h: rescaled by the warm start, it is the solution of the next step, too.
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.3]);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.floor();
+    case.sphere(0.5, [0.0, 0.0, 0.5]);
+    case.run(5);
+    assert_eq!(case.solve(&["--resume", "--steps", "10", "--dt", "0.00025"]), 0);
+    let sweeps = case.column("sweeps");
+    assert!(sweeps[0] > 0.0 && sweeps[1..].iter().all(|s| *s == 0.0), "{sweeps:?}");
+    near(case.last().v(1), Vec3::zeros(), 1e-15);
+}
+
+#[test]
+fn criteria_of_lmgc90_fall_with_the_residual() {
+    let criteria = |tol: f64| {
+        let mut case = packed(Nlgs, 0.3);
+        (case.options.lmgc90_norms, case.options.tol) = (true, tol);
+        case.run(1);
+        ["quad_dv", "quad_dvr", "maxm_dv", "maxm_dvr", "mean_dvor"].map(|name| case.column(name)[0].abs())
+    };
+    let (loose, tight) = (criteria(1e-2), criteria(1e-8));
+    for (loose, tight) in loose.into_iter().zip(tight) {
+        assert!(loose > 1e-6 && loose < 1.0 && tight < 1e-3 * loose, "{loose} {tight}");
+    }
+}
