@@ -246,10 +246,17 @@ impl Part<'_> {
         let (before, count) = (start.contacts.contact_body.len(), contacts.contact_body.len());
         start.bodies.append(bodies);
         start.contacts.append(contacts);
-        // Contacts of a part whose laws remember nothing have no bond.
-        let unbonded = |count| MemoryArrays { contact_bonded: vec![0; count], contact_bond_gap: vec![0.0; count] };
+        // Contacts of a part whose laws remember nothing have no bond and no moment.
+        let unbonded = |count| MemoryArrays {
+            contact_bonded: vec![0; count],
+            contact_bond_gap: vec![0.0; count],
+            contact_moment: vec![[0.0; 3]; count],
+        };
         if start.memory.is_some() || self.state.memory.is_some() {
-            let memory = self.state.memory.clone().unwrap_or_else(|| unbonded(count));
+            let mut memory = self.state.memory.clone().unwrap_or_else(|| unbonded(count));
+            if scale != 1.0 && scale.is_finite() {
+                memory.contact_moment.iter_mut().flatten().for_each(|m| *m *= scale);
+            }
             start.memory.get_or_insert_with(|| unbonded(before)).append(memory);
         }
     }
