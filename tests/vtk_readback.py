@@ -99,6 +99,14 @@ def polyhedra(path):
     return {number: np.array(rows) for number, rows in vertices.items()}
 
 
+# Places of the static friction and of the attraction, N, in a law's parameters.
+PLACES = {"IQS_CLB": (0, None), "IQS_DS_CLB": (1, None), "RST_CLB": (2, None), "IQS_WET_DS_CLB": (4, 0)}
+
+
+def friction_and_attraction(law):
+    return [0.0 if place is None else law["parameters"][place] for place in PLACES[law["kind"]]]
+
+
 class Snapshot:
     """The arrays of a snapshot, bodies split into grains and walls as cd-post does."""
 
@@ -119,6 +127,8 @@ class Snapshot:
                 self.all[name] = self.all[name][self.listed]
         self.force = np.einsum("ki,kij->kj", self["contact_force"], self["contact_frame"])
         self.active = (self["contact_impulse"] != 0).any(axis=1)
+        laws = [friction_and_attraction(law) for law in self.meta["laws"]]
+        self.friction, self.attraction = np.array(laws).reshape(-1, 2)[self["contact_law"]].T
 
     def __getitem__(self, name):
         return self.all[name]
@@ -202,7 +212,11 @@ def check_arrays(path, s, found, rows):
     spin = np.array([rotation(q).T @ w for q, w in zip(s.grain("q"), s.grain("w_world"))]).reshape(count, 3)
     energy = 0.5 * (s.grain("mass") * (s.grain("v") ** 2).sum(1) + (s.grain("inertia") * spin**2).sum(1))
     check(f"{path.name} kinetic_energy", find("kinetic_energy"), energy[rows], energy)
-    sums = {"contacts", "stress", "pressure", "kinetic_energy", "neighbours", "fragment", "orientation"}
+    relative = s.grain("v") - s.grain("mass") @ s.grain("v") / s.grain("mass").sum() if count else s.grain("v")
+    motion = np.einsum("i,ij,ik->ijk", s.grain("mass") / volume, relative, relative).reshape(count, 9)
+    most = s.grain("mass") / volume * (s.grain("v") ** 2).sum(1)
+    check(f"{path.name} kinetic_stress", find("kinetic_stress"), motion[rows], most)
+    sums = {"contacts", "stress", "pressure", "kinetic_energy", "kinetic_stress", "neighbours", "fragment", "orientation"}
     unknown = set(found) - set(exact) - sums
     if unknown:
         faults.append(f"{path.name}: arrays that are not checked: {sorted(unknown)}")
@@ -217,7 +231,10 @@ def check_contacts(path, snapshot):
     check(f"{path.name} lines", ends, expected)
     tangential = np.hypot(s["contact_force"][:, 1], s["contact_force"][:, 2])
     size = np.linalg.norm(s["contact_force"], axis=1)
+    most = s.friction * (s["contact_force"][:, 0] + s.attraction)
+    mobilised = np.where(most > 0, tangential / np.where(most > 0, most, 1), 0)
     expected = {
+        "mobilised": (mobilised, np.ones(1)),
         "normal_force": (s["contact_force"][:, 0], None),
         "tangential_force": (tangential, size),
         "force": (s.force, size),

@@ -103,7 +103,7 @@ fn sweep_until(
         momentum.after(sums.is_uphill(), *sweeps);
         *sweeps += 1;
         patience += 1;
-        let due = scale.is_none_or(|scale| sums.change() <= scale * tol) || patience > 10 + *sweeps / 4;
+        let due = scale.is_none_or(|scale| sums.change() <= scale * tol) || patience > 10 + *sweeps / 20;
         if due || *sweeps >= max_sweeps {
             problem.read_back(impulses);
             let records = judge.velocities(impulses);

@@ -43,8 +43,7 @@ pub fn norms(system: &System, impulses: &[Vec3], records: &[Record]) -> Norms {
     for (row, r) in system.rows.iter().zip(impulses).filter(|(row, _)| row.can_close) {
         let u = row.velocity(&records);
         let n = row.normal;
-        let inverse_w = [1.0 / row.w_n, 1.0 / row.w_t];
-        let new = signorini_coulomb(Scalar, n.into(), u.into(), (*r).into(), inverse_w, row.friction);
+        let new = signorini_coulomb(Scalar, n.into(), u.into(), (*r).into(), [row.w_n, row.w_t], row.friction);
         let new = Vec3::from(new);
         let w = |v: &Vec3| (v - n * n.dot(v)) * row.w_t + n * (n.dot(v) * row.w_n);
         row.apply(&mut records, &(new - r));

@@ -138,9 +138,9 @@ impl<'a> Sweeper<'a> {
         for &k in active {
             let (row, k) = (&system.rows[k as usize], k as usize);
             let y = r[k] + (r[k] - before.0[k]) * beta;
-            let inverse_w = [1.0 / row.w_n, 1.0 / row.w_t];
             let u = row.velocity(records);
-            let new = signorini_coulomb(Scalar, row.normal.into(), u.into(), y.into(), inverse_w, row.friction);
+            let new =
+                signorini_coulomb(Scalar, row.normal.into(), u.into(), y.into(), [row.w_n, row.w_t], row.friction);
             let new = Vec3::from(new);
             row.apply(records, &(new - y));
             uphill -= row.w_n * (new - y).dot(&(new - r[k]));
