@@ -5,7 +5,7 @@ use cd_formats::snapshot::Ledger;
 
 use crate::geometry::Memory;
 use crate::laws::Law;
-use crate::math::{Quat, Vec3};
+use crate::math::{Quat, Vec3, local_frame};
 use crate::scene::Scene;
 
 /// A contact found in the contact configuration.
@@ -20,8 +20,8 @@ pub struct Contact {
     pub features: (u32, u32),
     /// World frame, m.
     pub point: Vec3,
-    /// Rows n, t, s; n x t = s.
-    pub frame: [Vec3; 3],
+    /// Unit.
+    pub normal: Vec3,
     /// m, < 0 interpenetrating.
     pub gap: f64,
     /// Its share of the area in which faces meet, m^2; 0 where none do.
@@ -39,6 +39,11 @@ pub struct PairMemory {
 }
 
 impl Contact {
+    /// Rows n, t, s; n x t = s.
+    pub fn frame(&self) -> [Vec3; 3] {
+        local_frame(self.normal)
+    }
+
     /// What makes it the same contact in another step; contacts are kept in this order.
     pub fn key(&self) -> (u32, u32, (u16, u16), (u32, u32)) {
         (self.candidate, self.antagonist, self.ranks, self.features)

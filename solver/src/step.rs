@@ -1,12 +1,15 @@
 //! One time step as the list of its rooms; the equations are numbered as in `docs/method.md`.
 
+use std::ops::Add;
 use std::time::{Duration, Instant};
 
-use crate::assemble::{self, Free, GravityReport, System, relative_velocity};
+use rayon::prelude::*;
+
+use crate::assemble::{self, Free, GravityReport, Row, System, relative_velocity};
 use crate::detect;
 use crate::integrate::{self, Configuration};
 use crate::math::lanes::Width;
-use crate::math::{Quat, Vec3, to_local};
+use crate::math::{Quat, Vec3, to_local, to_world};
 use crate::scene::Scene;
 use crate::solve::norms::{Norms, norms};
 use crate::solve::{self, Solution, Task};
@@ -123,33 +126,38 @@ fn end_of_contacts(
         let record = &solution.records[i as usize];
         (v[i as usize], w[i as usize]) = (record.v, record.w);
     }
-    let solved = |contact: Contact| SolvedContact {
-        contact,
-        impulse: Vec3::zeros(),
-        moment: Vec3::zeros(),
-        velocity: to_local(&contact.frame, &relative_velocity(&contact, &q_c.x, &v, &w)),
-        status: Status::NoContact,
-        bond: None,
-    };
-    let mut contacts: Vec<SolvedContact> = contacts.into_iter().map(solved).collect();
-    for (row, r) in system.rows.iter().zip(&solution.impulses) {
-        let solved = &mut contacts[row.contact as usize];
-        let local = to_local(&solved.contact.frame, r);
+    let mut row_of: Vec<Option<u32>> = vec![None; contacts.len()];
+    system.rows.iter().enumerate().for_each(|(k, row)| row_of[row.contact as usize] = Some(k as u32));
+    let solved = |(contact, row): (Contact, Option<u32>)| {
+        let frame = contact.frame();
+        let mut solved = SolvedContact {
+            contact,
+            impulse: Vec3::zeros(),
+            moment: Vec3::zeros(),
+            velocity: to_local(&frame, &relative_velocity(&contact, &q_c.x, &v, &w)),
+            status: Status::NoContact,
+            bond: None,
+        };
+        let Some(k) = row else { return solved };
+        let row = &system.rows[k as usize];
+        let local = to_local(&frame, &solution.impulses[k as usize]);
         solved.impulse = Vec3::new(local.x + row.impulse_shift, local.y, local.z);
         // On the cone's side to rounding; a frictionless contact that carries force slides.
         let bound = row.friction * local.x * (1.0 - 1e-12);
         solved.status = match local.x > 0.0 {
             false => Status::NoContact,
-            true if local.y.hypot(local.z) >= bound => Status::Slide,
+            true if local.yz().norm() >= bound => Status::Slide,
             true => Status::Stick,
         };
-        let law = &scene.laws[solved.contact.law as usize];
+        let law = &scene.laws[contact.law as usize];
         let (parted, slid) = (solved.status == Status::NoContact, solved.status == Status::Slide);
-        solved.bond = row.bond.filter(|_| law.keeps_bond(solved.contact.gap, parted, slid));
-    }
+        solved.bond = row.bond.filter(|_| law.keeps_bond(contact.gap, parted, slid));
+        solved
+    };
+    let mut contacts: Vec<SolvedContact> = contacts.into_par_iter().zip(row_of).with_min_len(512).map(solved).collect();
     for (roll, m) in system.rolls.iter().zip(&solution.moments) {
         let solved = &mut contacts[system.rows[roll.row as usize].contact as usize];
-        solved.moment = to_local(&solved.contact.frame, m);
+        solved.moment = to_local(&solved.contact.frame(), m);
     }
     Solved { v, w, contacts }
 }
@@ -165,49 +173,41 @@ fn book(
     solved: &Solved,
 ) -> StepReport {
     let h = scene.options.dt;
-    let mut momentum_in = free.impulse;
-    let mut angular_in = free.angular_impulse;
+    let of_some = |rows: &[Row]| {
+        rows.iter().fold(Given::default(), |given, row| {
+            let solved_row = &solved.contacts[row.contact as usize];
+            if solved_row.impulse == Vec3::zeros() { given } else { given + at_contact(scene, state, q_c, row, solved) }
+        })
+    };
+    // In parts that the number of rows alone decides.
+    let parts: Vec<Given> = system.rows.par_chunks(PART).map(of_some).collect();
+    let given = parts.into_iter().fold(Given::default(), Given::add);
     let ledger = &mut state.ledger;
-    for row in &system.rows {
-        let SolvedContact { contact, impulse, moment, velocity, .. } = &solved.contacts[row.contact as usize];
-        if impulse.x == 0.0 && impulse.y == 0.0 && impulse.z == 0.0 {
-            continue;
-        }
-        let mean = 0.5 * (velocity + row.u_before);
-        ledger.contact_work += impulse.dot(&mean);
-        ledger.friction_work += impulse.y * mean.y + impulse.z * mean.z;
-        let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
-        let moment = crate::math::to_world(&contact.frame, moment);
-        let turned = |body: usize| solved.w[body] + q_c.w[body];
-        let turning_work = 0.5 * moment.dot(&(turned(candidate) - turned(antagonist)));
-        ledger.contact_work += turning_work;
-        ledger.friction_work += turning_work;
-        let sides = [(candidate, 1.0), (antagonist, -1.0)];
-        for (body, sign) in sides.into_iter().filter(|(body, _)| scene.bodies[*body].driven) {
-            // What a driven body gives the free one: minus the impulse that it takes itself.
-            let given = crate::math::to_world(&contact.frame, impulse) * -sign;
-            let arm = contact.point - q_c.x[body];
-            let moved = (solved.v[body] + state.v[body]) + turned(body).cross(&arm);
-            ledger.outside_work += 0.5 * (given.dot(&moved) - sign * moment.dot(&turned(body)));
-            momentum_in += given;
-            angular_in += contact.point.cross(&given) - moment * sign;
-        }
-    }
+    ledger.contact_work += given.contact_work;
+    ledger.friction_work += given.friction_work;
+    ledger.outside_work += given.outside_work;
     for (i, force, moment) in &free.loads {
         ledger.outside_work +=
             0.5 * h * (force.dot(&(solved.v[*i] + state.v[*i])) + moment.dot(&(solved.w[*i] + q_c.w[*i])));
     }
     for k in 0..3 {
-        ledger.momentum_expected[k] += momentum_in[k];
-        ledger.angular_momentum_expected[k] += angular_in[k];
+        ledger.momentum_expected[k] += free.impulse[k] + given.momentum[k];
+        ledger.angular_momentum_expected[k] += free.angular_impulse[k] + given.angular_momentum[k];
     }
 
     let motion = Motion::of(scene, &q_c.q, &solved.v, &solved.w);
     ledger.momentum_scale = ledger.momentum_scale.max(motion.scale);
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
-    let depths = || solved.contacts.iter().map(|s| (-s.contact.gap).max(0.0));
-    let contacts_active = solved.contacts.iter().filter(|s| s.impulse != Vec3::zeros()).count();
-    let penetration_largest = depths().fold(0.0, f64::max);
+    let counted = |contacts: &[SolvedContact]| {
+        contacts.iter().fold((0usize, 0.0f64, 0.0), |(active, largest, sum), s| {
+            let depth = (-s.contact.gap).max(0.0);
+            (active + usize::from(s.impulse != Vec3::zeros()), largest.max(depth), sum + depth)
+        })
+    };
+    let parts: Vec<(usize, f64, f64)> = solved.contacts.par_chunks(PART).map(counted).collect();
+    let (contacts_active, penetration_largest, penetration_sum) = parts
+        .into_iter()
+        .fold((0, 0.0f64, 0.0), |(n, largest, sum), part| (n + part.0, largest.max(part.1), sum + part.2));
     ledger.penetration_largest = ledger.penetration_largest.max(penetration_largest / scene.mean_radius);
     ledger.sweeps += solution.sweeps;
     if !solution.converged {
@@ -229,13 +229,69 @@ fn book(
         norms: scene.options.lmgc90_norms.then(|| norms(system, &solution.impulses, &solution.records)),
         worst_pair: solution.worst.map(pair),
         penetration_largest,
-        penetration_mean: depths().sum::<f64>() / contacts_active.max(1) as f64,
+        penetration_mean: penetration_sum / contacts_active.max(1) as f64,
         kinetic: motion.kinetic,
         rotational: motion.rotational,
         potential: free.potential,
         gravity: free.gravity,
         momentum_drift: if ledger.momentum_scale > 0.0 { drift / ledger.momentum_scale } else { 0.0 },
     }
+}
+
+/// Rows, contacts or bodies that one task adds up.
+const PART: usize = 1024;
+
+/// What contacts do in a step.
+#[derive(Debug, Clone, Copy, Default)]
+struct Given {
+    /// J
+    contact_work: f64,
+    friction_work: f64,
+    /// Of driven bodies on free ones: work, impulse and its moment about the origin.
+    outside_work: f64,
+    momentum: Vec3,
+    angular_momentum: Vec3,
+}
+
+impl Add for Given {
+    type Output = Given;
+
+    fn add(self, other: Given) -> Given {
+        Given {
+            contact_work: self.contact_work + other.contact_work,
+            friction_work: self.friction_work + other.friction_work,
+            outside_work: self.outside_work + other.outside_work,
+            momentum: self.momentum + other.momentum,
+            angular_momentum: self.angular_momentum + other.angular_momentum,
+        }
+    }
+}
+
+/// What the contact of `row` does.
+fn at_contact(scene: &Scene, state: &State, q_c: &Configuration, row: &Row, solved: &Solved) -> Given {
+    let SolvedContact { contact, impulse, moment, velocity, .. } = &solved.contacts[row.contact as usize];
+    let mean = 0.5 * (velocity + row.u_before);
+    let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
+    let frame = contact.frame();
+    let moment = to_world(&frame, moment);
+    let turned = |body: usize| solved.w[body] + q_c.w[body];
+    let turning_work = 0.5 * moment.dot(&(turned(candidate) - turned(antagonist)));
+    let mut given = Given {
+        contact_work: impulse.dot(&mean) + turning_work,
+        friction_work: impulse.y * mean.y + impulse.z * mean.z + turning_work,
+        ..Given::default()
+    };
+    let sides = [(candidate, 1.0), (antagonist, -1.0)];
+    for (body, sign) in sides.into_iter().filter(|(body, _)| scene.bodies[*body].driven) {
+        // What a driven body gives the free one: minus the impulse that it takes itself.
+        let force = to_world(&frame, impulse) * -sign;
+        let arm = contact.point - q_c.x[body];
+        let moved = (solved.v[body] + state.v[body]) + turned(body).cross(&arm);
+        given.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
+        given.momentum += force;
+        given.angular_momentum += contact.point.cross(&force) - moment * sign;
+    }
+    given
 }
 
 /// Sums over the free bodies.
@@ -252,15 +308,19 @@ pub struct Motion {
 
 impl Motion {
     pub fn of(scene: &Scene, q: &[Quat], v: &[Vec3], w: &[Vec3]) -> Self {
-        scene.free.iter().map(|&i| i as usize).fold(Motion::default(), |sum, i| {
-            let body = &scene.bodies[i];
-            Motion {
-                momentum: sum.momentum + v[i] * body.mass,
-                scale: sum.scale + v[i].norm() * body.mass,
-                kinetic: sum.kinetic + 0.5 * body.mass * v[i].norm_squared(),
-                rotational: sum.rotational + 0.5 * body.angular_momentum(&q[i], &w[i]).dot(&w[i]),
-            }
-        })
+        let of_some = |bodies: &[u32]| {
+            bodies.iter().map(|&i| i as usize).fold(Motion::default(), |sum, i| {
+                let body = &scene.bodies[i];
+                sum + Motion {
+                    momentum: v[i] * body.mass,
+                    scale: v[i].norm() * body.mass,
+                    kinetic: 0.5 * body.mass * v[i].norm_squared(),
+                    rotational: 0.5 * body.angular_momentum(&q[i], &w[i]).dot(&w[i]),
+                }
+            })
+        };
+        let parts: Vec<Motion> = scene.free.par_chunks(PART).map(of_some).collect();
+        parts.into_iter().fold(Motion::default(), Motion::add)
     }
 
     /// Angular momentum of the free bodies about the origin, kg m^2/s.
@@ -270,6 +330,19 @@ impl Motion {
             state.x[i].cross(&state.v[i]) * body.mass + body.angular_momentum(&state.q[i], &state.w[i])
         };
         scene.free.iter().map(of).sum()
+    }
+}
+
+impl Add for Motion {
+    type Output = Motion;
+
+    fn add(self, other: Motion) -> Motion {
+        Motion {
+            momentum: self.momentum + other.momentum,
+            scale: self.scale + other.scale,
+            kinetic: self.kinetic + other.kinetic,
+            rotational: self.rotational + other.rotational,
+        }
     }
 }
 

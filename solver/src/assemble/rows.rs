@@ -5,6 +5,7 @@
 //! that the solver works on r̂ = r - c n alone (see [`crate::laws`]).
 
 use nalgebra::Matrix3;
+use rayon::prelude::*;
 
 use crate::integrate::Configuration;
 use crate::laws::{Approach, Rolling};
@@ -126,7 +127,6 @@ pub fn contact_problem(
     v_free: &[Vec3],
     w_free: &[Vec3],
 ) -> System {
-    let h = scene.options.dt;
     let mut full = full(scene, q_c);
     let records: Vec<Record> = scene
         .bodies
@@ -150,77 +150,18 @@ pub fn contact_problem(
         })
         .collect();
 
-    let mut rows = Vec::with_capacity(contacts.len());
+    let setting = Setting { scene, state, q_c, v_free, w_free, records: &records, full: full.is_some() };
+    let parts: Vec<Part> =
+        contacts.par_chunks(CHUNK).enumerate().map(|(chunk, contacts)| setting.rows(chunk * CHUNK, contacts)).collect();
+    let mut rows: Vec<Row> = Vec::with_capacity(parts.iter().map(|part| part.rows.len()).sum());
     let mut rolls = Vec::new();
-    let mut previous = state.contacts.iter().peekable();
-    for (index, contact) in contacts.iter().enumerate() {
-        while previous.next_if(|old| old.contact.key() < contact.key()).is_some() {}
-        let previous = previous.next_if(|old| old.contact.key() == contact.key());
-        let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
-
-        let [n, ..] = contact.frame;
-        let u_before = relative_velocity(contact, &q_c.x, &state.v, &q_c.w);
-        let law = &state.laws[contact.law as usize];
-        // A stress acts on the area in which faces meet, where there is one.
-        let radius = if contact.area > 0.0 {
-            (contact.area / std::f64::consts::PI).sqrt()
-        } else {
-            scene.effective_radius(contact.candidate, contact.antagonist)
-        };
-        let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
-        let bond = previous.and_then(|old| old.bond).or(if bonds_now { law.bond(contact.gap, radius) } else { None });
-        let at = Approach { gap: contact.gap, h, u_n: n.dot(&u_before), radius, slid_before, bond };
-        let Some(shift) = law.shift(&at) else { continue };
-
-        let bodies = [contact.candidate, contact.antagonist];
-        let [a, b] = bodies.map(|i| i as usize);
-        let on_plate = full.is_none() && !scene.bodies[b].is_sphere();
-        // Arms that end in one point: on a plate in the middle of the gap, else where the radii divide the distance.
-        let radii = [records[a].radius, records[b].radius];
-        let arm = match &full {
-            None => 1.0 + contact.gap / if on_plate { 2.0 * radii[0] } else { radii[0] + radii[1] },
-            Some(_) => 1.0,
-        };
-        let plate = if on_plate { v_free[b] + w_free[b].cross(&(contact.point - q_c.x[b])) } else { Vec3::zeros() };
-        let w_n = records[a].inverse_mass + records[b].inverse_mass;
-        let w_t = w_n
-            + (arm * radii[0]).powi(2) * records[a].inverse_inertia
-            + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
-        if let Some(Rolling { rolling, spinning }) = law.rolling {
-            let turned = |old: &SolvedContact| to_world(&old.contact.frame, &old.moment) * (h / state.h);
-            rolls.push(Roll {
-                row: rows.len() as u32,
-                radius,
-                rolling,
-                spinning,
-                inverse_w: 1.0 / (records[a].inverse_inertia + records[b].inverse_inertia),
-                shift: if on_plate { -w_free[b] } else { Vec3::zeros() },
-                start: previous.map_or(Vec3::zeros(), turned),
-            });
-        }
-        let u_tangent = u_before - n * n.dot(&u_before);
-        let mut travel = h * (v_free[a].norm() + plate.norm().max(v_free[b].norm()));
+    for part in parts {
+        let first = rows.len() as u32;
+        rolls.extend(part.rolls.into_iter().map(|roll| Roll { row: first + roll.row, ..roll }));
+        rows.extend(part.rows);
         if let Some(full) = &mut full {
-            let arms = [a, b].map(|i| contact.point - q_c.x[i]);
-            let sides = [a, b].into_iter().zip(arms);
-            travel += h * sides.map(|(i, arm)| w_free[i].norm() * arm.norm()).sum::<f64>();
-            full.arms.push(arms);
+            full.arms.extend(part.arms);
         }
-        rows.push(Row {
-            bodies,
-            normal: n,
-            arm,
-            shift: n * shift.normal + u_tangent * shift.tangential - plate,
-            w_n,
-            w_t,
-            friction: shift.friction,
-            impulse_shift: shift.impulse,
-            contact: index as u32,
-            can_close: contact.gap <= travel || shift.impulse != 0.0,
-            start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, shift.impulse, h / state.h)),
-            u_before: to_local(&contact.frame, &u_before),
-            bond,
-        });
     }
     if let Some(full) = &full {
         for (k, row) in rows.iter_mut().enumerate() {
@@ -239,6 +180,113 @@ pub fn contact_problem(
     system
 }
 
+/// Contacts that one task looks at.
+const CHUNK: usize = 1024;
+
+/// What the rows are made from.
+struct Setting<'a> {
+    scene: &'a Scene,
+    state: &'a State,
+    q_c: &'a Configuration,
+    v_free: &'a [Vec3],
+    w_free: &'a [Vec3],
+    records: &'a [Record],
+    full: bool,
+}
+
+/// Rows of some contacts, with their arms where blocks are full.
+#[derive(Default)]
+struct Part {
+    rows: Vec<Row>,
+    rolls: Vec<Roll>,
+    arms: Vec<[Vec3; 2]>,
+}
+
+impl Setting<'_> {
+    /// The rows of consecutive contacts, the first of which is number `first`; rolls count rows from 0.
+    fn rows(&self, first: usize, contacts: &[Contact]) -> Part {
+        let Setting { scene, state, q_c, v_free, w_free, records, full } = *self;
+        let h = scene.options.dt;
+        let mut part = Part { rows: Vec::with_capacity(contacts.len()), ..Part::default() };
+        let Some(lowest) = contacts.first().map(Contact::key) else { return part };
+        let known = state.contacts.partition_point(|old| old.contact.key() < lowest);
+        let mut previous = state.contacts[known..].iter().peekable();
+        for (index, contact) in (first..).zip(contacts) {
+            while previous.next_if(|old| old.contact.key() < contact.key()).is_some() {}
+            let previous = previous.next_if(|old| old.contact.key() == contact.key());
+            let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
+
+            let frame = contact.frame();
+            let n = frame[0];
+            let u_before = relative_velocity(contact, &q_c.x, &state.v, &q_c.w);
+            let law = &state.laws[contact.law as usize];
+            // A stress acts on the area in which faces meet, where there is one.
+            let radius = if contact.area > 0.0 {
+                (contact.area / std::f64::consts::PI).sqrt()
+            } else {
+                scene.effective_radius(contact.candidate, contact.antagonist)
+            };
+            let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
+            let bond =
+                previous.and_then(|old| old.bond).or(if bonds_now { law.bond(contact.gap, radius) } else { None });
+            let at = Approach { gap: contact.gap, h, u_n: n.dot(&u_before), radius, slid_before, bond };
+            let Some(shift) = law.shift(&at) else { continue };
+
+            let bodies = [contact.candidate, contact.antagonist];
+            let [a, b] = bodies.map(|i| i as usize);
+            let on_plate = !full && !scene.bodies[b].is_sphere();
+            // Arms that end in one point: on a plate in the middle of the gap, else where the radii divide the distance.
+            let radii = [records[a].radius, records[b].radius];
+            let arm = if full {
+                1.0
+            } else {
+                1.0 + contact.gap / if on_plate { 2.0 * radii[0] } else { radii[0] + radii[1] }
+            };
+            let plate = if on_plate { v_free[b] + w_free[b].cross(&(contact.point - q_c.x[b])) } else { Vec3::zeros() };
+            let w_n = records[a].inverse_mass + records[b].inverse_mass;
+            let w_t = w_n
+                + (arm * radii[0]).powi(2) * records[a].inverse_inertia
+                + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
+            if let Some(Rolling { rolling, spinning }) = law.rolling {
+                let turned = |old: &SolvedContact| to_world(&old.contact.frame(), &old.moment) * (h / state.h);
+                part.rolls.push(Roll {
+                    row: part.rows.len() as u32,
+                    radius,
+                    rolling,
+                    spinning,
+                    inverse_w: 1.0 / (records[a].inverse_inertia + records[b].inverse_inertia),
+                    shift: if on_plate { -w_free[b] } else { Vec3::zeros() },
+                    start: previous.map_or(Vec3::zeros(), turned),
+                });
+            }
+            let u_tangent = u_before - n * n.dot(&u_before);
+            let mut travel = h * (v_free[a].norm() + plate.norm().max(v_free[b].norm()));
+            if full {
+                let arms = [a, b].map(|i| contact.point - q_c.x[i]);
+                let sides = [a, b].into_iter().zip(arms);
+                travel += h * sides.map(|(i, arm)| w_free[i].norm() * arm.norm()).sum::<f64>();
+                part.arms.push(arms);
+            }
+            part.rows.push(Row {
+                bodies,
+                normal: n,
+                arm,
+                shift: n * shift.normal + u_tangent * shift.tangential - plate,
+                w_n,
+                w_t,
+                friction: shift.friction,
+                impulse_shift: shift.impulse,
+                contact: index as u32,
+                can_close: contact.gap <= travel || shift.impulse != 0.0,
+                start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, shift.impulse, h / state.h)),
+                u_before: to_local(&frame, &u_before),
+                bond,
+            });
+        }
+        part
+    }
+}
+
 /// The bodies' part of [`Full`], where a scene needs it.
 fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
     let of = |(body, q): (&Body, &Quat)| {
@@ -255,8 +303,8 @@ fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
 /// r̂ of the last step for the same contact, scaled to the new step length, its tangential part
 /// laid into the new tangent plane.
 fn warm_start(old: &SolvedContact, contact: &Contact, impulse_shift: f64, scale: f64) -> Vec3 {
-    let [n_old, t_old, s_old] = old.contact.frame;
-    let n = contact.frame[0];
+    let [n_old, t_old, s_old] = old.contact.frame();
+    let n = contact.normal;
     debug_assert!((n_old.norm() - 1.0).abs() < 1e-3);
     let tangential = t_old * old.impulse.y + s_old * old.impulse.z;
     let normal = (old.impulse.x * scale - impulse_shift).max(0.0);
@@ -272,8 +320,8 @@ fn order_of_space(x: &[Vec3]) -> Vec<u32> {
     let scale = f64::from(1 << 21) / (high - low).max().max(f64::MIN_POSITIVE);
     let key =
         |p: &Vec3| (0..3).fold(0, |key, k| key | spread((((p[k] - low[k]) * scale) as u64).min((1 << 21) - 1)) << k);
-    let mut keyed: Vec<(u64, u32)> = x.iter().enumerate().map(|(i, p)| (key(p), i as u32)).collect();
-    keyed.sort_unstable();
+    let mut keyed: Vec<(u64, u32)> = x.par_iter().enumerate().map(|(i, p)| (key(p), i as u32)).collect();
+    keyed.par_sort_unstable();
     keyed.into_iter().map(|(_, i)| i).collect()
 }
 

@@ -32,14 +32,15 @@ impl Level {
     fn new(x: &[Vec3], reach: &[f64], members: &[u32]) -> Self {
         let width = 2.0 * members.iter().map(|&i| reach[i as usize]).fold(0.0, f64::max);
         // About eight cells a sphere: most are empty, and few hold what is far apart.
-        let bits = (members.len().ilog2() / 3 + 2).min(8);
+        let bits = ((8 * members.len()).ilog2() / 3).clamp(2, 8);
         let mut level =
             Level { inverse_width: 1.0 / width, bits, order: Vec::new(), starts: Vec::new(), spheres: Vec::new() };
-        let cells: Vec<u32> = members.iter().map(|&i| level.slot(level.cell(&x[i as usize]))).collect();
+        let cells: Vec<u32> =
+            members.par_iter().with_min_len(CHUNK).map(|&i| level.slot(level.cell(&x[i as usize]))).collect();
         (level.order, level.starts) = group(&cells, 1 << (3 * bits));
         level.order.iter_mut().for_each(|place| *place = members[*place as usize]);
         let sphere = |i: &u32| [x[*i as usize].x, x[*i as usize].y, x[*i as usize].z, reach[*i as usize]];
-        level.spheres = level.order.iter().map(sphere).collect();
+        level.spheres = level.order.par_iter().with_min_len(CHUNK).map(sphere).collect();
         level
     }
 

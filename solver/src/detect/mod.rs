@@ -11,7 +11,7 @@ mod parts;
 
 use rayon::prelude::*;
 
-use crate::math::{Vec3, group, local_frame};
+use crate::math::{Vec3, group};
 use crate::scene::{Scene, Shape};
 use crate::state::{Contact, PairMemory};
 
@@ -31,88 +31,94 @@ pub fn contacts(
     let travel: Vec<f64> = v_free.iter().map(|v| h * v.norm()).collect();
     if scene.is_general() {
         let (found, pairs) = parts::contacts(scene, q_c, &travel, h, pairs);
-        return (in_order(scene, found), pairs);
+        return (sorted(scene, found, |contact| contact.candidate, Contact::key), pairs);
     }
-    let mut found = among_spheres(scene, q_c, &travel);
-    found.extend(with_planes(scene, q_c, &travel, h));
-    (in_order(scene, found), Vec::new())
+    let mut pairs = among_spheres(scene, q_c, &travel);
+    pairs.extend(with_planes(scene, q_c, &travel, h));
+    let of_pair = |&[candidate, antagonist]: &[u32; 2]| contact(scene, q_c, candidate, antagonist);
+    let contacts =
+        sorted(scene, pairs, |pair| pair[0], |pair| pair[1]).par_iter().with_min_len(256).map(of_pair).collect();
+    (contacts, Vec::new())
 }
 
-/// In the order of [`Contact::key`].
-fn in_order(scene: &Scene, found: Vec<Contact>) -> Vec<Contact> {
-    // By candidate first, so that only the few contacts of one body remain to be sorted.
-    let candidates: Vec<u32> = found.iter().map(|contact| contact.candidate).collect();
+/// In the order of candidates, then of `key`.
+fn sorted<T: Copy, K: Ord>(scene: &Scene, found: Vec<T>, candidate: fn(&T) -> u32, key: fn(&T) -> K) -> Vec<T> {
+    // By candidate first, so that only the few of one body remain to be sorted.
+    let candidates: Vec<u32> = found.iter().map(candidate).collect();
     let (order, starts) = group(&candidates, scene.bodies.len());
-    let mut contacts: Vec<Contact> = order.iter().map(|&k| found[k as usize]).collect();
+    let mut sorted: Vec<T> = order.iter().map(|&k| found[k as usize]).collect();
     for of_one in starts.windows(2) {
-        contacts[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(Contact::key);
+        sorted[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(key);
     }
-    contacts
+    sorted
 }
 
-fn among_spheres(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<Contact> {
-    let radius = |i: u32| match scene.bodies[i as usize].shape {
-        Shape::Sphere { radius } => radius,
-        _ => unreachable!("spheres lists spheres"),
-    };
+/// Candidate and antagonist of the listed pairs.
+fn among_spheres(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<[u32; 2]> {
+    let radius = |i: u32| scene.bodies[i as usize].radius;
     let centres: Vec<Vec3> = scene.spheres.iter().map(|&i| q_c.x[i as usize]).collect();
     let reach: Vec<f64> =
         scene.spheres.iter().map(|&i| radius(i) + travel[i as usize] + 0.5 * scene.listing_range).collect();
     broad::pairs(&centres, &reach)
         .into_par_iter()
-        .with_min_len(256)
-        .filter_map(|[i, j]| {
-            let (candidate, antagonist) = (scene.spheres[i as usize], scene.spheres[j as usize]);
-            let (a, b) = (candidate as usize, antagonist as usize);
-            let found = narrow::sphere_sphere(&q_c.x[a], radius(candidate), &q_c.x[b], radius(antagonist));
-            list(scene, candidate, antagonist, found, travel[a] + travel[b])
-        })
+        .with_min_len(512)
+        .map(|[i, j]| [scene.spheres[i as usize], scene.spheres[j as usize]])
+        .filter(|&[a, b]| is_listed(scene, q_c, a, b, travel[a as usize] + travel[b as usize]))
         .collect()
 }
 
-fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64], h: f64) -> Vec<Contact> {
-    scene
-        .planes
-        .par_iter()
-        .flat_map_iter(|&plane| {
-            let p = plane as usize;
-            let Shape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
-            // A wall's travel is that of its farthest corner.
-            let swept = travel[p] + h * q_c.w[p].norm() * half_lengths.norm();
-            scene.spheres.iter().filter_map(move |&sphere| {
-                let s = sphere as usize;
-                let Shape::Sphere { radius } = scene.bodies[s].shape else { unreachable!("spheres lists spheres") };
-                let found = narrow::sphere_plane(&q_c.x[s], radius, &q_c.x[p], &q_c.q[p], &half_lengths);
-                list(scene, sphere, plane, found, travel[s] + swept)
-            })
-        })
-        .collect()
+fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64], h: f64) -> Vec<[u32; 2]> {
+    let reaches = |plane: u32| {
+        let p = plane as usize;
+        let Shape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
+        // A wall's travel is that of its farthest corner.
+        travel[p] + h * q_c.w[p].norm() * half_lengths.norm()
+    };
+    let with = |&plane: &u32| {
+        let swept = reaches(plane);
+        let near = move |&sphere: &u32| is_listed(scene, q_c, sphere, plane, travel[sphere as usize] + swept);
+        scene.spheres.par_iter().copied().with_min_len(512).filter(near).map(move |sphere| [sphere, plane])
+    };
+    scene.planes.par_iter().flat_map(with).collect()
 }
 
-/// The contact of a pair, if the two see each other, are near enough, and not both driven.
-fn list(scene: &Scene, candidate: u32, antagonist: u32, found: narrow::Found, travel: f64) -> Option<Contact> {
-    let (a, b) = (&scene.bodies[candidate as usize], &scene.bodies[antagonist as usize]);
-    let see = scene.visibility.see(a.class, b.class)?;
-    let range = see.alert.max(travel);
+/// Geometry of a sphere against a sphere or plate.
+fn found(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32) -> narrow::Found {
+    let [a, b] = [candidate, antagonist].map(|i| (&scene.bodies[i as usize], &q_c.x[i as usize]));
+    match &b.0.shape {
+        Shape::Plane { half_lengths } => {
+            narrow::sphere_plane(a.1, a.0.radius, b.1, &q_c.q[antagonist as usize], half_lengths)
+        }
+        _ => narrow::sphere_sphere(a.1, a.0.radius, b.1, b.0.radius),
+    }
+}
+
+/// Whether the two see each other, are near enough, and not both driven.
+fn is_listed(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32, travel: f64) -> bool {
+    let [a, b] = [candidate, antagonist].map(|i| &scene.bodies[i as usize]);
+    let Some(see) = scene.visibility.see(a.class, b.class) else { return false };
+    if a.driven && b.driven {
+        return false;
+    }
+    let gap = found(scene, q_c, candidate, antagonist).gap;
     // The range of a bond needs the radii, which a near pair is not asked for.
     let law = &scene.laws[see.law as usize];
-    let range = if found.gap > range && law.cohesion.is_some() {
-        law.range(scene.effective_radius(candidate, antagonist))
-    } else {
-        range
-    };
-    if found.gap > range || (a.driven && b.driven) {
-        return None;
-    }
-    Some(Contact {
+    let range = || law.range(scene.effective_radius(candidate, antagonist));
+    gap <= see.alert.max(travel) || (law.cohesion.is_some() && gap <= range())
+}
+
+fn contact(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32) -> Contact {
+    let found = found(scene, q_c, candidate, antagonist);
+    let [a, b] = [candidate, antagonist].map(|i| scene.bodies[i as usize].class);
+    Contact {
         candidate,
         antagonist,
         ranks: (0, 0),
         features: (0, found.feature),
         point: found.point,
-        frame: local_frame(found.normal),
+        normal: found.normal,
         gap: found.gap,
         area: 0.0,
-        law: see.law,
-    })
+        law: scene.visibility.see(a, b).map_or(0, |see| see.law),
+    }
 }

@@ -7,7 +7,7 @@ use cd_formats::compute::NarrowPhase;
 use crate::detect::{broad, narrow};
 use crate::geometry::{Manifold, Memory, Narrow, Point, Posed, polyhedron_polyhedron, polyhedron_sphere};
 use crate::integrate::Configuration;
-use crate::math::{Quat, Vec3, local_frame};
+use crate::math::{Quat, Vec3};
 use crate::scene::{Geometry, Part, Scene, See};
 use crate::state::{Contact, PairMemory};
 
@@ -161,7 +161,6 @@ fn listed(
     range: f64,
     law: u8,
 ) -> Vec<Contact> {
-    let frame = local_frame(manifold.normal);
     let area = manifold.area / manifold.points.len() as f64;
     let contact = |point: &crate::geometry::Point| Contact {
         candidate: a.body,
@@ -169,7 +168,7 @@ fn listed(
         ranks: (a.rank, b.rank),
         features: point.features,
         point: at_a.centre + point.position,
-        frame,
+        normal: manifold.normal,
         gap: point.gap,
         area,
         law,

@@ -6,9 +6,11 @@
 //! unequal moments turn freely before and after the impulses, which change their angular momentum in space.
 //! Sources: M. Jean (1999), section 5; J.J. Moreau, CISM 302 (1988); see [`crate::math::rotation`].
 
+use rayon::prelude::*;
+
 use crate::math::rotation::{angular_momentum, angular_velocity, turn_freely};
 use crate::math::{Quat, Vec3, rotate};
-use crate::scene::Scene;
+use crate::scene::{Body, Scene};
 use crate::state::State;
 
 /// Where contacts are looked for and forces evaluated.
@@ -42,14 +44,15 @@ pub fn predict(scene: &Scene, state: &State) -> Configuration {
 pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
     let h = scene.options.dt;
     let (before, after) = (h * (1.0 - scene.options.theta), h * scene.options.theta);
-    for (i, body) in scene.bodies.iter().enumerate() {
-        state.x[i] = q_c.x[i] + v[i] * after;
-        state.q[i] = if body.is_sphere() {
-            rotate(&state.q[i], &(state.w[i] * before + w[i] * after))
+    state.x.iter_mut().zip(&q_c.x).zip(&v).for_each(|((x, x_c), v)| *x = x_c + v * after);
+    let turned = |(i, (q, body)): (usize, (&mut Quat, &Body))| {
+        *q = if body.is_sphere() {
+            rotate(q, &(state.w[i] * before + w[i] * after))
         } else {
             rotate(&q_c.q[i], &(w[i] * after))
         };
-    }
+    };
+    state.q.par_iter_mut().zip(&scene.bodies).with_min_len(512).enumerate().for_each(turned);
     for (&i, momentum) in scene.turning.iter().zip(&mut state.spin) {
         let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);
         // What nothing has pushed keeps its momentum to the last bit.

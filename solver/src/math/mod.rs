@@ -3,7 +3,7 @@
 pub mod lanes;
 pub mod rotation;
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 pub type Vec3 = Vector3<f64>;
 pub type Quat = UnitQuaternion<f64>;
@@ -37,10 +37,24 @@ pub fn to_world(frame: &[Vec3; 3], components: &Vec3) -> Vec3 {
     frame[0] * components.x + frame[1] * components.y + frame[2] * components.z
 }
 
+/// Squares of angles up to which four terms of cosine and sine are exact to round-off: (0.01/4)^4/8! < 1e-15.
+const SMALL: f64 = 0.01;
+
 /// The orientation `q` after a rotation by the vector `angle` (rad, world frame), of unit norm to round-off.
 pub fn rotate(q: &Quat, angle: &Vec3) -> Quat {
-    let turned = Quat::from_scaled_axis(*angle) * q;
-    Quat::new_normalize(turned.into_inner())
+    // cos(a/2) and sin(a/2)/a.
+    let a2 = angle.norm_squared();
+    let (cos, sinc) = if a2 < SMALL {
+        (
+            1.0 - a2 / 8.0 * (1.0 - a2 / 48.0 * (1.0 - a2 / 120.0 * (1.0 - a2 / 224.0))),
+            0.5 - a2 / 48.0 * (1.0 - a2 / 80.0 * (1.0 - a2 / 168.0)),
+        )
+    } else {
+        let a = a2.sqrt();
+        ((0.5 * a).cos(), (0.5 * a).sin() / a)
+    };
+    let v = angle * sinc;
+    Quat::new_normalize(Quaternion::new(cos, v.x, v.y, v.z) * q.into_inner())
 }
 
 /// Places 0.. of `keys` grouped by key (each below `groups`) and in order within a group, and where
@@ -81,6 +95,17 @@ mod tests {
             // Each entry is a handful of products of numbers up to 1.
             assert!((n.cross(&t) - s).norm() < 1e-15, "{n} {t} {s}");
             assert!((t.norm() - 1.0).abs() < 1e-15 && t.dot(&n).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn rotations_by_small_and_large_angles() {
+        let q = Quat::from_euler_angles(0.3, -1.2, 2.0);
+        for size in [0.0, 1e-300, 1e-9, 1e-3, 0.0999, 0.1, 0.1001, 2.0, 7.0] {
+            let angle = Vec3::new(2.0, -1.0, 0.5).normalize() * size;
+            let exact = Quat::from_scaled_axis(angle) * q;
+            // A few roundings of numbers up to 1.
+            assert!((rotate(&q, &angle).coords - exact.coords).norm() < 5e-16, "{size}");
         }
     }
 

@@ -9,7 +9,7 @@ use cd_formats::tact_behav::{Side, TactBehav};
 use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 
 use crate::laws::{Cohesion, KINDS, Law};
-use crate::math::{Quat, Vec3};
+use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
 use crate::scene::{Body, Geometry, Part, Scene, See, Shape, Visibility};
 use crate::state::{Contact, SolvedContact, Status};
 
@@ -198,6 +198,9 @@ pub fn history(
         if [kind_a, kind_b].iter().any(|kind| CONTACTORS[*kind] == ["POLYR"; 2]) {
             continue;
         }
+        let Some(normal) = frame[0].try_normalize(0.0) else { continue };
+        // Their tangents are not ours.
+        let ours = |v: [f64; 3]| to_local(&local_frame(normal), &to_world(&frame, &v.into()));
         contacts.push(SolvedContact {
             contact: Contact {
                 candidate: record.candidate.body as u32,
@@ -205,14 +208,14 @@ pub fn history(
                 ranks: (sides[0].rank as u16, sides[1].rank as u16),
                 features: (0, face),
                 point: Vec3::from(record.point),
-                frame,
+                normal,
                 gap: record.gap,
                 area: 0.0,
                 law: see.law,
             },
-            impulse: Vec3::from(record.force) * h,
+            impulse: ours(record.force) * h,
             moment: Vec3::zeros(),
-            velocity: Vec3::from(record.velocity),
+            velocity: ours(record.velocity),
             status,
             bond: bonded.then_some(record.gap),
         });

@@ -88,15 +88,15 @@ fn by_stored(
         for ((row, frame), r) in problem.rows.iter().zip(&found.r) {
             impulses[*row as usize] = to_world(frame, &(*r).into());
         }
-        let records = judge.velocities(&impulses);
-        let residual = judge.residual_at(&impulses, &records);
+        let motions = judge.motions(&impulses);
+        let residual = judge.residual_at(&impulses, &motions);
         best.sweeps += found.sweeps;
         left.max_sweeps = left.max_sweeps.saturating_sub(found.sweeps);
         left.max_cost -= found.cost;
         if residual.value < best.residual {
             best = Solution {
+                records: judge.records(&motions),
                 impulses,
-                records,
                 residual: residual.value,
                 worst: residual.worst,
                 taken_over: true,

@@ -8,12 +8,14 @@
 //! (1983) 372-376; B. O'Donoghue, E. Candes, Found. Comput. Math. 15 (2015) 715-732 (restart);
 //! H. Mazhar et al., ACM Trans. Graph. 34 (2015) (in contact dynamics).
 
+use rayon::prelude::*;
+
 use crate::assemble::{Record, System};
 use crate::math::Vec3;
 use crate::math::lanes::Width;
 use crate::solve::batches::{self, Sums};
 use crate::solve::full;
-use crate::solve::residual::{Judge, Residual};
+use crate::solve::residual::{Judge, Motion, Residual};
 use crate::solve::sweep::sweep;
 
 /// Largest share of the last change that is carried on where there is friction, by the place of the
@@ -54,7 +56,9 @@ pub fn nlgs(system: &System, tol: f64, max_sweeps: u64, width: Width) -> Solutio
     }
     let mut sweeps = 0;
     loop {
-        let (residual, records) = sweep_until(system, &active, &mut impulses, tol, max_sweeps, width, &mut sweeps);
+        let judge = Judge::new(system, &active, width);
+        let (residual, motions) = sweep_until(system, &judge, &active, &mut impulses, tol, max_sweeps, &mut sweeps);
+        let records = judge.records(&motions);
         let missed = closing_outside(system, &active, &records);
         if missed.is_empty() || sweeps >= max_sweeps {
             return Solution {
@@ -75,49 +79,48 @@ pub fn nlgs(system: &System, tol: f64, max_sweeps: u64, width: Width) -> Solutio
 }
 
 /// Sweeps the rows `active` until they are solved or `sweeps` has reached `max_sweeps`; returns what is left, and the
-/// velocities that the impulses lead to.
+/// motions that the impulses lead to.
 fn sweep_until(
     system: &System,
+    judge: &Judge,
     active: &[u32],
-    impulses: &mut [Vec3],
+    impulses: &mut Vec<Vec3>,
     tol: f64,
     max_sweeps: u64,
-    width: Width,
     sweeps: &mut u64,
-) -> (Residual, Vec<Record>) {
-    let judge = Judge::new(system, active, width);
-    let records = judge.velocities(impulses);
-    let mut residual = judge.residual_at(impulses, &records);
-    if residual.value <= tol || *sweeps >= max_sweeps {
-        return (residual, records);
+) -> (Residual, Vec<Motion>) {
+    let motions = judge.motions(impulses);
+    let mut best = (judge.residual_at(impulses, &motions), motions);
+    if best.0.value <= tol || *sweeps >= max_sweeps {
+        return best;
     }
-    let mut problem = Laid::new(system, active, impulses, &records);
-    let mut best = (residual, impulses.to_vec(), records);
+    let mut problem = Laid::new(system, active, impulses, &judge.records(&best.1));
     let mut momentum = Momentum::new(active.iter().any(|&k| system.rows[k as usize].friction > 0.0));
+    let mut trial = impulses.clone();
     // Judging costs several sweeps. The change made by a sweep falls as the residual does: it tells
     // when judging is worth while, and `patience` bounds the wait where it misleads.
     let mut scale = None;
     let mut patience = 0;
     loop {
-        let sums = problem.sweep(width, momentum.beta);
+        let sums = problem.sweep(judge.width, momentum.beta);
         momentum.after(sums.is_uphill(), *sweeps);
         *sweeps += 1;
         patience += 1;
         let due = scale.is_none_or(|scale| sums.change() <= scale * tol) || patience > 10 + *sweeps / 20;
         if due || *sweeps >= max_sweeps {
-            problem.read_back(impulses);
-            let records = judge.velocities(impulses);
-            residual = judge.residual_at(impulses, &records);
-            if residual.value < best.0.value {
-                best = (residual, impulses.to_vec(), records);
-            }
-            if residual.value <= tol || *sweeps >= max_sweeps {
-                impulses.copy_from_slice(&best.1);
-                return (best.0, best.2);
-            }
+            problem.read_back(&mut trial);
+            let motions = judge.motions(&trial);
+            let residual = judge.residual_at(&trial, &motions);
             // Aim a little lower than the tolerance: a failed judgement costs more than a sweep.
             scale = Some(0.8 * sums.change() / residual.value);
             patience = 0;
+            if residual.value < best.0.value {
+                best = (residual, motions);
+                std::mem::swap(impulses, &mut trial);
+            }
+            if residual.value <= tol || *sweeps >= max_sweeps {
+                return best;
+            }
         }
     }
 }
@@ -183,11 +186,7 @@ impl Momentum {
 /// Rows outside `active` (sorted) that these velocities close.
 pub(super) fn closing_outside(system: &System, active: &[u32], records: &[Record]) -> Vec<u32> {
     let mut inside = active.iter().peekable();
-    (0..system.rows.len() as u32)
-        .filter(|k| inside.next_if_eq(&k).is_none())
-        .filter(|&k| {
-            let row = &system.rows[k as usize];
-            row.normal.dot(&system.velocity(k as usize, records)) < 0.0
-        })
-        .collect()
+    let outside: Vec<u32> = (0..system.rows.len() as u32).filter(|k| inside.next_if_eq(&k).is_none()).collect();
+    let closes = |&k: &u32| system.rows[k as usize].normal.dot(&system.velocity(k as usize, records)) < 0.0;
+    outside.into_par_iter().with_min_len(1024).filter(closes).collect()
 }

@@ -34,9 +34,16 @@ struct Eight {
     bodies: [[u32; EIGHT]; 2],
 }
 
+/// Velocity (m/s), 0, angular velocity (rad/s), 0 of a body; world frame.
+pub type Motion = [f64; 8];
+
+pub(super) fn motion(v: &Vec3, w: &Vec3) -> Motion {
+    [v.x, v.y, v.z, 0.0, w.x, w.y, w.z, 0.0]
+}
+
 pub struct Judge<'a> {
     system: &'a System,
-    width: Width,
+    pub(super) width: Width,
     /// Rows that are judged.
     rows: &'a [u32],
     contacts: Vec<Eight>,
@@ -65,7 +72,8 @@ impl<'a> Judge<'a> {
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
         let floor = FLOOR * rho * speeds.sqrt();
         let mut judge = Judge { system, width, rows, contacts, rho, at_zero: 0.0, floor };
-        judge.at_zero = judge.norm(&vec![Vec3::zeros(); system.rows.len()], &system.records).0;
+        let free: Vec<Motion> = system.records.iter().map(|record| motion(&record.v, &record.w)).collect();
+        judge.at_zero = judge.norm(&vec![Vec3::zeros(); system.rows.len()], &free).0;
         judge
     }
 
@@ -76,17 +84,17 @@ impl<'a> Judge<'a> {
 
     /// E of the impulses r̂ (one a row of the system, world frame, N s; 0 in rows that are not judged).
     pub fn residual(&self, impulses: &[Vec3]) -> Residual {
-        self.residual_at(impulses, &self.velocities(impulses))
+        self.residual_at(impulses, &self.motions(impulses))
     }
 
-    /// The same, where the velocities that the impulses lead to are known.
-    pub fn residual_at(&self, impulses: &[Vec3], records: &[Record]) -> Residual {
-        self.residual_with(impulses, records, 0.0)
+    /// The same, where the motions that the impulses lead to are known.
+    pub fn residual_at(&self, impulses: &[Vec3], motions: &[Motion]) -> Residual {
+        self.residual_with(impulses, motions, 0.0)
     }
 
     /// The same, with a further part `others` of |F|^2, N^2 s^2.
-    pub(super) fn residual_with(&self, impulses: &[Vec3], records: &[Record], others: f64) -> Residual {
-        let (norm, worst) = self.norm(impulses, records);
+    pub(super) fn residual_with(&self, impulses: &[Vec3], motions: &[Motion], others: f64) -> Residual {
+        let (norm, worst) = self.norm(impulses, motions);
         let norm = if others > 0.0 { (norm * norm + others).sqrt() } else { norm };
         if norm <= self.floor {
             return Residual { value: 0.0, worst: None };
@@ -95,41 +103,45 @@ impl<'a> Judge<'a> {
     }
 
     /// V_free + M⁻¹ H r̂ from the beginning.
-    pub fn velocities(&self, impulses: &[Vec3]) -> Vec<Record> {
-        // On each body the sums of the impulses and of their moments about its centre.
-        let mut sums = vec![[0.0; 6]; self.system.records.len()];
-        for (eight, rows) in self.contacts.iter().zip(self.rows.chunks(EIGHT)) {
-            for (lane, &k) in rows.iter().enumerate() {
-                let r = &impulses[k as usize];
-                for (side, sign) in [(0, 1.0), (1, -1.0)] {
-                    let sum = &mut sums[eight.bodies[side][lane] as usize];
-                    let [x, y, z] = [0, 1, 2].map(|axis| eight.arms[side][axis][lane]);
-                    let moment = [y * r.z - z * r.y, z * r.x - x * r.z, x * r.y - y * r.x];
-                    for axis in 0..3 {
-                        sum[axis] += sign * r[axis];
-                        sum[3 + axis] += sign * moment[axis];
-                    }
-                }
+    pub fn motions(&self, impulses: &[Vec3]) -> Vec<Motion> {
+        // On each body the sums of the impulses and of their moments about its centre, in parts that the number of
+        // contacts alone decides.
+        let bodies = self.system.records.len();
+        let half =
+            if self.contacts.len() < TASK { self.contacts.len().max(1) } else { self.contacts.len().div_ceil(2) };
+        let of_part = |(contacts, rows): (&[Eight], &[u32])| sums(contacts, rows, impulses, bodies);
+        let parts: Vec<Vec<[f64; 6]>> =
+            self.contacts.par_chunks(half).zip(self.rows.par_chunks(half * EIGHT)).map(of_part).collect();
+        let moved = |(body, record): (usize, &Record)| {
+            let mut sum = [0.0; 6];
+            for part in &parts {
+                (0..6).for_each(|k| sum[k] += part[body][k]);
             }
-        }
-        let moved = |(body, (record, sum)): (usize, (&Record, &[f64; 6]))| Record {
-            v: record.v + Vec3::new(sum[0], sum[1], sum[2]) * record.inverse_mass,
-            w: record.w + self.system.spin(body as u32, &Vec3::new(sum[3], sum[4], sum[5])),
+            let v = record.v + Vec3::new(sum[0], sum[1], sum[2]) * record.inverse_mass;
+            let w = record.w + self.system.spin(body as u32, &Vec3::new(sum[3], sum[4], sum[5]));
+            motion(&v, &w)
+        };
+        self.system.records.par_iter().with_min_len(TASK * EIGHT).enumerate().map(moved).collect()
+    }
+
+    /// The system's records with these motions.
+    pub fn records(&self, motions: &[Motion]) -> Vec<Record> {
+        let of = |(record, m): (&Record, &Motion)| Record {
+            v: Vec3::new(m[0], m[1], m[2]),
+            w: Vec3::new(m[4], m[5], m[6]),
             ..*record
         };
-        self.system.records.iter().zip(&sums).enumerate().map(moved).collect()
+        self.system.records.par_iter().with_min_len(TASK * EIGHT).zip(motions).map(of).collect()
     }
 
     /// |F| and the row with the largest part in it.
-    fn norm(&self, impulses: &[Vec3], records: &[Record]) -> (f64, Option<u32>) {
-        let motion = |Record { v, w, .. }: &Record| [v.x, v.y, v.z, 0.0, w.x, w.y, w.z, 0.0];
-        let motions: Vec<[f64; 8]> = records.iter().map(motion).collect();
+    fn norm(&self, impulses: &[Vec3], motions: &[Motion]) -> (f64, Option<u32>) {
         let of_task = |(rows, contacts): (&[u32], &[Eight])| match self.width {
-            Width::One(lanes) => self.judge(lanes, rows, contacts, impulses, &motions),
+            Width::One(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
             #[cfg(target_arch = "x86_64")]
-            Width::Four(lanes) => self.judge(lanes, rows, contacts, impulses, &motions),
+            Width::Four(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
             #[cfg(target_arch = "x86_64")]
-            Width::Eight(lanes) => self.judge(lanes, rows, contacts, impulses, &motions),
+            Width::Eight(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
         };
         let tasks = self.rows.par_chunks(EIGHT * TASK).zip(self.contacts.par_chunks(TASK));
         let parts: Vec<(f64, f64, Option<u32>)> = tasks.map(of_task).collect();
@@ -150,7 +162,7 @@ impl<'a> Judge<'a> {
         rows: &[u32],
         contacts: &[Eight],
         impulses: &[Vec3],
-        motions: &[[f64; 8]],
+        motions: &[Motion],
     ) -> (f64, f64, Option<u32>) {
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
         let mut sizes2 = [0.0; EIGHT * TASK];
@@ -163,6 +175,26 @@ impl<'a> Judge<'a> {
         }
         (sum, largest, worst)
     }
+}
+
+/// On each of `bodies` the sums of the impulses and of their moments about its centre.
+fn sums(contacts: &[Eight], rows: &[u32], impulses: &[Vec3], bodies: usize) -> Vec<[f64; 6]> {
+    let mut sums = vec![[0.0; 6]; bodies];
+    for (eight, rows) in contacts.iter().zip(rows.chunks(EIGHT)) {
+        for (lane, &k) in rows.iter().enumerate() {
+            let r = &impulses[k as usize];
+            for (side, sign) in [(0, 1.0), (1, -1.0)] {
+                let sum = &mut sums[eight.bodies[side][lane] as usize];
+                let [x, y, z] = [0, 1, 2].map(|axis| eight.arms[side][axis][lane]);
+                let moment = [y * r.z - z * r.y, z * r.x - x * r.z, x * r.y - y * r.x];
+                for axis in 0..3 {
+                    sum[axis] += sign * r[axis];
+                    sum[3 + axis] += sign * moment[axis];
+                }
+            }
+        }
+    }
+    sums
 }
 
 fn eight(system: &System, rows: &[u32]) -> Eight {
@@ -193,7 +225,7 @@ struct Map<'a, L> {
     rows: &'a [u32],
     contacts: &'a [Eight],
     impulses: &'a [Vec3],
-    motions: &'a [[f64; 8]],
+    motions: &'a [Motion],
     rho: f64,
     sizes2: &'a mut [f64],
 }
@@ -223,7 +255,7 @@ fn natural_map2<L: Lanes>(
     l: L,
     eight: &Eight,
     r: &[[f64; EIGHT]; 3],
-    motions: &[[f64; 8]],
+    motions: &[Motion],
     rho: f64,
     from: usize,
     size2: &mut [f64],

@@ -12,7 +12,7 @@ use crate::math::Vec3;
 use crate::math::lanes::{Scalar, Width};
 use crate::solve::local::signorini_coulomb;
 use crate::solve::nlgs::{Momentum, Solution, closing_outside};
-use crate::solve::residual::{Judge, Residual};
+use crate::solve::residual::{Judge, Motion, Residual, motion};
 
 /// Solves to E <= `tol`, or stops after `max_sweeps`, as [`crate::solve::nlgs`].
 pub fn nlgs(system: &System, tol: f64, max_sweeps: u64, width: Width) -> Solution {
@@ -111,7 +111,7 @@ impl<'a> Sweeper<'a> {
 
     /// V_free + M⁻¹ H r + M⁻¹ m from the beginning.
     fn exact_records(&self, judge: &Judge) -> Vec<Record> {
-        let mut records = judge.velocities(&self.r);
+        let mut records = judge.records(&judge.motions(&self.r));
         for (roll, m) in self.system.rolls.iter().zip(&self.m) {
             roll.apply(self.system, &mut records, m);
         }
@@ -166,7 +166,8 @@ impl<'a> Sweeper<'a> {
             let projected = roll.project(row.normal, z, row.normal.dot(&self.r[roll.row as usize]));
             moments += (m - projected).norm_squared() / (roll.radius * roll.radius);
         }
-        judge.residual_with(&self.r, &records, moments)
+        let motions: Vec<Motion> = records.iter().map(|record| motion(&record.v, &record.w)).collect();
+        judge.residual_with(&self.r, &motions, moments)
     }
 }
 

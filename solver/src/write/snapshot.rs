@@ -122,7 +122,7 @@ fn contacts(state: &State) -> ContactArrays {
         contact_body: list.iter().map(|c| [c.contact.candidate, c.contact.antagonist]).collect(),
         contact_feature: list.iter().map(|c| c.contact.features.into()).collect(),
         contact_point: vectors(&|c| c.contact.point),
-        contact_frame: list.iter().map(|c| c.contact.frame.map(Into::into)).collect(),
+        contact_frame: list.iter().map(|c| c.contact.frame().map(Into::into)).collect(),
         contact_gap: list.iter().map(|c| c.contact.gap).collect(),
         contact_force: vectors(&|c| c.impulse / state.h),
         contact_impulse: vectors(&|c| c.impulse),

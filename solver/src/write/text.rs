@@ -100,7 +100,7 @@ fn contacts(scene: &Scene, state: &State) -> VlocRloc {
             force: (impulse / state.h).into(),
             velocity: (*velocity).into(),
             gap: contact.gap + state.h * velocity.x,
-            frame: contact.frame.map(Into::into),
+            frame: contact.frame().map(Into::into),
             point: contact.point.into(),
             internals: Vec::new(),
         }
