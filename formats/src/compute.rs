@@ -16,13 +16,43 @@ pub const GRAVITATIONAL_CONSTANT: f64 = 6.67430e-11;
 /// More threads than this are a slip: a machine would spend its time starting them.
 const MOST_THREADS: usize = 1024;
 
-/// Something that happens once, at the start of the first step whose time is not before `time`.
+/// Something that happens at the start of the first step whose time is not before `time`, once or again and again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Event {
     /// s
     pub time: f64,
+    /// Time from one to the next, s, at least a step; without it, it happens once.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub every: Option<f64>,
+    /// When the last may be, s; without it, it goes on to the end of the run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub until: Option<f64>,
     pub action: Action,
+}
+
+impl Event {
+    pub fn once(time: f64, action: Action) -> Event {
+        Event { time, every: None, until: None, action }
+    }
+
+    /// How often it happens up to `end` (s) after the first time; a thousandth of an interval of slack.
+    fn repeats(&self, end: f64) -> f64 {
+        let every = self.every.unwrap_or(f64::INFINITY);
+        ((self.until.unwrap_or(f64::INFINITY).min(end) - self.time) / every + 1e-3).floor().max(0.0)
+    }
+}
+
+/// Each happening an event of its own, in the order of their times and, at one time, of the list; those that are
+/// repeated up to `end`, s. A later end adds only what is later.
+pub fn schedule(events: &[Event], end: f64) -> Vec<Event> {
+    let mut all = Vec::new();
+    for event in events {
+        let time = |k: u64| event.time + event.every.map_or(0.0, |every| every * k as f64);
+        all.extend((0..=event.repeats(end) as u64).map(|k| Event::once(time(k), event.action.clone())));
+    }
+    all.sort_by(|a, b| a.time.total_cmp(&b.time));
+    all
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -30,6 +60,8 @@ pub struct Event {
 pub enum Action {
     /// Adds a rigid rotation of all free bodies about their common centre of mass, rad/s.
     AddSpin([f64; 3]),
+    /// From now on a constant torque on all free bodies as one rigid body, about their centre of mass, N m.
+    SetTorque([f64; 3]),
     /// Adds a velocity to all free bodies, m/s.
     AddVelocity([f64; 3]),
     /// Sets the uniform gravity, m/s^2.
@@ -217,7 +249,7 @@ pub type Fields = List<Field>;
 impl<T: serde::de::DeserializeOwned> std::str::FromStr for List<T> {
     type Err = ron::error::SpannedError;
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        ron::from_str(text).map(List)
+        ron_options().from_str(text).map(List)
     }
 }
 
@@ -312,7 +344,9 @@ impl Compute {
         expect(self.threads <= MOST_THREADS, "threads", format!("{}", self.threads), "0 to 1024");
         for (k, event) in self.events.iter().enumerate() {
             let values = match &event.action {
-                Action::AddSpin(v) | Action::AddVelocity(v) | Action::SetGravity(v) => v.to_vec(),
+                Action::AddSpin(v) | Action::SetTorque(v) | Action::AddVelocity(v) | Action::SetGravity(v) => {
+                    v.to_vec()
+                }
                 Action::SetQuench(x) | Action::SetFriction(_, x) | Action::SetCohesion(_, x) => vec![*x],
                 Action::Bond => vec![],
             };
@@ -327,6 +361,14 @@ impl Compute {
                 format!("{event:?}"),
                 "a finite time and finite values, quench from 0 to 1, friction and cohesion >= 0",
             );
+            let repeated = event.every.is_none_or(|every| every.is_finite() && every >= self.dt)
+                && event.until.is_none_or(|until| until.is_finite() && until >= event.time && event.every.is_some());
+            expect(
+                repeated,
+                &format!("events, number {}", k + 1),
+                format!("{event:?}"),
+                "a finite `every` of at least dt, `until` only with it and not before `time`",
+            );
         }
         faults.into_result(())
     }
@@ -340,10 +382,14 @@ impl Compute {
     }
 }
 
+/// `field: x` for `field: Some(x)`.
+fn ron_options() -> ron::Options {
+    ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
+}
+
 /// Reads RON; a fault names line and column.
 pub fn from_ron<T: serde::de::DeserializeOwned>(path: &Path, text: &str, object: &str) -> Result<T, Faults> {
-    let options = ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME);
-    options.from_str(text).map_err(|error| {
+    ron_options().from_str(text).map_err(|error| {
         let mut fault = Fault::new(
             path,
             Some(error.span.start.line),
@@ -365,7 +411,7 @@ mod tests {
         let compute = Compute {
             dt: 0.1 + 0.2,
             steps: Some(7),
-            events: vec![Event { time: 3.0, action: Action::AddSpin([0.0, 0.0, 1e-5]) }],
+            events: vec![Event::once(3.0, Action::AddSpin([0.0, 0.0, 1e-5]))],
             ..Compute::default()
         };
         let path = Path::new("COMPUTE.RON");
@@ -382,6 +428,23 @@ mod tests {
         assert!(faults.to_string().starts_with("COMPUTE.RON:3:"), "{faults}");
         let wrong = Compute { dt: f64::NAN, theta: 0.4, ..Compute::default() };
         assert_eq!(wrong.check(path).unwrap_err().0.len(), 2);
+    }
+
+    #[test]
+    fn repeated_events_are_laid_out_in_time() {
+        let spin = |every, until| Event { time: 10.0, every, until, action: Action::AddSpin([0.0, 0.0, 1e-5]) };
+        let once = Event::once(15.0, Action::SetQuench(0.1));
+        let times = |events: &[Event], end| schedule(events, end).iter().map(|event| event.time).collect::<Vec<_>>();
+        assert_eq!(times(&[spin(Some(5.0), None), once.clone()], 25.0), [10.0, 15.0, 15.0, 20.0, 25.0]);
+        assert_eq!(times(&[spin(Some(5.0), Some(19.0)), once.clone()], 25.0), [10.0, 15.0, 15.0]);
+        assert_eq!(times(&[spin(Some(0.1), Some(10.3)), once], 25.0).len(), 5); // 0.3 / 0.1 is 2.9999999999999996
+        assert_eq!(times(&[spin(None, None)], 0.0), [10.0]); // a later end of the run may reach it
+        assert_eq!(schedule(&[spin(Some(5.0), None)], 25.0)[2], Event::once(20.0, spin(None, None).action));
+        for wrong in [spin(Some(0.0), None), spin(None, Some(20.0)), spin(Some(5.0), Some(9.0)), spin(Some(1e-4), None)]
+        {
+            let compute = Compute { events: vec![wrong.clone()], ..Compute::default() };
+            assert_eq!(compute.check(Path::new("COMPUTE.RON")).unwrap_err().0.len(), 1, "{wrong:?}");
+        }
     }
 
     #[test]

@@ -12,6 +12,7 @@
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
 //! | [`groups`] | none: what hangs together
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
+//! | [`tell`] | none: messages to people |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: all that a restart needs, bit for bit |
 
 pub mod atomic;
@@ -27,4 +28,5 @@ pub mod scan;
 pub mod snapshot;
 pub mod surface;
 pub mod tact_behav;
+pub mod tell;
 pub mod vloc_rloc;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use cd_formats::compute::Flags;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::tell::tell;
 use clap::Parser;
 
 use crate::run::{Failure, check, run as run_case};
@@ -44,7 +45,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     };
     match solve(&arguments) {
         Ok(summary) => {
-            print!("{PROGRAM}: done\n{summary}");
+            tell(format_args!("{PROGRAM}: done\n{}", summary.trim_end()));
             0
         }
         Err(Failure::Files(faults)) => {
@@ -66,12 +67,12 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
         return Err(Failure::Files(fault.into()));
     }
     let (scene, mut state) = read::case(case, &arguments.flags)?;
-    scene.notes.iter().for_each(|note| println!("{PROGRAM}: {note}"));
+    scene.notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
     let mut resumed = false;
     if arguments.resume {
         resumed = read::resume::last(&write::outbox(case), &scene, &mut state)?.is_some();
         if !resumed {
-            println!("{PROGRAM}: no snapshot to go on from: starting from DATBOX");
+            tell(format_args!("{PROGRAM}: no snapshot to go on from: starting from DATBOX"));
         }
     } else if !arguments.force {
         write::expect_none(case, scene.options.text)?;

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use cd_formats::compute::Compute;
+use cd_formats::tell::tell;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::state::State;
@@ -40,7 +41,7 @@ impl Progress {
         }
         let rate = (state.step - self.first) as f64 / self.start.elapsed().as_secs_f64().max(1e-9);
         let left = (self.last - state.step) as f64 / rate.max(1e-9);
-        println!(
+        tell(format_args!(
             "step {}/{}  t = {:.6} s  {} contacts carry force  {} sweeps, residual {:.1e}  kinetic {:.3e} J  {:.0} steps/s, {:.0} s left",
             state.step,
             self.last,
@@ -51,7 +52,7 @@ impl Progress {
             report.kinetic + report.rotational,
             rate,
             left
-        );
+        ));
     }
 
     /// Tells of a step that did not converge.

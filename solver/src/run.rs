@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use cd_formats::error::{Fault, Faults};
+use cd_formats::tell::tell;
 
 use crate::assemble::potential_energy;
 use crate::math::Vec3;
@@ -13,9 +14,6 @@ use crate::state::State;
 use crate::step::{Clock, Motion, next_problem, step};
 use crate::write::Results;
 use crate::write::summary::{Course, text};
-
-/// Steps made when neither `steps` nor `end_time` is given.
-pub const DEFAULT_STEPS: u64 = 1000;
 
 /// Unconverged steps that are told one by one; the summary counts them all.
 const TOLD: u64 = 5;
@@ -39,7 +37,7 @@ impl From<Faults> for Failure {
 /// `dump`: the step whose contact problem is written out, too.
 pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Option<u64>) -> Result<String, Failure> {
     let start = Instant::now();
-    let last = last_step(scene);
+    let last = scene.last_step();
     let mut results = Results::open(case, scene, &state)?;
     let mut course = Course { threads: rayon::current_num_threads(), ..Course::default() };
     // The time that an output takes is entered with the step after it.
@@ -54,7 +52,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     while state.step < last {
         if dump == Some(state.step + 1) {
             let path = crate::write::problem(case, state.step + 1, next_problem(scene, &state))?;
-            println!("contact problem of step {} in {}", state.step + 1, path.display());
+            tell(format_args!("contact problem of step {} in {}", state.step + 1, path.display()));
         }
         let mut lap = Clock { writing: std::mem::take(&mut writing), ..Clock::default() };
         let report = step(scene, &mut state, &mut lap);
@@ -111,12 +109,6 @@ fn expect_finite(state: &State) -> Result<(), Failure> {
     Err(Failure::Broken(format!("step {step}, t = {time} s: {found}; snapshots written before are sound")))
 }
 
-/// The step to end with.
-fn last_step(scene: &Scene) -> u64 {
-    let (first, time) = scene.start;
-    scene.options.last_step(first, time).unwrap_or(first + DEFAULT_STEPS)
-}
-
 /// Refuses options that cannot lead to a run from this state.
 pub fn check(scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
@@ -132,7 +124,7 @@ pub fn check(scene: &Scene, state: &State) -> Result<(), Faults> {
         let expected = "expected a scene of spheres and plates";
         faults.push(Fault::new(Path::new("options"), None, "lmgc90_norms", "true", expected));
     }
-    let last = last_step(scene);
+    let last = scene.last_step();
     if last < state.step {
         let found = format!("{last} is before step {}, from which the run goes on", state.step);
         faults.push(Fault::new(Path::new("options"), None, "steps", found, "expected a later step"));

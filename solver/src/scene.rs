@@ -152,6 +152,9 @@ impl Visibility {
     }
 }
 
+/// Steps made when neither `steps` nor `end_time` is given.
+pub const DEFAULT_STEPS: u64 = 1000;
+
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub bodies: Vec<Body>,
@@ -162,7 +165,7 @@ pub struct Scene {
     pub options: Compute,
     /// Step and time (s) of the state in DATBOX.
     pub start: (u64, f64),
-    /// Events of the options by time.
+    /// Events of the options by time, repeated ones each time for itself.
     pub events: Vec<Event>,
     /// Names for the files.
     pub colours: Vec<String>,
@@ -191,6 +194,18 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The step to end with.
+    pub fn last_step(&self) -> u64 {
+        let (first, time) = self.start;
+        self.options.last_step(first, time).unwrap_or(first + DEFAULT_STEPS)
+    }
+
+    /// When the last step begins or a little later, s.
+    pub fn end_time(&self) -> f64 {
+        let (first, time) = self.start;
+        time + self.last_step().saturating_sub(first) as f64 * self.options.dt
+    }
+
     /// R of 1/R = 1/R_a + 1/R_b, the plates being flat, m.
     pub fn effective_radius(&self, a: u32, b: u32) -> f64 {
         let curvature = |i: u32| match self.bodies[i as usize].shape {

@@ -116,6 +116,8 @@ pub struct State {
     pub gravity: Vec3,
     /// Share of velocity taken away at each step's start.
     pub quench: f64,
+    /// Torque now in force on all free bodies as one, N m.
+    pub torque: Vec3,
     /// Laws now in force, as `Scene::laws`.
     pub laws: Vec<Law>,
     /// Whether the next step makes bonds of what touches: of everything as an event asks, or of contacts that no
@@ -134,6 +136,7 @@ impl State {
         match action {
             Action::SetGravity(gravity) => self.gravity = Vec3::from(*gravity),
             Action::SetQuench(quench) => self.quench = *quench,
+            Action::SetTorque(torque) => self.torque = Vec3::from(*torque),
             Action::SetFriction(name, friction) => {
                 law(name).into_iter().for_each(|k| self.laws[k].set_friction(*friction));
             }

@@ -7,7 +7,7 @@ use crate::gravity::fields::{Outside, turned};
 use crate::gravity::sample::{self, Sampled};
 use crate::gravity::{Field, Gravity, Method, balance};
 use crate::integrate::Configuration;
-use crate::math::Vec3;
+use crate::math::{Mat3, Vec3};
 use crate::scene::Scene;
 use crate::state::{Attraction, Bonding, State};
 
@@ -41,7 +41,7 @@ pub struct GravityReport {
     pub extrapolation: f64,
 }
 
-/// Events whose time has come, and the option `quench`, at a step's start.
+/// Events whose time has come, the torque that they have set, and the option `quench`, at a step's start.
 pub fn interventions(scene: &Scene, state: &mut State) {
     // A thousandth of a step of slack: the time is a sum of steps, and a little before or after their product.
     let now = state.time + 1e-3 * scene.options.dt;
@@ -51,20 +51,45 @@ pub fn interventions(scene: &Scene, state: &mut State) {
         book_potential(scene, state, state.gravity - gravity);
         match event.action {
             Action::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
-            Action::AddSpin(spin) => {
-                let (spin, centre) = (Vec3::from(spin), centre_of_mass(scene, &state.x));
-                let x = state.x.clone();
-                change_motion(scene, state, |i, v, w| (v + spin.cross(&(x[i] - centre)), w + spin));
-            }
+            Action::AddSpin(spin) => add_spin(scene, state, Vec3::from(spin)),
             Action::Bond => state.bonding = Bonding::All,
-            Action::SetGravity(_) | Action::SetQuench(_) | Action::SetFriction(..) | Action::SetCohesion(..) => {}
+            Action::SetTorque(_)
+            | Action::SetGravity(_)
+            | Action::SetQuench(_)
+            | Action::SetFriction(..)
+            | Action::SetCohesion(..) => {}
         }
         state.events_done += 1;
+    }
+    if state.torque != Vec3::zeros() {
+        let impulse = state.torque * scene.options.dt;
+        add_spin(scene, state, rigid_spin(scene, state, impulse));
     }
     if state.quench > 0.0 {
         let keep = 1.0 - state.quench;
         change_motion(scene, state, |_, v, w| (v * keep, w * keep));
     }
+}
+
+/// Adds a rigid rotation (rad/s) of the free bodies about their centre of mass.
+fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
+    let centre = centre_of_mass(scene, &state.x);
+    let x = state.x.clone();
+    change_motion(scene, state, |i, v, w| (v + spin.cross(&(x[i] - centre)), w + spin));
+}
+
+/// The rigid rotation (rad/s) of the free bodies that has the angular momentum `impulse` (N m s) about their centre of
+/// mass; none if they lie on a line and have no inertia about it.
+fn rigid_spin(scene: &Scene, state: &State, impulse: Vec3) -> Vec3 {
+    let centre = centre_of_mass(scene, &state.x);
+    let momentum = |spin: Vec3| -> Vec3 {
+        scene.free.iter().map(|&i| i as usize).fold(Vec3::zeros(), |sum, i| {
+            let (body, arm) = (&scene.bodies[i], state.x[i] - centre);
+            sum + arm.cross(&spin.cross(&arm)) * body.mass + body.angular_momentum(&state.q[i], &spin)
+        })
+    };
+    let inertia = Mat3::from_columns(&[Vec3::x(), Vec3::y(), Vec3::z()].map(momentum));
+    inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * impulse)
 }
 
 /// Gives the free bodies new velocities and books the change of momentum and energy as coming from outside.

@@ -3,9 +3,10 @@
 pub mod lanes;
 pub mod rotation;
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 pub type Vec3 = Vector3<f64>;
+pub type Mat3 = Matrix3<f64>;
 pub type Quat = UnitQuaternion<f64>;
 
 /// The orthonormal local frame (n, t, s), one a row, n x t = s, for a unit normal `n`.

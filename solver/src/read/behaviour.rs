@@ -128,7 +128,7 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
 
 /// Refuses events about laws that no contact has, or about a cohesion that a law does not have.
 pub fn check_events(scene: &Scene, faults: &mut Faults) {
-    for (k, event) in scene.events.iter().enumerate() {
+    for (k, event) in scene.options.events.iter().enumerate() {
         let (Action::SetFriction(name, _) | Action::SetCohesion(name, _)) = &event.action else { continue };
         let mut refuse = |found: String, expected: String| {
             faults.push(Fault::new("options".as_ref(), None, format!("events, number {}", k + 1), found, expected));

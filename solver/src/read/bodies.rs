@@ -63,14 +63,12 @@ pub fn scene(
     let planes = indices(&|body| matches!(body.shape, Shape::Plane { .. }));
     let turning = indices(&|body| !body.driven && !body.is_isotropic());
     let radii: Vec<f64> = free.iter().map(|&i| bodies[i as usize].radius).collect();
-    let mut events = options.events.clone();
-    events.sort_by(|a, b| a.time.total_cmp(&b.time));
     Scene {
         drives,
         loads,
         laws: Vec::new(),
         visibility: Visibility::default(),
-        events,
+        events: Vec::new(),
         options,
         start: (0, 0.0),
         materials: bulk.materials.iter().map(|m| MaterialName { name: m.name.clone(), density: m.density }).collect(),

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::compute::{Compute, Flags};
+use cd_formats::compute::{Compute, Flags, schedule};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::Faults;
@@ -64,6 +64,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         contacts,
         gravity: Vec3::from(bulk.gravity),
         quench: scene.options.quench,
+        torque: Vec3::zeros(),
         laws: scene.laws.clone(),
         bonding: Bonding::New,
         events_done: 0,
@@ -75,6 +76,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         faults.gather(resume::start(&start, &scene, &mut state));
         scene.start = (state.step, state.time);
     }
+    scene.events = schedule(&scene.options.events, scene.end_time());
     faults.into_result((scene, state))
 }
 

@@ -211,7 +211,7 @@ impl Case {
     }
 
     pub fn event(&mut self, time: f64, action: Action) {
-        self.options.events.push(Event { time, action });
+        self.options.events.push(Event::once(time, action));
     }
 
     /// Writes DATBOX.

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use cd_formats::compute::Action;
+use cd_formats::compute::{Action, Event};
 use cd_formats::snapshot::Snapshot;
 
 use crate::case::{Case, Figures, Vec3, equal, near, uniform};
@@ -159,6 +159,41 @@ fn events_come_at_their_time() {
     near(states[45].v(1), [0.0, 0.0, -1.0 / 32.0], 1e-15); // five halvings
     near(states[50].v(1), [0.0, 0.0, -1.0 / 32.0], 1e-15);
     equal(states[50].meta.parameters.events_done as f64, 7.0, 0.0);
+}
+
+#[test]
+fn a_constant_torque_spins_the_whole_up_at_a_constant_rate() {
+    let mut case = Case::new();
+    case.options.dt = 0.1;
+    for k in 0..3 {
+        case.sphere(0.25, [f64::from(k), 0.0, 0.0]);
+    }
+    case.event(1.0, Action::SetTorque([0.0, 0.0, 2.0]));
+    case.event(2.0, Action::SetTorque([0.0; 3]));
+    let states = case.states(30, 1);
+    // Two spheres at a distance of 1, and the moments of three; the ends move apart a little while they turn.
+    let (mass, moment) = (states[0].mass(0), states[0].bodies.body_inertia[0][0]);
+    let inertia = 2.0 * mass + 3.0 * moment;
+    near(states[11].w(1), [0.0, 0.0, 0.2 / inertia], 1e-15);
+    near(states[11].v(2), [0.0, 0.2 / inertia, 0.0], 1e-15);
+    let momentum = |state: &Snapshot| -> Vec3 {
+        (0..3).map(|k| state.x(k).cross(&(state.v(k) * mass)) + state.w(k) * moment).sum()
+    };
+    near(momentum(&states[10]), [0.0; 3], 0.0);
+    near(momentum(&states[20]), [0.0, 0.0, 2.0], 1e-14); // a second of 2 N m
+    near(momentum(&states[30]), [0.0, 0.0, 2.0], 1e-14);
+}
+
+#[test]
+fn repeated_events_come_at_each_of_their_times() {
+    let mut case = Case::new();
+    case.options.dt = 0.1;
+    let ball = case.sphere(0.25, [0.0; 3]);
+    let action = Action::AddVelocity([1.0, 0.0, 0.0]);
+    case.options.events.push(Event { time: 0.5, every: Some(0.3), until: Some(1.4), action });
+    let states = case.states(30, 1);
+    let speeds: Vec<f64> = [5, 6, 9, 12, 15, 30].iter().map(|k| states[*k].v(ball).x).collect();
+    assert_eq!(speeds, [0.0, 1.0, 2.0, 3.0, 4.0, 4.0]);
 }
 
 #[test]

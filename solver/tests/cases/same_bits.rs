@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use cd_formats::compute::Action;
+use cd_formats::compute::{Action, Event};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
@@ -29,7 +29,13 @@ fn scene(side: i64) -> Case {
     case.drive_along(floor, 2, shaking);
     let table = Evolution::Table { name: "turn.dat".into(), points: vec![[0.0, 0.0], [0.3, 0.5], [0.5, -0.5]] };
     case.drive_along(floor + 1, 5, table);
-    case.event(0.1, Action::AddSpin([0.0, 0.1, 0.3]));
+    case.options.events.push(Event {
+        time: 0.1,
+        every: Some(0.15),
+        until: Some(0.5),
+        action: Action::AddSpin([0.0, 0.1, 0.3]),
+    });
+    case.event(0.05, Action::SetTorque([0.0, 20.0, 0.0]));
     case.event(0.2, Action::SetGravity([0.0, 0.2, -8.0]));
     case.event(0.25, Action::SetQuench(0.001));
     case.event(0.4, Action::SetQuench(0.0));
