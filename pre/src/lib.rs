@@ -14,11 +14,13 @@
 //! | [`mod@write`] | the files of DATBOX |
 //! | [`from_outbox`] | a DATBOX from the results of a run |
 //! | [`report`], [`random`] | faults with their lines; numbers from a seed |
+//! | [`places`] | where the values of a text stand, and others in their place |
 
 pub mod check;
 pub mod from_outbox;
 pub mod motion;
 pub mod place;
+pub mod places;
 pub mod population;
 pub mod random;
 pub mod report;
@@ -35,6 +37,7 @@ use cd_formats::atomic;
 use cd_formats::compute::from_ron;
 use cd_formats::error::Faults;
 use cd_formats::scan::{fortran_real, long14};
+use cd_formats::tell::tell;
 use clap::Parser;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -58,6 +61,9 @@ struct Arguments {
     /// Folder in which DATBOX is written; without it, the scene's own.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
+    /// Another value in the scene: names of fields and places in lists, from 1, as in grains.1.number=2000; may be repeated.
+    #[arg(long, value_name = "PATH=VALUE")]
+    set: Vec<String>,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -74,6 +80,9 @@ enum Command {
         /// What is to be different, in RON.
         #[arg(long, value_name = "changes.ron")]
         changes: Option<PathBuf>,
+        /// Another value in the changes, as compute.dt=1; may be repeated.
+        #[arg(long, value_name = "PATH=VALUE")]
+        set: Vec<String>,
     },
 }
 
@@ -90,16 +99,18 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         }
     };
     let written = match arguments.command {
-        Some(Command::FromOutbox { case, dir, changes }) => from_outbox::write_datbox(&case, changes.as_deref(), &dir),
+        Some(Command::FromOutbox { case, dir, changes, set }) => {
+            from_outbox::write_datbox(&case, changes.as_deref(), &set, &dir)
+        }
         None => {
             let scene = arguments.scene.unwrap_or_default();
             let folder = arguments.output.unwrap_or_else(|| scene.parent().unwrap_or(Path::new("")).to_path_buf());
-            write_datbox(&scene, &folder.join("DATBOX"))
+            write_datbox(&scene, &arguments.set, &folder.join("DATBOX"))
         }
     };
     match written {
         Ok(summary) => {
-            print!("{summary}");
+            tell(summary.trim_end());
             0
         }
         Err(faults) => {
@@ -109,12 +120,13 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     }
 }
 
-/// Reads the scene of the file `source` and writes the files of the folder `datbox`.
+/// Reads the scene of the file `source`, with other values as `settings` say, and writes the files of the folder
+/// `datbox`; see [`places::set`].
 ///
 /// Returns a summary for people. Errors: all faults of the scene (nothing is written then), or a file
 /// that cannot be written.
-pub fn write_datbox(source: &Path, datbox: &Path) -> Result<String, Faults> {
-    let text = atomic::read_text(source)?;
+pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result<String, Faults> {
+    let text = places::set(&atomic::read_text(source)?, settings)?;
     let (scene, population) = read(source, &text)?;
     let files = write::files(&scene, &population);
     from_outbox::clear(datbox)?;

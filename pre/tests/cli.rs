@@ -186,6 +186,40 @@ fn says_what_it_made() {
 }
 
 #[test]
+fn values_are_set_from_the_command_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |settings: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cd-pre"));
+        command.arg(example("accretion")).arg("-o").arg(folder.path());
+        settings.iter().for_each(|setting| _ = command.args(["--set", setting]));
+        command.output().unwrap()
+    };
+    let output = run(&[
+        "grains.1.number=50",
+        "grains.1.sizes=Single(9.0)",
+        "laws.1.kind.friction=0.75",
+        "compute.quench=0.01", // left out in the scene
+    ]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let datbox = folder.path().join("DATBOX");
+    assert!(spheres(&Bodies::read(&datbox.join("BODIES.DAT")).unwrap()).iter().all(|(_, radius)| *radius == 9.0));
+    assert_eq!(spheres(&Bodies::read(&datbox.join("BODIES.DAT")).unwrap()).len(), 50);
+    assert_eq!(TactBehav::read(&datbox.join("TACT_BEHAV.DAT")).unwrap().laws[0].parameters, [0.75]);
+    assert_eq!(Compute::read(&datbox.join("COMPUTE.RON")).unwrap().quench, 0.01);
+
+    let refused = run(&["grains.1.number=-1", "grains.1.sizes=Single(9.0)"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("scene.ron:11:"), "{}", text(&refused.stderr)); // the line of the number
+    let refused = run(&["grains.2.number=5", "compute.dt", "seed=1, 2"]);
+    assert_eq!(
+        text(&refused.stderr),
+        "cd-pre: options: set grains.2.number=5: no 'grains.2' in the scene; expected the path of a value\n\
+         cd-pre: options: set compute.dt: is no pair; expected PATH=VALUE, such as grains.1.number=2000\n\
+         cd-pre: options: set seed=1, 2: '1, 2'; expected one value in RON\n"
+    );
+}
+
+#[test]
 fn a_refused_scene_leaves_nothing_behind() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("scene.ron");

@@ -132,7 +132,7 @@ fn given_vertices_elsewhere_are_moved_and_turned_and_it_is_told() {
          standing: Same((axis: (0, 0, 1), angle: 0)), place: List(positions: [(0.75, 0.5, 0.25)])",
     );
     std::fs::write(&path, &text).unwrap();
-    let said = cd_pre::write_datbox(&path, &folder.path().join("DATBOX")).unwrap();
+    let said = cd_pre::write_datbox(&path, &[], &folder.path().join("DATBOX")).unwrap();
     assert!(said.contains("centre of mass at (10.75000000, 0.50000000, 0.25000000) m of the given vertices"), "{said}");
     assert!(said.contains("principal axes turned by 0."), "{said}");
     assert!(said.contains("1 polyhedra (4 vertices each)"), "{said}");

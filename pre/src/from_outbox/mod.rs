@@ -26,6 +26,7 @@ use serde::Deserialize;
 
 use crate::check::three;
 use crate::place::cells::Cells;
+use crate::places;
 use crate::report::Report;
 use crate::scene::{Contact, Law, Material, Rotation};
 use crate::sizes::volume;
@@ -138,14 +139,16 @@ pub struct Sphere {
 /// A file of DATBOX: name and bytes.
 type File = (String, Vec<u8>);
 
-/// Makes `dir/DATBOX` from a snapshot of `case`, with the changes of a file; returns a summary for people.
+/// Makes `dir/DATBOX` from a snapshot of `case`, with the changes of a file, and other values in these as `settings`
+/// say, see [`places::set`]; returns a summary for people.
 ///
 /// Errors: all faults of the file and of the cases that it names; nothing is written then.
-pub fn write_datbox(case: &Path, changes: Option<&Path>, dir: &Path) -> Result<String, Faults> {
+pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], dir: &Path) -> Result<String, Faults> {
     let (file, text) = match changes {
         Some(file) => (file, atomic::read_text(file)?),
         None => (Path::new("changes"), "()".to_string()),
     };
+    let text = places::set(&text, settings)?;
     let mut changes: Changes = from_ron(file, &text, "changes").map_err(|mut faults| {
         faults.0.iter_mut().for_each(|f| f.expected = "expected changes as described in docs/from-outbox.md".into());
         faults

@@ -1,0 +1,270 @@
+//! Where the values of a RON text stand, and other values in their place.
+//!
+//! serde keeps no positions, so [`Places`] walks the text once more: a text that RON has accepted needs no more than its
+//! brackets, field names, strings and comments to be found again.
+
+use std::ops::Range;
+use std::path::Path;
+
+use cd_formats::error::{Fault, Faults};
+use rustc_hash::FxHashMap;
+
+/// The values of a RON text by their paths: field names and 0-based places in lists and tuples, joined by points; the
+/// path of the whole is empty.
+pub struct Places(FxHashMap<String, Place>);
+
+/// Where a value stands.
+struct Place {
+    /// On which its name or, without one, the value begins, 1-based.
+    line: usize,
+    /// Bytes of the value.
+    span: Range<usize>,
+    /// Behind its opening bracket, if it has fields or items.
+    inside: Option<usize>,
+}
+
+impl Places {
+    pub fn of(text: &str) -> Self {
+        let mut walk = Walk { text: text.as_bytes(), at: 0, line: 1, places: FxHashMap::default() };
+        walk.value("", 1);
+        Places(walk.places)
+    }
+
+    /// The line of the value at `path`, or of what holds it if it was left out.
+    pub fn line(&self, path: &str) -> Option<usize> {
+        let mut path = path;
+        loop {
+            match (self.0.get(path), path.rfind('.')) {
+                (Some(place), _) => return Some(place.line),
+                (None, Some(end)) => path = &path[..end],
+                (None, None) => return None,
+            }
+        }
+    }
+}
+
+/// A RON text with other values: each of `settings` is `PATH=VALUE`, the path of field names and places in lists,
+/// counted from 1, as in `grains.1.number=2000`; a field that was left out is put in. Lines keep their numbers.
+///
+/// Errors: settings that are no such pairs, and paths that lead nowhere.
+pub fn set(text: &str, settings: &[String]) -> Result<String, Faults> {
+    let mut text = text.to_string();
+    let mut faults = Faults::default();
+    for setting in settings {
+        match changed(&text, setting) {
+            Ok(changed) => text = changed,
+            Err((found, expected)) => {
+                faults.push(Fault::new(Path::new("options"), None, format!("set {setting}"), found, expected));
+            }
+        }
+    }
+    faults.into_result(text)
+}
+
+fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
+    let refuse = |found: &str, expected: &str| (found.to_string(), format!("expected {expected}"));
+    let pair = setting.split_once('=').map(|(path, value)| (path.trim(), value.trim().replace('\n', " ")));
+    let Some((path, value)) = pair.filter(|(path, _)| !path.is_empty()) else {
+        return Err(refuse("is no pair", "PATH=VALUE, such as grains.1.number=2000"));
+    };
+    let mut walk = Walk { text: value.as_bytes(), at: 0, line: 1, places: FxHashMap::default() };
+    walk.value("", 1);
+    if walk.at < value.len() || walk.places[""].span.end < value.len() || value.is_empty() {
+        return Err(refuse(&format!("'{value}'"), "one value in RON"));
+    }
+    // Places in lists are counted from 1 by people.
+    let mut keys: Vec<String> = Vec::new();
+    for key in path.split('.') {
+        keys.push(match key.parse::<usize>() {
+            Ok(0) => return Err(refuse("0", "places in lists counted from 1")),
+            Ok(place) => (place - 1).to_string(),
+            Err(_) => key.to_string(),
+        });
+    }
+    let places = Places::of(text).0;
+    if let Some(place) = places.get(&keys.join(".")) {
+        return Ok(format!("{}{value}{}", &text[..place.span.start], &text[place.span.end..]));
+    }
+    // What was left out goes behind the bracket of what would hold it.
+    let known = (0..keys.len()).rev().find(|&k| places.contains_key(&keys[..k].join("."))).unwrap_or(0);
+    let new = &keys[known..];
+    let named = |key: &String| key.starts_with(|c: char| c.is_alphabetic() || c == '_');
+    let holder = places.get(&keys[..known].join("."));
+    let has_names = |place: &Place| {
+        let first = format!("{}0", keys[..known].iter().map(|key| format!("{key}.")).collect::<String>());
+        text.as_bytes()[place.inside.unwrap_or(1) - 1] == b'(' && !places.contains_key(&first)
+    };
+    let Some(inside) =
+        holder.filter(|place| has_names(place)).and_then(|place| place.inside).filter(|_| new.iter().all(named))
+    else {
+        let shown: Vec<&str> = path.split('.').take(known + 1).collect();
+        return Err(refuse(&format!("no '{}' in the scene", shown.join(".")), "the path of a value"));
+    };
+    let value =
+        new.iter().rev().skip(1).fold(format!("{}: {value}", new[new.len() - 1]), |v, key| format!("{key}: ({v})"));
+    Ok(format!("{}{value}, {}", &text[..inside], &text[inside..]))
+}
+
+struct Walk<'a> {
+    text: &'a [u8],
+    at: usize,
+    line: usize,
+    places: FxHashMap<String, Place>,
+}
+
+impl Walk<'_> {
+    fn here(&self) -> u8 {
+        self.text.get(self.at).copied().unwrap_or(0)
+    }
+
+    fn advance(&mut self, bytes: usize) {
+        let end = (self.at + bytes).min(self.text.len());
+        self.line += self.text[self.at..end].iter().filter(|&&byte| byte == b'\n').count();
+        self.at = end;
+    }
+
+    /// Goes behind the next `mark`, or to the end.
+    fn behind(&mut self, mark: &[u8]) {
+        let rest = &self.text[self.at..];
+        let found = rest.windows(mark.len()).position(|window| window == mark);
+        self.advance(found.map_or(rest.len(), |start| start + mark.len()));
+    }
+
+    fn skip_blank(&mut self) {
+        loop {
+            match (self.here(), self.text.get(self.at + 1)) {
+                (byte, _) if byte.is_ascii_whitespace() => self.advance(1),
+                (b'/', Some(b'/')) => self.behind(b"\n"),
+                (b'/', Some(b'*')) => self.behind(b"*/"),
+                _ => return,
+            }
+        }
+    }
+
+    /// A field's name, if one stands here with its colon; goes behind the colon.
+    fn field(&mut self) -> Option<String> {
+        let length = self.text[self.at..].iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
+        let name = String::from_utf8_lossy(&self.text[self.at..self.at + length]).into_owned();
+        let start = (self.at, self.line);
+        self.advance(length);
+        self.skip_blank();
+        if length > 0 && self.here() == b':' {
+            self.advance(1);
+            return Some(name);
+        }
+        (self.at, self.line) = start;
+        None
+    }
+
+    fn value(&mut self, path: &str, line: usize) {
+        self.skip_blank();
+        let mut place = Place { line, span: self.at..self.at, inside: None };
+        loop {
+            self.skip_blank();
+            match self.here() {
+                b'(' | b'[' | b'{' => {
+                    place.inside = Some(self.at + 1);
+                    self.items(path);
+                }
+                b'"' => self.string(),
+                b',' | b')' | b']' | b'}' => break,
+                _ if self.at >= self.text.len() => break,
+                _ => self.advance(1),
+            }
+            place.span.end = self.at;
+        }
+        self.places.insert(path.to_string(), place);
+    }
+
+    fn string(&mut self) {
+        self.advance(1);
+        while self.at < self.text.len() && self.here() != b'"' {
+            self.advance(if self.here() == b'\\' { 2 } else { 1 });
+        }
+        self.advance(1);
+    }
+
+    /// From an opening bracket to behind its closing one.
+    fn items(&mut self, path: &str) {
+        self.advance(1);
+        for index in 0.. {
+            self.skip_blank();
+            if self.at >= self.text.len() || matches!(self.here(), b')' | b']' | b'}') {
+                break;
+            }
+            let line = self.line;
+            let key = self.field().unwrap_or_else(|| index.to_string());
+            let path = if path.is_empty() { key } else { format!("{path}.{key}") };
+            self.value(&path, line);
+            if self.here() == b',' {
+                self.advance(1);
+            }
+        }
+        self.advance(1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_lines_behind_comments_strings_and_brackets() {
+        let text = "Scene( // grains: [\n seed: 1, /* \n */\n name: \"a\\\")\",\n grains: [\n  (sizes: Uniform(\n   \
+                    min: 1)),\n  (x: (1,\n 2)),\n ],\n)";
+        let lines = Places::of(text);
+        let line = |path| lines.line(path);
+        assert_eq!(line("seed"), Some(2));
+        assert_eq!(line("name"), Some(4));
+        assert_eq!(line("grains.0"), Some(6));
+        assert_eq!(line("grains.0.sizes.min"), Some(7));
+        assert_eq!(line("grains.0.sizes.max"), Some(6)); // left out: the line of what holds it
+        assert_eq!(line("grains.1.x.1"), Some(9));
+        assert_eq!(line("walls"), None);
+    }
+
+    fn set_to(text: &str, setting: &str) -> Result<String, String> {
+        set(text, &[setting.to_string()]).map_err(|faults| faults.to_string())
+    }
+
+    #[test]
+    fn other_values_take_the_place_of_those_that_stand_there() {
+        let text = "( // a (b: 1)\n a: 1, list: [(b: \"x, y\" /* b */), Kind(c: 2)], pair: Single(3.0),\n)";
+        for (setting, from, to) in [
+            ("a=7", "a: 1,", "a: 7,"),
+            ("list.1.b = \"z\"", "\"x, y\"", "\"z\""),
+            ("list.2.c=[1, (2)]", "c: 2", "c: [1, (2)]"),
+            ("list.2=Other", "Kind(c: 2)", "Other"),
+            ("pair.1=4", "Single(3.0)", "Single(4)"),
+            ("list.2.d=5", "Kind(", "Kind(d: 5, "),
+            ("new=5", "( // a", "(new: 5,  // a"),
+            ("new.x.y=5", "( // a", "(new: (x: (y: 5)),  // a"),
+        ] {
+            assert_eq!(set_to(text, setting).as_deref(), Ok(text.replacen(from, to, 1).as_str()), "{setting}");
+        }
+        let both = set(text, &["new.x=1".into(), "new.y=2".into()]).unwrap();
+        assert!(both.contains("new: (y: 2, x: 1)"), "{both}");
+    }
+
+    #[test]
+    fn paths_that_lead_nowhere_are_refused() {
+        let text = "(a: 1, list: [(b: 1)], pair: (1.0, 2.0))";
+        for setting in [
+            "a",
+            "=1",
+            "a=",
+            "a=1)",
+            "a=1, 2",
+            "a.b=1",
+            "list.2=(b: 2)",
+            "list.0=1",
+            "list.b=1",
+            "pair.x=1",
+            "9=1",
+            "=",
+            ".",
+        ] {
+            assert!(set_to(text, setting).is_err(), "{setting}");
+        }
+    }
+}
