@@ -11,10 +11,13 @@ use crate::write::figure::{Axis, Curve, Figure};
 use crate::write::plots::PLOTS;
 use crate::write::series::csv;
 
+/// The columns of a table of numbers by their names.
+pub type Columns = BTreeMap<String, Vec<f64>>;
+
 /// A run by its name in the legend: the columns of its series.
 struct Run {
     name: String,
-    columns: BTreeMap<String, Vec<f64>>,
+    columns: Columns,
 }
 
 /// Reads `POSTPRO/series.csv` of each case and writes a figure and a table for each of `columns` into `output`.
@@ -72,15 +75,16 @@ fn known(name: &str) -> Option<(&'static str, &'static str)> {
 }
 
 /// The name of a case's folder.
-fn name_of(case: &Path) -> String {
+pub fn name_of(case: &Path) -> String {
     let whole = std::fs::canonicalize(case).unwrap_or(case.to_path_buf());
     whole.file_name().map_or(case.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
 /// The columns of a table of numbers; empty fields are NaN.
-fn read(path: &Path) -> Result<BTreeMap<String, Vec<f64>>, Faults> {
+pub fn read(path: &Path) -> Result<Columns, Faults> {
     let text = atomic::read_text(path).map_err(|mut faults| {
-        faults.0.iter_mut().for_each(|fault| fault.expected = "expected the series that cd-post writes".into());
+        let expected = "expected a table of cd-solve or, series.csv, of cd-post";
+        faults.0.iter_mut().for_each(|fault| fault.expected = expected.into());
         faults
     })?;
     let mut lines = text.lines();

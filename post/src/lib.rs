@@ -3,7 +3,7 @@
 //! `read` ([`frame`]) -> `derive` ([`mod@derive`]) -> `write` ([`mod@write`]): each snapshot of
 //! `DIR/OUTBOX` becomes a [`Frame`], a [`Row`] of `POSTPRO/series.csv` and the files of
 //! `DISPLAY/`; the rows together become plots, the last frame a picture. [`mod@state`] measures one
-//! snapshot in depth, [`compare`] several runs, [`report`] makes a page of a run.
+//! snapshot in depth, [`compare`] several runs, [`study`] many, [`report`] makes a page of a run.
 
 use std::collections::HashSet;
 use std::ffi::OsString;
@@ -12,6 +12,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use cd_formats::error::{Fault, Faults};
+use cd_formats::tell::tell;
 use cd_formats::{atomic, snapshot};
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -23,6 +24,7 @@ pub mod frame;
 pub mod report;
 pub mod shapes;
 pub mod state;
+pub mod study;
 pub mod write;
 
 use derive::Row;
@@ -77,6 +79,23 @@ enum Command {
         /// Column of the horizontal axis
         #[arg(long, default_value = "time")]
         against: String,
+    },
+    /// Many runs, each by its means over the end, and how they go with the number of grains; fitted lines and cost.
+    ///
+    /// Reads of each POSTPRO/series.csv, OUTBOX/steps.csv, TIMER.csv and the last snapshot.
+    Study {
+        /// The case directories
+        #[arg(required = true, num_args = 1..)]
+        dirs: Vec<PathBuf>,
+        /// Folder in which runs.csv, fits.csv and the figures are written
+        #[arg(short, long, default_value = "study")]
+        output: PathBuf,
+        /// One name a run, the same for those that the figures show as one; without them all are one
+        #[arg(long, value_delimiter = ',')]
+        groups: Vec<String>,
+        /// Time from which snapshots count for the means, s; without it the last alone
+        #[arg(long, value_name = "S")]
+        from: Option<f64>,
     },
     /// The run on one page that needs nothing else: figures, numbers, options, the grains to turn and zoom.
     ///
@@ -136,17 +155,21 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let done = pool.install(|| match &command {
         None => process(&options),
         Some(Command::State { dir, snapshot }) => state::write(dir, *snapshot).map(|(folder, notes)| {
-            println!("cd-post: {}", folder.display());
+            tell(format_args!("cd-post: {}", folder.display()));
             notes
         }),
         Some(Command::Compare { dirs, output, labels, columns, against }) => {
             compare::write(dirs, labels, columns, against, output).map(|count| {
-                println!("cd-post: {count} figures in {}", output.display());
+                tell(format_args!("cd-post: {count} figures in {}", output.display()));
                 Vec::new()
             })
         }
+        Some(Command::Study { dirs, output, groups, from }) => study::write(dirs, groups, *from, output).map(|count| {
+            tell(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
+            Vec::new()
+        }),
         Some(Command::Report { dir, every }) => report::write(dir, *every).map(|page| {
-            println!("cd-post: {}", page.display());
+            tell(format_args!("cd-post: {}", page.display()));
             Vec::new()
         }),
     });
@@ -170,18 +193,18 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
     let (rows, last) = series(options)?;
     let postpro = options.dir.join("POSTPRO");
     atomic::write(&postpro.join("series.csv"), write::series::text(&rows).as_bytes())?;
-    println!("cd-post: {} snapshots of {}", rows.len(), options.dir.join("OUTBOX").display());
-    println!("  series   {}", postpro.join("series.csv").display());
+    tell(format_args!("cd-post: {} snapshots of {}", rows.len(), options.dir.join("OUTBOX").display()));
+    tell(format_args!("  series   {}", postpro.join("series.csv").display()));
     if !options.no_plots {
         for plot in &write::plots::PLOTS {
             atomic::write(&postpro.join(plot.file), plot.figure(&rows).svg().as_bytes())?;
         }
         atomic::write(&postpro.join("aggregate.svg"), write::picture::svg(&last).as_bytes())?;
-        println!("  plots    {}", postpro.join("*.svg").display());
+        tell(format_args!("  plots    {}", postpro.join("*.svg").display()));
     }
     if !options.no_vtk {
         finish_display(&options.dir, &rows, &last)?;
-        println!("  ParaView {}", options.dir.join("DISPLAY").join("grains.pvd").display());
+        tell(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("grains.pvd").display()));
     }
     Ok(notes(&rows))
 }

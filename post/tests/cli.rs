@@ -256,6 +256,58 @@ fn runs_are_compared_in_one_figure() {
 }
 
 #[test]
+fn many_runs_are_points_of_one_study() {
+    let cases = [case(&[0, 4]), case(&[0, 4])];
+    for case in &cases {
+        assert_eq!(cd_post(&["--no-plots", "--no-vtk"], case.path()).status.code(), Some(0));
+        let steps = "step,contacts_active,sweeps\n1,2,10\n2,2,20\n";
+        fs::write(case.path().join("OUTBOX/steps.csv"), steps).unwrap();
+        let timer = "step,gravity,detection,assembly,solve,integration,writing\n1,1,2,3,4,5,6\n2,1,2,3,4,5,6\n";
+        fs::write(case.path().join("TIMER.csv"), timer).unwrap();
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let study = |flags: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+        command.arg("study").args(cases.iter().map(|case| case.path())).args(flags).arg("-o").arg(folder.path());
+        let output = command.output().unwrap();
+        (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    assert_eq!(study(&["--groups", "one,two", "--from", "0.5"]), (0, String::new()));
+    let expected =
+        ["Z.svg", "cost-1.svg", "cost-2.svg", "fits.csv", "nu.svg", "pressure.svg", "runs.csv", "sweeps.svg"];
+    assert_eq!(names(folder.path()), expected);
+    let runs = fs::read_to_string(folder.path().join("runs.csv")).unwrap();
+    let lines: Vec<Vec<&str>> = runs.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!((lines.len(), lines[1].len(), lines[2][1]), (3, lines[0].len(), "two"));
+    let value = |name: &str| lines[1][lines[0].iter().position(|known| *known == name).unwrap()];
+    assert_eq!(
+        ["time", "sweeps", "seconds_contacts", "seconds", "Z_isostatic"].map(value),
+        ["1.0", "15.0", "7.0", "21.0", "2.0"]
+    );
+
+    let (status, told) = study(&["--from", "2"]);
+    assert!(status == 2 && told.contains("series.csv: time: ends at 1 s; expected"), "{told}");
+    let (status, told) = study(&["--groups", "one"]);
+    assert!(status == 2 && told.contains("options: groups: 1 names; expected 2"), "{told}");
+}
+
+#[test]
+fn a_reader_that_goes_away_stops_nothing() {
+    let case = case(&[0]);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_cd-post"))
+        .args(["--no-vtk"])
+        .arg(case.path())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!((output.status.code(), String::from_utf8(output.stderr).unwrap()), (Some(0), String::new()));
+    assert!(case.path().join("POSTPRO/series.csv").is_file());
+}
+
+#[test]
 fn a_report_is_one_page_that_needs_nothing_else() {
     let case = case(&[0, 10]);
     assert_eq!(cd_post(&["report"], case.path()).status.code(), Some(0));

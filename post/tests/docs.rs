@@ -35,6 +35,18 @@ fn columns_of_the_series() {
 }
 
 #[test]
+fn columns_of_a_study() {
+    let documented: Vec<(String, String)> = table("## Many runs")
+        .into_iter()
+        .filter(|row| !row[0].contains('.'))
+        .map(|row| (row[0].clone(), row[1].clone()))
+        .collect();
+    let written: Vec<(String, String)> =
+        cd_post::study::COLUMNS.iter().map(|(name, unit, _)| (name.to_string(), unit.to_string())).collect();
+    assert_eq!(documented, written);
+}
+
+#[test]
 fn arrays_of_the_paraview_files() {
     let mut scene = Scene::default();
     scene.grain([0.0; 3], 1.0);

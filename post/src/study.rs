@@ -1,0 +1,328 @@
+//! `cd-post study`: many runs, each by its mean values over the end; how they go with the number of grains.
+
+use std::path::{Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::error::{Fault, Faults};
+use cd_formats::snapshot::{self, Snapshot};
+
+use crate::compare::{self, Columns};
+use crate::derive::{Field, Row};
+use crate::write::figure::{Axis, Curve, Figure, Marks};
+use crate::write::series::csv;
+
+/// Rooms of a step in TIMER.csv, as the figure of the cost has them.
+const ROOMS: [(&str, &[&str]); 3] =
+    [("gravity", &["gravity"]), ("detection", &["detection"]), ("contacts", &["assembly", "solve"])];
+
+/// Columns of runs.csv beside those of series.csv: name, unit, meaning.
+pub const COLUMNS: [(&str, &str, &str); 8] = [
+    (
+        "pressure_homogeneous",
+        "Pa",
+        "mean pressure 3 G M² / (20 π R⁴) of a homogeneous ball of the mass and of R_enclosing",
+    ),
+    (
+        "Z_isostatic",
+        "1",
+        "6 - 12 / N: of rigid frictionless spheres at rest, all of them held, without a force from outside",
+    ),
+    ("sweeps", "1", "sweeps of the contact solver per step, over the whole run"),
+    ("contacts", "1", "contacts that carry force per step, over the whole run"),
+    ("seconds_gravity", "s", "per step, over the whole run"),
+    ("seconds_detection", "s", ""),
+    ("seconds_contacts", "s", "assembly and solution of the contact problem"),
+    ("seconds", "s", "all rooms"),
+];
+
+/// A run by its means.
+struct Run {
+    name: String,
+    group: String,
+    /// In the order of [`Row::COLUMNS`], then of [`COLUMNS`].
+    values: Vec<f64>,
+}
+
+impl Run {
+    fn of(&self, name: &str) -> f64 {
+        let names = Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| *name);
+        names.zip(&self.values).find(|(known, _)| *known == name).map_or(f64::NAN, |(_, value)| *value)
+    }
+}
+
+/// A straight line by least squares.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Line {
+    slope: f64,
+    intercept: f64,
+    /// Square of the correlation.
+    r2: f64,
+}
+
+impl Line {
+    /// Through points of which at least two have different x.
+    fn through(points: &[(f64, f64)]) -> Option<Line> {
+        let points: Vec<(f64, f64)> = points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
+        let n = points.len() as f64;
+        let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), p| (x + p.0 / n, y + p.1 / n));
+        let (xx, xy, yy) = points.iter().fold((0.0, 0.0, 0.0), |(xx, xy, yy), p| {
+            (xx + (p.0 - x) * (p.0 - x), xy + (p.0 - x) * (p.1 - y), yy + (p.1 - y) * (p.1 - y))
+        });
+        let slope = xy / xx;
+        let r2 = if yy > 0.0 { xy * xy / (xx * yy) } else { 1.0 };
+        (xx > 0.0).then_some(Line { slope, intercept: y - slope * x, r2 })
+    }
+}
+
+/// Measures each case from the series.csv, steps.csv, TIMER.csv and the last snapshot that it has, and writes the table
+/// of the runs, that of the fitted lines, and the figures.
+///
+/// `groups`: one name a case, which the figures tell apart; none for a single group. `from`: means are over the
+/// snapshots from this time on, s; without it, of the last alone.
+pub fn write(cases: &[PathBuf], groups: &[String], from: Option<f64>, output: &Path) -> Result<usize, Faults> {
+    let mut faults = Faults::default();
+    if !groups.is_empty() && groups.len() != cases.len() {
+        let expected = format!("expected {}, one a case", cases.len());
+        faults.push(Fault::new(Path::new("options"), None, "groups", format!("{} names", groups.len()), expected));
+    }
+    let mut runs = Vec::new();
+    for (k, case) in cases.iter().enumerate() {
+        let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
+        runs.extend(faults.gather(measured(case, from)).map(|values| Run {
+            name: compare::name_of(case),
+            group,
+            values,
+        }));
+    }
+    faults.into_result(())?;
+    let mut order: Vec<&str> = Vec::new();
+    for run in &runs {
+        if !order.contains(&run.group.as_str()) {
+            order.push(&run.group);
+        }
+    }
+    let (figures, fits) = figures(&runs, &order);
+    atomic::write(&output.join("runs.csv"), table(&runs).as_bytes())?;
+    atomic::write(&output.join("fits.csv"), fits.as_bytes())?;
+    for (name, figure) in &figures {
+        atomic::write(&output.join(format!("{name}.svg")), figure.svg().as_bytes())?;
+    }
+    Ok(figures.len())
+}
+
+/// The values of a run.
+fn measured(case: &Path, from: Option<f64>) -> Result<Vec<f64>, Faults> {
+    let path = case.join("POSTPRO/series.csv");
+    let series = compare::read(&path)?;
+    let times = series.get("time").cloned().unwrap_or_default();
+    let last = times.last().copied().unwrap_or(f64::NAN);
+    let taken: Vec<usize> = (0..times.len()).filter(|&k| times[k] >= from.unwrap_or(last)).collect();
+    if taken.is_empty() {
+        let found = format!("ends at {last} s");
+        return Err(Fault::new(&path, None, "time", found, "expected a snapshot in the time of the means").into());
+    }
+    let mean = |name: &str| {
+        let column = series.get(name).map_or(&[][..], |column| column);
+        taken.iter().map(|&k| column.get(k).copied().unwrap_or(f64::NAN)).sum::<f64>() / taken.len() as f64
+    };
+    let mut values: Vec<f64> = Row::COLUMNS.iter().map(|(name, _, _)| mean(name)).collect();
+
+    let outbox = case.join("OUTBOX");
+    let steps = compare::read(&outbox.join("steps.csv"))?;
+    let timer = compare::read(&case.join("TIMER.csv"))?;
+    let per_step = |table: &Columns, name: &str| {
+        let column = table.get(name).map_or(&[][..], |column| column);
+        column.iter().sum::<f64>() / column.len() as f64
+    };
+    let snapshots = snapshot::list(&outbox);
+    let (_, newest) = snapshots.last().ok_or_else(|| {
+        Fault::new(&outbox, None, "folder", "holds no snapshot", "expected snapshot-*.npz, the results of cd-solve")
+    })?;
+    let parameters = Snapshot::read(newest)?.meta.parameters;
+    let constant = if parameters.self_gravity { parameters.gravity_constant } else { f64::NAN };
+    let homogeneous: f64 = taken
+        .iter()
+        .map(|&k| {
+            3.0 * constant * series["mass"][k].powi(2)
+                / (20.0 * std::f64::consts::PI * series["R_enclosing"][k].powi(4))
+        })
+        .sum::<f64>()
+        / taken.len() as f64;
+    let room = |names: &[&str]| names.iter().map(|name| per_step(&timer, name)).sum::<f64>();
+    values.push(homogeneous);
+    values.push(6.0 - 12.0 / mean("n_grains"));
+    values.push(per_step(&steps, "sweeps"));
+    values.push(per_step(&steps, "contacts_active"));
+    values.extend(ROOMS.iter().map(|(_, names)| room(names)));
+    values.push(room(&["gravity", "detection", "assembly", "solve", "integration", "writing"]));
+    Ok(values)
+}
+
+/// A row a run: its name, its group, then all values; an empty field where one is not defined.
+fn table(runs: &[Run]) -> String {
+    let names: Vec<&str> = Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| *name).collect();
+    let mut text = format!("run,group,{}\n", names.join(","));
+    for run in runs {
+        // A comma would make two columns of a name.
+        let values: Vec<String> = run.values.iter().map(Field::text).collect();
+        text += &format!("{},{},{}\n", run.name.replace(',', ";"), run.group.replace(',', ";"), values.join(","));
+    }
+    text
+}
+
+/// The figures by name, and the table of the lines in them.
+fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
+    let mut fits = String::from("figure,group,law,slope,intercept,r2\n");
+    let mut note = |figure: &str, group: &str, law: &str, line: Line| {
+        let numbers = csv(&[], [vec![line.slope, line.intercept, line.r2]]);
+        fits += &format!("{figure},{},{law},{}", group.replace(',', ";"), numbers.trim_start());
+    };
+    let mut figures = Vec::new();
+    let of = |group: &str, x: &dyn Fn(&Run) -> f64, y: &dyn Fn(&Run) -> f64| -> Vec<(f64, f64)> {
+        runs.iter().filter(|run| run.group == group).map(|run| (x(run), y(run))).collect()
+    };
+    let dots = |name: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), points, marks: Marks::Dots };
+    let expected = |name: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), points, marks: Marks::Expected };
+    let ends = |line: Line, points: &[(f64, f64)], from: f64| -> Vec<(f64, f64)> {
+        let most = points.iter().map(|p| p.0).fold(from, f64::max);
+        [from, most].map(|x| (x, line.intercept + line.slope * x)).to_vec()
+    };
+
+    // What a surface takes from the whole goes with the number of grains to the power -1/3.
+    let surface = |run: &Run| run.of("n_grains").powf(-1.0 / 3.0);
+    for (name, title, quantity) in [
+        ("Z", "Contacts per grain, at the end", "Z"),
+        ("nu", "Solid fraction of the smallest enclosing ball, at the end", "ν"),
+    ] {
+        let mut curves = Vec::new();
+        for group in groups {
+            let points = of(group, &surface, &|run| run.of(name));
+            curves.push(dots(group, points.clone()));
+            if let Some(line) = Line::through(&points) {
+                note(name, group, &format!("{name} = intercept + slope N^(-1/3)"), line);
+                curves.push(expected(
+                    &format!("{} + {} N^(-1/3)", short(line.intercept), short(line.slope)),
+                    ends(line, &points, 0.0),
+                ));
+            }
+        }
+        figures.push((
+            name.into(),
+            Figure { title: title.into(), x: Axis::linear("N^(-1/3)", "1"), y: Axis::linear(quantity, "1"), curves },
+        ));
+    }
+
+    let ideal = |run: &Run| run.of("pressure_homogeneous");
+    let mut curves: Vec<Curve> =
+        groups.iter().map(|group| dots(group, of(group, &ideal, &|run| run.of("pressure")))).collect();
+    let all: Vec<(f64, f64)> =
+        runs.iter().map(|run| (ideal(run), run.of("pressure"))).filter(|p| p.0 > 0.0 && p.1 > 0.0).collect();
+    let logarithms: Vec<(f64, f64)> = all.iter().map(|p| (p.0.ln(), p.1.ln())).collect();
+    if let Some(line) = Line::through(&logarithms) {
+        note("pressure", "all", "ln(pressure) = intercept + slope ln(pressure_homogeneous)", line);
+    }
+    let (low, high) = all.iter().fold((f64::INFINITY, 0f64), |(low, high), p| (low.min(p.0), high.max(p.0)));
+    if low < high {
+        curves.push(expected("equal", vec![(low, low), (high, high)]));
+    }
+    figures.push((
+        "pressure".into(),
+        Figure {
+            title: "Mean pressure, at the end".into(),
+            x: Axis::logarithmic("3 G M² / (20 π R⁴)", "Pa"),
+            y: Axis::logarithmic("pressure", "Pa"),
+            curves,
+        },
+    ));
+
+    let number = |run: &Run| run.of("n_grains");
+    for (k, group) in groups.iter().enumerate() {
+        let name = if groups.len() == 1 { "cost".to_string() } else { format!("cost-{}", k + 1) };
+        let mut curves = Vec::new();
+        for (room, _) in ROOMS {
+            let points = of(group, &number, &|run| run.of(&format!("seconds_{room}")));
+            let points: Vec<(f64, f64)> = points.into_iter().filter(|p| p.0 > 0.0 && p.1 > 0.0).collect();
+            let logarithms: Vec<(f64, f64)> = points.iter().map(|p| (p.0.ln(), p.1.ln())).collect();
+            let line = Line::through(&logarithms);
+            let power = line.map_or(String::new(), |line| format!(", N^{}", short(line.slope)));
+            if let Some(line) = line {
+                note(&name, group, &format!("ln(seconds_{room}) = intercept + slope ln(N)"), line);
+                let ends = points.iter().map(|p| p.0).map(|n| (n, (line.intercept + line.slope * n.ln()).exp()));
+                curves.push(expected(&format!("{room}{power}"), ends.collect()));
+            }
+            curves.push(dots(room, points));
+        }
+        let title = format!("Seconds per step by room: {group}");
+        figures.push((
+            name,
+            Figure { title, x: Axis::logarithmic("N", "1"), y: Axis::logarithmic("time per step", "s"), curves },
+        ));
+    }
+    let curves = groups.iter().map(|group| Curve::line(group, of(group, &number, &|run| run.of("sweeps")))).collect();
+    let (x, y) = (Axis::logarithmic("N", "1"), Axis::linear("sweeps per step", "1"));
+    figures.push(("sweeps".into(), Figure { title: "Sweeps of the contact solver per step".into(), x, y, curves }));
+    (figures, fits)
+}
+
+/// Three significant digits.
+fn short(value: f64) -> String {
+    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
+    format!("{rounded}").replace('-', "−")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(group: &str, n: f64) -> Run {
+        let mut values = vec![f64::NAN; Row::COLUMNS.len() + COLUMNS.len()];
+        let names: Vec<&str> = Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| *name).collect();
+        let mut set = |name: &str, value: f64| values[names.iter().position(|known| *known == name).unwrap()] = value;
+        set("n_grains", n);
+        set("Z", 6.0 - 9.0 * n.powf(-1.0 / 3.0));
+        set("nu", 0.6 - 0.5 * n.powf(-1.0 / 3.0));
+        set("pressure", 1.1 * n.powf(2.0 / 3.0));
+        set("pressure_homogeneous", n.powf(2.0 / 3.0));
+        set("sweeps", 10.0);
+        set("seconds_gravity", 1e-6 * n.powi(2));
+        set("seconds_detection", 1e-5 * n);
+        set("seconds_contacts", 1e-5 * n.powf(1.5));
+        Run { name: format!("{group}-{n}"), group: group.into(), values }
+    }
+
+    #[test]
+    fn the_laws_that_runs_follow_are_found() {
+        let runs: Vec<Run> =
+            ["a", "b, c"].into_iter().flat_map(|g| [250.0, 1000.0, 4000.0].map(|n| run(g, n))).collect();
+        let (figures, fits) = figures(&runs, &["a", "b, c"]);
+        let names: Vec<&str> = figures.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["Z", "nu", "pressure", "cost-1", "cost-2", "sweeps"]);
+        let slope = |start: &str| -> f64 {
+            let line = fits.lines().find(|line| line.starts_with(start)).unwrap_or_else(|| panic!("{start}: {fits}"));
+            line.split(',').nth(3).unwrap().parse().unwrap()
+        };
+        // Round-off of sums of a few terms.
+        for (start, exact) in [
+            ("Z,a", -9.0),
+            ("nu,b; c", -0.5),
+            ("pressure,all", 1.0),
+            ("cost-1,a,ln(seconds_gravity)", 2.0),
+            ("cost-2,b; c,ln(seconds_detection)", 1.0),
+            ("cost-2,b; c,ln(seconds_contacts)", 1.5),
+        ] {
+            assert!((slope(start) / exact - 1.0).abs() < 1e-10, "{start}: {fits}");
+        }
+        let svg = figures[0].1.svg();
+        assert!(svg.contains("6 + −9 N^(-1/3)") && !svg.contains("NaN"), "{svg}");
+        let table = table(&runs);
+        assert!(table.contains("\nb; c-250,b; c,") && !table.contains("NaN"), "{table}");
+    }
+
+    #[test]
+    fn a_line_needs_two_places() {
+        assert_eq!(Line::through(&[(1.0, 2.0), (1.0, 3.0)]), None);
+        assert_eq!(Line::through(&[(1.0, 2.0), (f64::NAN, 3.0)]), None);
+        let line = Line::through(&[(0.0, 1.0), (2.0, 5.0), (1.0, f64::NAN)]);
+        assert_eq!(line, Some(Line { slope: 2.0, intercept: 1.0, r2: 1.0 }));
+    }
+}
