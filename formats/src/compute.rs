@@ -358,7 +358,7 @@ impl Compute {
             expect(
                 event.time.is_finite() && values.iter().all(|v| v.is_finite()) && in_range,
                 &format!("events, number {}", k + 1),
-                format!("{event:?}"),
+                ron::to_string(event).unwrap_or_default(),
                 "a finite time and finite values, quench from 0 to 1, friction and cohesion >= 0",
             );
             let repeated = event.every.is_none_or(|every| every.is_finite() && every >= self.dt)
@@ -366,7 +366,7 @@ impl Compute {
             expect(
                 repeated,
                 &format!("events, number {}", k + 1),
-                format!("{event:?}"),
+                ron::to_string(event).unwrap_or_default(),
                 "a finite `every` of at least dt, `until` only with it and not before `time`",
             );
         }

@@ -283,7 +283,7 @@ fn options_in_the_file() {
         "CASE/DATBOX/COMPUTE.RON: gravity_opening: Some(1.5); expected more than 0 and less than 1",
         "CASE/DATBOX/COMPUTE.RON: fields, number 1: PointMass { mass: 0.0, position: [0.0, 0.0, 0.0] }; \
          expected finite values, mass and radius > 0, an axis other than 0",
-        "CASE/DATBOX/COMPUTE.RON: events, number 1: Event { time: 1.0, action: SetQuench(3.0) }; \
+        "CASE/DATBOX/COMPUTE.RON: events, number 1: (time:1.0,action:SetQuench(3.0)); \
          expected a finite time and finite values, quench from 0 to 1, friction and cohesion >= 0",
     ];
     refused(&case, &[], &lines);
