@@ -96,6 +96,9 @@ enum Command {
         /// Time from which snapshots count for the means, s; without it the last alone
         #[arg(long, value_name = "S")]
         from: Option<f64>,
+        /// Time up to which they count, s; without it the end
+        #[arg(long, value_name = "S")]
+        until: Option<f64>,
     },
     /// The run on one page that needs nothing else: figures, numbers, options, the grains to turn and zoom.
     ///
@@ -164,10 +167,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
                 Vec::new()
             })
         }
-        Some(Command::Study { dirs, output, groups, from }) => study::write(dirs, groups, *from, output).map(|count| {
-            tell(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
-            Vec::new()
-        }),
+        Some(Command::Study { dirs, output, groups, from, until }) => study::write(dirs, groups, *from, *until, output)
+            .map(|count| {
+                tell(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
+                Vec::new()
+            }),
         Some(Command::Report { dir, every }) => report::write(dir, *every).map(|page| {
             tell(format_args!("cd-post: {}", page.display()));
             Vec::new()

@@ -78,8 +78,14 @@ impl Line {
 /// of the runs, that of the fitted lines, and the figures.
 ///
 /// `groups`: one name a case, which the figures tell apart; none for a single group. `from`: means are over the
-/// snapshots from this time on, s; without it, of the last alone.
-pub fn write(cases: &[PathBuf], groups: &[String], from: Option<f64>, output: &Path) -> Result<usize, Faults> {
+/// snapshots from this time on up to `until`, s; without it, of the last of these alone.
+pub fn write(
+    cases: &[PathBuf],
+    groups: &[String],
+    from: Option<f64>,
+    until: Option<f64>,
+    output: &Path,
+) -> Result<usize, Faults> {
     let mut faults = Faults::default();
     if !groups.is_empty() && groups.len() != cases.len() {
         let expected = format!("expected {}, one a case", cases.len());
@@ -88,7 +94,7 @@ pub fn write(cases: &[PathBuf], groups: &[String], from: Option<f64>, output: &P
     let mut runs = Vec::new();
     for (k, case) in cases.iter().enumerate() {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
-        runs.extend(faults.gather(measured(case, from)).map(|values| Run {
+        runs.extend(faults.gather(measured(case, from, until)).map(|values| Run {
             name: compare::name_of(case),
             group,
             values,
@@ -111,14 +117,16 @@ pub fn write(cases: &[PathBuf], groups: &[String], from: Option<f64>, output: &P
 }
 
 /// The values of a run.
-fn measured(case: &Path, from: Option<f64>) -> Result<Vec<f64>, Faults> {
+fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f64>, Faults> {
     let path = case.join("POSTPRO/series.csv");
     let series = compare::read(&path)?;
     let times = series.get("time").cloned().unwrap_or_default();
-    let last = times.last().copied().unwrap_or(f64::NAN);
-    let taken: Vec<usize> = (0..times.len()).filter(|&k| times[k] >= from.unwrap_or(last)).collect();
+    let until = until.unwrap_or(f64::INFINITY);
+    let last = times.iter().copied().filter(|time| *time <= until).fold(f64::NAN, f64::max);
+    let taken: Vec<usize> =
+        (0..times.len()).filter(|&k| times[k] >= from.unwrap_or(last) && times[k] <= until).collect();
     if taken.is_empty() {
-        let found = format!("ends at {last} s");
+        let found = format!("ends at {} s", times.last().copied().unwrap_or(f64::NAN));
         return Err(Fault::new(&path, None, "time", found, "expected a snapshot in the time of the means").into());
     }
     let mean = |name: &str| {
