@@ -205,7 +205,7 @@ options! {
     /// Who solves the contact problem: nlgs, Gauss-Seidel sweeps; nlgs-anderson, prox-newton, admm, on the stored matrix, for small scenes; auto, nlgs, and the others where a small problem stalls.
     solver: ContactSolver = ContactSolver::Auto, ContactSolver, [value_enum, value_name = "SOLVER"];
     /// Sweeps, or iterations, after which a step is reported as not converged, and goes on.
-    max_sweeps: u64 = 2000, u64, [value_name = "N"];
+    max_sweeps: u64 = 10_000, u64, [value_name = "N"];
     /// Also writes LMGC90's stopping criteria of each step's solution to steps.csv.
     lmgc90_norms: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Distance within which contacts are listed, m; without it, that of each row of TACT_BEHAV.DAT.

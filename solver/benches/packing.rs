@@ -34,7 +34,7 @@ pub fn packing(side: usize, friction: f64) -> System {
                 w_t: 7.0,
                 friction,
                 impulse_shift: 0.0,
-                contact: rows.len() as u32,
+                acts: true,
                 can_close: true,
                 start: Vec3::zeros(),
                 u_before: Vec3::zeros(),

@@ -126,37 +126,31 @@ fn end_of_contacts(
         let record = &solution.records[i as usize];
         (v[i as usize], w[i as usize]) = (record.v, record.w);
     }
-    let mut row_of: Vec<Option<u32>> = vec![None; contacts.len()];
-    system.rows.iter().enumerate().for_each(|(k, row)| row_of[row.contact as usize] = Some(k as u32));
-    let solved = |(contact, row): (Contact, Option<u32>)| {
+    let solved = |(contact, (row, r)): (Contact, (&Row, &Vec3))| {
         let frame = contact.frame();
-        let mut solved = SolvedContact {
-            contact,
-            impulse: Vec3::zeros(),
-            moment: Vec3::zeros(),
-            velocity: to_local(&frame, &relative_velocity(&contact, &q_c.x, &v, &w)),
-            status: Status::NoContact,
-            bond: None,
-        };
-        let Some(k) = row else { return solved };
-        let row = &system.rows[k as usize];
-        let local = to_local(&frame, &solution.impulses[k as usize]);
-        solved.impulse = Vec3::new(local.x + row.impulse_shift, local.y, local.z);
+        let local = to_local(&frame, r);
         // On the cone's side to rounding; a frictionless contact that carries force slides.
         let bound = row.friction * local.x * (1.0 - 1e-12);
-        solved.status = match local.x > 0.0 {
+        let status = match local.x > 0.0 {
             false => Status::NoContact,
             true if local.yz().norm() >= bound => Status::Slide,
             true => Status::Stick,
         };
         let law = &scene.laws[contact.law as usize];
-        let (parted, slid) = (solved.status == Status::NoContact, solved.status == Status::Slide);
-        solved.bond = row.bond.filter(|_| law.keeps_bond(contact.gap, parted, slid));
-        solved
+        let (parted, slid) = (status == Status::NoContact, status == Status::Slide);
+        SolvedContact {
+            contact,
+            impulse: Vec3::new(local.x + row.impulse_shift, local.y, local.z),
+            moment: Vec3::zeros(),
+            velocity: to_local(&frame, &relative_velocity(&contact, &q_c.x, &v, &w)),
+            status,
+            bond: row.bond.filter(|_| law.keeps_bond(contact.gap, parted, slid)),
+        }
     };
-    let mut contacts: Vec<SolvedContact> = contacts.into_par_iter().zip(row_of).with_min_len(512).map(solved).collect();
+    let rows = system.rows.par_iter().zip(&solution.impulses);
+    let mut contacts: Vec<SolvedContact> = contacts.into_par_iter().zip(rows).with_min_len(256).map(solved).collect();
     for (roll, m) in system.rolls.iter().zip(&solution.moments) {
-        let solved = &mut contacts[system.rows[roll.row as usize].contact as usize];
+        let solved = &mut contacts[roll.row as usize];
         solved.moment = to_local(&solved.contact.frame(), m);
     }
     Solved { v, w, contacts }
@@ -173,14 +167,13 @@ fn book(
     solved: &Solved,
 ) -> StepReport {
     let h = scene.options.dt;
-    let of_some = |rows: &[Row]| {
-        rows.iter().fold(Given::default(), |given, row| {
-            let solved_row = &solved.contacts[row.contact as usize];
-            if solved_row.impulse == Vec3::zeros() { given } else { given + at_contact(scene, state, q_c, row, solved) }
-        })
+    let of_some = |(rows, contacts): (&[Row], &[SolvedContact])| {
+        let touching = rows.iter().zip(contacts).filter(|(_, contact)| contact.impulse != Vec3::zeros());
+        touching
+            .fold(Given::default(), |given, (row, contact)| given + at_contact(scene, state, q_c, row, contact, solved))
     };
     // In parts that the number of rows alone decides.
-    let parts: Vec<Given> = system.rows.par_chunks(PART).map(of_some).collect();
+    let parts: Vec<Given> = system.rows.par_chunks(PART).zip(solved.contacts.par_chunks(PART)).map(of_some).collect();
     let given = parts.into_iter().fold(Given::default(), Given::add);
     let ledger = &mut state.ledger;
     ledger.contact_work += given.contact_work;
@@ -267,9 +260,16 @@ impl Add for Given {
     }
 }
 
-/// What the contact of `row` does.
-fn at_contact(scene: &Scene, state: &State, q_c: &Configuration, row: &Row, solved: &Solved) -> Given {
-    let SolvedContact { contact, impulse, moment, velocity, .. } = &solved.contacts[row.contact as usize];
+/// What one contact does.
+fn at_contact(
+    scene: &Scene,
+    state: &State,
+    q_c: &Configuration,
+    row: &Row,
+    contact: &SolvedContact,
+    solved: &Solved,
+) -> Given {
+    let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
     let mean = 0.5 * (velocity + row.u_before);
     let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
     let frame = contact.frame();

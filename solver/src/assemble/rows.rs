@@ -1,4 +1,4 @@
-//! The contact problem of one step: one row a contact that can act, one record a body.
+//! The contact problem of one step: one row a contact, one record a body.
 //!
 //! No Delassus matrix is stored: the sweeps keep the velocities V = V_free + M⁻¹ H r of the bodies,
 //! and a row reads and changes those of its two. A law's shift c is put into the records once, so
@@ -45,9 +45,9 @@ pub struct Row {
     pub friction: f64,
     /// c = r_n - r̂_n, N s.
     pub impulse_shift: f64,
-    /// Index into the list of contacts.
-    pub contact: u32,
-    /// Whether the two bodies' free velocities can close the gap within the step, or the row pulls.
+    /// Whether the law acts in this step.
+    pub acts: bool,
+    /// Whether it acts, and the two bodies' free velocities can close the gap within the step, or the row pulls.
     pub can_close: bool,
     /// r̂ to start from, world frame, N s.
     pub start: Vec3,
@@ -118,7 +118,7 @@ pub fn relative_velocity(contact: &Contact, x: &[Vec3], v: &[Vec3], w: &[Vec3]) 
     at_point(contact.candidate) - at_point(contact.antagonist)
 }
 
-/// The rows of all contacts that act in this step, in the order of the contacts.
+/// The rows of all contacts, in their order.
 pub fn contact_problem(
     scene: &Scene,
     state: &State,
@@ -150,18 +150,21 @@ pub fn contact_problem(
         })
         .collect();
 
+    let history = history(&state.contacts, contacts);
     let setting = Setting { scene, state, q_c, v_free, w_free, records: &records, full: full.is_some() };
-    let parts: Vec<Part> =
-        contacts.par_chunks(CHUNK).enumerate().map(|(chunk, contacts)| setting.rows(chunk * CHUNK, contacts)).collect();
-    let mut rows: Vec<Row> = Vec::with_capacity(parts.iter().map(|part| part.rows.len()).sum());
-    let mut rolls = Vec::new();
-    for part in parts {
-        let first = rows.len() as u32;
-        rolls.extend(part.rolls.into_iter().map(|roll| Roll { row: first + roll.row, ..roll }));
-        rows.extend(part.rows);
-        if let Some(full) = &mut full {
-            full.arms.extend(part.arms);
-        }
+    let of_contact =
+        |(contact, old): (&Contact, &Option<u32>)| setting.row(contact, old.map(|k| &state.contacts[k as usize]));
+    let mut rows: Vec<Row> = contacts.par_iter().zip(&history).with_min_len(256).map(of_contact).collect();
+    let rolls = if state.laws.iter().any(|law| law.rolling.is_some()) {
+        let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
+        listed
+            .filter_map(|((k, contact), old)| setting.roll(k, contact, old.map(|k| &state.contacts[k as usize])))
+            .collect()
+    } else {
+        Vec::new()
+    };
+    if let Some(full) = &mut full {
+        full.arms = contacts.iter().map(|contact| setting.arms(contact)).collect();
     }
     if let Some(full) = &full {
         for (k, row) in rows.iter_mut().enumerate() {
@@ -183,6 +186,25 @@ pub fn contact_problem(
 /// Contacts that one task looks at.
 const CHUNK: usize = 1024;
 
+/// For each contact its index in the list of the last step; both lists are in the order of their keys.
+fn history(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<u32>> {
+    let of_some = |contacts: &[Contact]| {
+        let first = contacts[0].key();
+        let mut k = before.partition_point(|old| old.contact.key() < first);
+        contacts
+            .iter()
+            .map(move |contact| {
+                let key = contact.key();
+                while before.get(k).is_some_and(|old| old.contact.key() < key) {
+                    k += 1;
+                }
+                before.get(k).filter(|old| old.contact.key() == key).map(|_| k as u32)
+            })
+            .collect::<Vec<_>>()
+    };
+    contacts.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat()
+}
+
 /// What the rows are made from.
 struct Setting<'a> {
     scene: &'a Scene,
@@ -194,96 +216,91 @@ struct Setting<'a> {
     full: bool,
 }
 
-/// Rows of some contacts, with their arms where blocks are full.
-#[derive(Default)]
-struct Part {
-    rows: Vec<Row>,
-    rolls: Vec<Roll>,
-    arms: Vec<[Vec3; 2]>,
-}
-
 impl Setting<'_> {
-    /// The rows of consecutive contacts, the first of which is number `first`; rolls count rows from 0.
-    fn rows(&self, first: usize, contacts: &[Contact]) -> Part {
+    /// The row of a contact, with what the last step had of it.
+    fn row(&self, contact: &Contact, previous: Option<&SolvedContact>) -> Row {
         let Setting { scene, state, q_c, v_free, w_free, records, full } = *self;
         let h = scene.options.dt;
-        let mut part = Part { rows: Vec::with_capacity(contacts.len()), ..Part::default() };
-        let Some(lowest) = contacts.first().map(Contact::key) else { return part };
-        let known = state.contacts.partition_point(|old| old.contact.key() < lowest);
-        let mut previous = state.contacts[known..].iter().peekable();
-        for (index, contact) in (first..).zip(contacts) {
-            while previous.next_if(|old| old.contact.key() < contact.key()).is_some() {}
-            let previous = previous.next_if(|old| old.contact.key() == contact.key());
-            let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
+        let frame = contact.frame();
+        let n = frame[0];
+        let u_before = relative_velocity(contact, &q_c.x, &state.v, &q_c.w);
+        let law = &state.laws[contact.law as usize];
+        let radius = self.radius(contact);
+        let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
+        let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
+        let bond = previous.and_then(|old| old.bond).or(if bonds_now { law.bond(contact.gap, radius) } else { None });
+        let shift = law.shift(&Approach { gap: contact.gap, h, u_n: n.dot(&u_before), radius, slid_before, bond });
+        let acts = shift.is_some();
+        let shift = shift.unwrap_or_default();
 
-            let frame = contact.frame();
-            let n = frame[0];
-            let u_before = relative_velocity(contact, &q_c.x, &state.v, &q_c.w);
-            let law = &state.laws[contact.law as usize];
-            // A stress acts on the area in which faces meet, where there is one.
-            let radius = if contact.area > 0.0 {
-                (contact.area / std::f64::consts::PI).sqrt()
-            } else {
-                scene.effective_radius(contact.candidate, contact.antagonist)
-            };
-            let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
-            let bond =
-                previous.and_then(|old| old.bond).or(if bonds_now { law.bond(contact.gap, radius) } else { None });
-            let at = Approach { gap: contact.gap, h, u_n: n.dot(&u_before), radius, slid_before, bond };
-            let Some(shift) = law.shift(&at) else { continue };
-
-            let bodies = [contact.candidate, contact.antagonist];
-            let [a, b] = bodies.map(|i| i as usize);
-            let on_plate = !full && !scene.bodies[b].is_sphere();
-            // Arms that end in one point: on a plate in the middle of the gap, else where the radii divide the distance.
-            let radii = [records[a].radius, records[b].radius];
-            let arm = if full {
-                1.0
-            } else {
-                1.0 + contact.gap / if on_plate { 2.0 * radii[0] } else { radii[0] + radii[1] }
-            };
-            let plate = if on_plate { v_free[b] + w_free[b].cross(&(contact.point - q_c.x[b])) } else { Vec3::zeros() };
-            let w_n = records[a].inverse_mass + records[b].inverse_mass;
-            let w_t = w_n
-                + (arm * radii[0]).powi(2) * records[a].inverse_inertia
-                + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
-            if let Some(Rolling { rolling, spinning }) = law.rolling {
-                let turned = |old: &SolvedContact| to_world(&old.contact.frame(), &old.moment) * (h / state.h);
-                part.rolls.push(Roll {
-                    row: part.rows.len() as u32,
-                    radius,
-                    rolling,
-                    spinning,
-                    inverse_w: 1.0 / (records[a].inverse_inertia + records[b].inverse_inertia),
-                    shift: if on_plate { -w_free[b] } else { Vec3::zeros() },
-                    start: previous.map_or(Vec3::zeros(), turned),
-                });
-            }
-            let u_tangent = u_before - n * n.dot(&u_before);
-            let mut travel = h * (v_free[a].norm() + plate.norm().max(v_free[b].norm()));
-            if full {
-                let arms = [a, b].map(|i| contact.point - q_c.x[i]);
-                let sides = [a, b].into_iter().zip(arms);
-                travel += h * sides.map(|(i, arm)| w_free[i].norm() * arm.norm()).sum::<f64>();
-                part.arms.push(arms);
-            }
-            part.rows.push(Row {
-                bodies,
-                normal: n,
-                arm,
-                shift: n * shift.normal + u_tangent * shift.tangential - plate,
-                w_n,
-                w_t,
-                friction: shift.friction,
-                impulse_shift: shift.impulse,
-                contact: index as u32,
-                can_close: contact.gap <= travel || shift.impulse != 0.0,
-                start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, shift.impulse, h / state.h)),
-                u_before: to_local(&frame, &u_before),
-                bond,
-            });
+        let bodies = [contact.candidate, contact.antagonist];
+        let [a, b] = bodies.map(|i| i as usize);
+        let on_plate = self.on_plate(contact);
+        // Arms that end in one point: on a plate in the middle of the gap, else where the radii divide the distance.
+        let radii = [records[a].radius, records[b].radius];
+        let arm =
+            if full { 1.0 } else { 1.0 + contact.gap / if on_plate { 2.0 * radii[0] } else { radii[0] + radii[1] } };
+        let plate = if on_plate { v_free[b] + w_free[b].cross(&(contact.point - q_c.x[b])) } else { Vec3::zeros() };
+        let w_n = records[a].inverse_mass + records[b].inverse_mass;
+        let w_t = w_n
+            + (arm * radii[0]).powi(2) * records[a].inverse_inertia
+            + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
+        let u_tangent = u_before - n * n.dot(&u_before);
+        let mut travel = h * (v_free[a].norm() + plate.norm().max(v_free[b].norm()));
+        if full {
+            let sides = [a, b].into_iter().zip(self.arms(contact));
+            travel += h * sides.map(|(i, arm)| w_free[i].norm() * arm.norm()).sum::<f64>();
         }
-        part
+        Row {
+            bodies,
+            normal: n,
+            arm,
+            shift: n * shift.normal + u_tangent * shift.tangential - plate,
+            w_n,
+            w_t,
+            friction: shift.friction,
+            impulse_shift: shift.impulse,
+            acts,
+            can_close: acts && (contact.gap <= travel || shift.impulse != 0.0),
+            start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, shift.impulse, h / state.h)),
+            u_before: to_local(&frame, &u_before),
+            bond: bond.filter(|_| acts),
+        }
+    }
+
+    /// Resistance to rolling and spinning at row `k`, if its law has one.
+    fn roll(&self, k: usize, contact: &Contact, previous: Option<&SolvedContact>) -> Option<Roll> {
+        let Rolling { rolling, spinning } = self.state.laws[contact.law as usize].rolling?;
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let scale = self.scene.options.dt / self.state.h;
+        Some(Roll {
+            row: k as u32,
+            radius: self.radius(contact),
+            rolling,
+            spinning,
+            inverse_w: 1.0 / (self.records[a].inverse_inertia + self.records[b].inverse_inertia),
+            shift: if self.on_plate(contact) { -self.w_free[b] } else { Vec3::zeros() },
+            start: previous.map_or(Vec3::zeros(), |old| to_world(&old.contact.frame(), &old.moment) * scale),
+        })
+    }
+
+    /// Radius of the contact, m: a stress acts on the area in which faces meet, where there is one.
+    fn radius(&self, contact: &Contact) -> f64 {
+        if contact.area > 0.0 {
+            (contact.area / std::f64::consts::PI).sqrt()
+        } else {
+            self.scene.effective_radius(contact.candidate, contact.antagonist)
+        }
+    }
+
+    /// Whether the antagonist is a plate whose motion is in the row's shift.
+    fn on_plate(&self, contact: &Contact) -> bool {
+        !self.full && !self.scene.bodies[contact.antagonist as usize].is_sphere()
+    }
+
+    /// From the centres of candidate and antagonist to the contact point, m.
+    fn arms(&self, contact: &Contact) -> [Vec3; 2] {
+        [contact.candidate, contact.antagonist].map(|i| contact.point - self.q_c.x[i as usize])
     }
 }
 

@@ -26,7 +26,7 @@ pub fn stored_problem(system: &System, contacts: &[Contact]) -> StoredProblem {
     let mut problem = StoredProblem::default();
     for (i, &here) in rows.iter().enumerate() {
         let row = &system.rows[here];
-        let frame = &contacts[row.contact as usize].frame();
+        let frame = &contacts[here].frame();
         problem.rows.push((here as u32, *frame));
         problem.mu.push(row.friction);
         problem.q.push(to_local(frame, &system.velocity(here, &system.records)).into());
@@ -34,7 +34,7 @@ pub fn stored_problem(system: &System, contacts: &[Contact]) -> StoredProblem {
         neighbours.sort_unstable();
         neighbours.dedup();
         for j in neighbours {
-            let other = &contacts[system.rows[rows[j]].contact as usize].frame();
+            let other = &contacts[rows[j]].frame();
             // Column k: what a unit impulse along axis k of contact j does at contact i.
             let columns = [0, 1, 2].map(|k| to_local(frame, &answer(system, here, rows[j], &other[k])));
             if columns.iter().any(|column| column.norm_squared() > 0.0) {
@@ -101,7 +101,7 @@ mod tests {
             w_t: 1.0,
             friction: 0.1 * k as f64,
             impulse_shift: 0.0,
-            contact: k as u32,
+            acts: true,
             can_close: true,
             start: Vec3::zeros(),
             u_before: Vec3::zeros(),

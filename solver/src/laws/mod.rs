@@ -95,7 +95,7 @@ pub struct Approach {
 }
 
 /// What a law adds to the standard problem of one contact in one step.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Shift {
     /// Added to u_n, m/s.
     pub normal: f64,

@@ -21,7 +21,7 @@ pub struct Task {
 }
 
 /// What comes after the sweeps of `auto` may cost this many times `max_sweeps` sweeps ...
-const PATIENCE: f64 = 100.0;
+const PATIENCE: f64 = 20.0;
 /// ... and is not begun if that does not pay for so many Newton steps.
 const WORTH: f64 = 20.0;
 /// One contact in one sweep, in units of [`newton_cost`].

@@ -106,13 +106,12 @@ fn sweep_until(
         momentum.after(sums.is_uphill(), *sweeps);
         *sweeps += 1;
         patience += 1;
-        let due = scale.is_none_or(|scale| sums.change() <= scale * tol) || patience > 10 + *sweeps / 20;
+        let due = scale.is_none_or(|scale| sums.change() <= scale * tol) || patience > 20 + *sweeps / 10;
         if due || *sweeps >= max_sweeps {
             problem.read_back(&mut trial);
             let motions = judge.motions(&trial);
             let residual = judge.residual_at(&trial, &motions);
-            // Aim a little lower than the tolerance: a failed judgement costs more than a sweep.
-            scale = Some(0.8 * sums.change() / residual.value);
+            scale = Some(sums.change() / residual.value);
             patience = 0;
             if residual.value < best.0.value {
                 best = (residual, motions);
@@ -187,6 +186,9 @@ impl Momentum {
 pub(super) fn closing_outside(system: &System, active: &[u32], records: &[Record]) -> Vec<u32> {
     let mut inside = active.iter().peekable();
     let outside: Vec<u32> = (0..system.rows.len() as u32).filter(|k| inside.next_if_eq(&k).is_none()).collect();
-    let closes = |&k: &u32| system.rows[k as usize].normal.dot(&system.velocity(k as usize, records)) < 0.0;
+    let closes = |&k: &u32| {
+        let row = &system.rows[k as usize];
+        row.acts && row.normal.dot(&system.velocity(k as usize, records)) < 0.0
+    };
     outside.into_par_iter().with_min_len(1024).filter(closes).collect()
 }

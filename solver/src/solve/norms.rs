@@ -86,7 +86,7 @@ mod tests {
             inverse_inertia: 0.0,
             radius: 0.0,
         };
-        let row = |contact| Row {
+        let row = |_| Row {
             bodies: [0, 1],
             normal: Vec3::z(),
             arm: 1.0,
@@ -95,7 +95,7 @@ mod tests {
             w_t: 2.0,
             friction: 0.5,
             impulse_shift: 0.0,
-            contact,
+            acts: true,
             can_close: true,
             start: Vec3::zeros(),
             u_before: Vec3::zeros(),

@@ -62,13 +62,15 @@ pub struct Residual {
 impl<'a> Judge<'a> {
     pub fn new(system: &'a System, rows: &'a [u32], width: Width) -> Self {
         let contacts = rows.par_chunks(EIGHT).with_min_len(TASK).map(|rows| eight(system, rows)).collect();
-        let (mut trace, mut speeds) = (0.0, 0.0);
-        for &k in rows {
-            let row = &system.rows[k as usize];
-            trace += row.w_n + 2.0 * row.w_t;
-            let [a, b] = row.bodies.map(|i| system.records[i as usize].v.norm());
-            speeds += (a + b) * (a + b);
-        }
+        let of_some = |rows: &[u32]| {
+            rows.iter().fold((0.0, 0.0), |(trace, speeds), &k| {
+                let row = &system.rows[k as usize];
+                let [a, b] = row.bodies.map(|i| system.records[i as usize].v.norm());
+                (trace + row.w_n + 2.0 * row.w_t, speeds + (a + b) * (a + b))
+            })
+        };
+        let parts: Vec<(f64, f64)> = rows.par_chunks(TASK * EIGHT).map(of_some).collect();
+        let (trace, speeds) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
         let floor = FLOOR * rho * speeds.sqrt();
         let mut judge = Judge { system, width, rows, contacts, rho, at_zero: 0.0, floor };
