@@ -55,7 +55,7 @@ mod tests {
                 w_t: 0.0,
                 friction,
                 impulse_shift: 0.0,
-                contact: k,
+                acts: true,
                 can_close: true,
                 start: Vec3::zeros(),
                 u_before: Vec3::zeros(),
