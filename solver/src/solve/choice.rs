@@ -20,8 +20,8 @@ pub struct Task {
     pub width: Width,
 }
 
-/// What comes after the sweeps of `auto` may cost this many times `max_sweeps` sweeps ...
-const PATIENCE: f64 = 20.0;
+/// What comes after the sweeps of `auto` may cost as much as this many sweeps ...
+const PATIENCE: f64 = 200_000.0;
 /// ... and is not begun if that does not pay for so many Newton steps.
 const WORTH: f64 = 20.0;
 /// One contact in one sweep, in units of [`newton_cost`].
@@ -39,7 +39,7 @@ pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> 
         return rolling::nlgs(system, task.tol, task.max_sweeps, task.width);
     }
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
-    let budget = PATIENCE * SWEPT * contacts as f64 * task.max_sweeps as f64;
+    let budget = PATIENCE * SWEPT * contacts as f64;
     let pays = contacts < DENSE && budget >= WORTH * newton_cost(contacts);
     let swept = |sweeps| nlgs(system, task.tol, sweeps, task.width);
     let (solver, max_sweeps, max_cost) = match task.solver {
