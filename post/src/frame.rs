@@ -291,9 +291,9 @@ fn unsound(snapshot: &Snapshot) -> Vec<(String, String, &'static str)> {
         };
         body("x", &bodies.body_x[row], false);
         body("q", &bodies.body_q[row], false);
-        if is_wall(bodies, row) {
+        if bodies.body_shape[row] == SHAPE_PLANE {
             body("half_lengths", &bodies.body_half_lengths[row], true);
-        } else {
+        } else if !is_wall(bodies, row) {
             body("v", &bodies.body_v[row], false);
             body("w_world", &bodies.body_w_world[row], false);
             body("mass", &[bodies.body_mass[row]], true);

@@ -16,7 +16,7 @@ use crate::frame::Vec3;
 /// Normals of triangles of one face differ by less than this; files with eight digits leave about 1e-7.
 const FLAT: f64 = 1e-5;
 
-/// A polyhedron or a cluster of them in the body's frame.
+/// A polyhedron, a cluster of them, or a cylinder, in the body's frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Solid {
     /// Of all pieces, about the centre of mass, m.
@@ -25,7 +25,23 @@ pub struct Solid {
     pub faces: Vec<Vec<u32>>,
 }
 
+/// Sides of the prism as which a cylinder is drawn.
+const SIDES: u32 = 64;
+
 impl Solid {
+    /// A cylinder about the third axis, as a prism whose edges lie on it.
+    fn add_cylinder(&mut self, half_height: f64, radius: f64) {
+        let first = self.vertices.len() as u32;
+        for k in 0..SIDES {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(SIDES)).sin_cos();
+            self.vertices.extend([-half_height, half_height].map(|z| Vec3::new(radius * cos, radius * sin, z)));
+        }
+        let lower = |k: u32| first + 2 * (k % SIDES);
+        self.faces.extend((0..SIDES).map(|k| vec![lower(k), lower(k + 1), lower(k + 1) + 1, lower(k) + 1]));
+        self.faces.push((0..SIDES).rev().map(lower).collect());
+        self.faces.push((0..SIDES).map(|k| lower(k) + 1).collect());
+    }
+
     /// Distance of the farthest vertex from the centre of mass, m.
     pub fn reach(&self) -> f64 {
         self.vertices.iter().map(|v| v.norm()).fold(0.0, f64::max)
@@ -77,6 +93,9 @@ fn read(file: &Path) -> Result<HashMap<u64, Option<Arc<Solid>>>, Faults> {
 pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
     let mut solid = Solid::default();
     for contactor in &body.contactors {
+        if let Shape::Cylinder { half_height, radius, .. } = contactor.shape {
+            solid.add_cylinder(half_height, radius);
+        }
         let Shape::Polyhedron { vertices, triangles } = &contactor.shape else { continue };
         let surface = Surface::new(vertices, triangles).map_err(|faults| faults.join("; "))?;
         let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
@@ -199,6 +218,23 @@ mod tests {
         assert!(counts(&[2], 0).is_empty());
         let said = of(&path, &bodies(&[3], SHAPE_PARTS)).unwrap_err().to_string();
         assert!(said.contains("file: 2 bodies; expected body 3, which"), "{said}");
+    }
+
+    #[test]
+    fn a_cylinder_is_a_prism_that_looks_outward() {
+        let mut drum = body(0.0, None);
+        drum.contactors[0].shape = Shape::Cylinder { half_height: 1.5, radius: 2.0, hollow: true };
+        let solid = solid(&drum).unwrap().unwrap();
+        assert_eq!((solid.vertices.len(), solid.faces.len()), (128, 66));
+        assert!((solid.reach() - 2.5).abs() < 1e-14);
+        // Of the 64-gon: 32 sin(2π/64) r² over the height.
+        let cone = |face: &Vec<u32>| -> f64 {
+            let at = |k: u32| solid.vertices[k as usize];
+            face[1..].windows(2).map(|pair| at(face[0]).dot(&at(pair[0]).cross(&at(pair[1]))) / 6.0).sum()
+        };
+        let volume: f64 = solid.faces.iter().map(cone).sum();
+        assert!((volume - 3.0 * 4.0 * 32.0 * (std::f64::consts::TAU / 64.0).sin()).abs() < 1e-12);
+        assert!(solid.faces.iter().all(|face| cone(face) > 0.0));
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! | `grains-NNNNNN.vtp` | a vertex a grain |
 //! | `polyhedra-NNNNNN.vtp` | the faces of the grains that are polyhedra |
 //! | `contacts-NNNNNN.vtp` | a line a contact |
-//! | `walls-NNNNNN.vtp` | six quadrilaterals a plate, the faces of a driven polyhedron, a vertex a driven ball |
+//! | `walls-NNNNNN.vtp` | six quadrilaterals a plate, the faces of a driven polyhedron or cylinder, a vertex a driven ball |
 //!
 //! The arrays, with units, are in `docs/observables.md`. vtkio writes no time into a file; the
 //! collections `grains.pvd`, `polyhedra.pvd`, `contacts.pvd`, `walls.pvd` do.
