@@ -5,9 +5,11 @@ use rayon::prelude::*;
 use cd_formats::compute::NarrowPhase;
 
 use crate::detect::{broad, narrow};
-use crate::geometry::{Manifold, Memory, Narrow, Point, Posed, polyhedron_polyhedron, polyhedron_sphere};
+use crate::geometry::{
+    Manifold, Memory, Narrow, Point, Posed, polyhedron_hollow_cylinder, polyhedron_polyhedron, polyhedron_sphere,
+};
 use crate::integrate::Configuration;
-use crate::math::{Quat, Vec3};
+use crate::math::{Quat, Vec3, group};
 use crate::scene::{Geometry, Part, Scene, See};
 use crate::state::{Contact, PairMemory};
 
@@ -21,7 +23,7 @@ struct Place {
     posed: Posed,
 }
 
-/// All listed contacts, and what is to be kept of the pairs.
+/// All listed contacts in no order, and what is to be kept of the pairs, in order.
 pub fn contacts(
     scene: &Scene,
     q_c: &Configuration,
@@ -34,31 +36,32 @@ pub fn contacts(
     let range = 0.5 * scene.listing_range;
     let reach: Vec<f64> =
         scene.parts.iter().zip(&places).map(|(part, place)| part.radius + place.travel + range).collect();
-    let mut pairs: Vec<([u32; 2], See)> =
+    // Pairs come and are looked at in the order of the cells: what a part is made of stays in the cache meanwhile.
+    let pairs: Vec<([u32; 2], See)> =
         broad::pairs(&centres, &reach).into_iter().filter_map(|[i, j]| meet(scene, i, j)).collect();
-    pairs.sort_unstable_by_key(|(parts, _)| *parts);
-    let memory = remembered(&pairs, before);
+    let order = by_parts(&pairs, scene.parts.len());
+    let mut memory = remembered(&pairs, &order, before);
     let narrow = match scene.options.narrow_phase {
         NarrowPhase::Fast => Narrow::Fast,
         NarrowPhase::Accurate => Narrow::Accurate,
     };
-    let found: Vec<(Vec<Contact>, Option<PairMemory>)> = pairs
+    let found: Vec<Vec<Contact>> = pairs
         .par_chunks(CHUNK)
-        .zip(memory.par_chunks(CHUNK))
-        .flat_map_iter(|(pairs, memories)| {
-            pairs.iter().zip(memories).map(|((parts, see), memory)| {
-                let mut memory = *memory;
+        .zip(memory.par_chunks_mut(CHUNK))
+        .map(|(pairs, memories)| {
+            let mut contacts = Vec::with_capacity(2 * CHUNK);
+            for ((parts, see), memory) in pairs.iter().zip(memories) {
                 let [a, b] = parts.map(|k| (&scene.parts[k as usize], &places[k as usize]));
                 let radius = scene.effective_radius(a.0.body, b.0.body);
                 let range = scene.laws[see.law as usize].range(radius).max(see.alert).max(a.1.travel + b.1.travel);
-                let manifolds = manifolds(a, b, range, narrow, &mut memory).into_iter().flatten();
-                let contacts: Vec<Contact> = manifolds.flat_map(|found| listed(a, b, &found, range, see.law)).collect();
-                (contacts, (memory != Memory::default()).then_some(PairMemory { parts: *parts, memory }))
-            })
+                touch(a, b, range, narrow, memory, |found| list(a, b, found, range, see.law, &mut contacts));
+            }
+            contacts
         })
         .collect();
-    let (contacts, kept): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-    (contacts.concat(), kept.into_iter().flatten().collect())
+    let kept = |&k: &u32| PairMemory { parts: pairs[k as usize].0, memory: memory[k as usize] };
+    let kept = order.iter().filter(|k| memory[**k as usize] != Memory::default()).map(kept).collect();
+    (found.concat(), kept)
 }
 
 /// Pairs that one task looks at.
@@ -95,35 +98,47 @@ fn meet(scene: &Scene, i: u32, j: u32) -> Option<([u32; 2], See)> {
     Some((if first { [i, j] } else { [j, i] }, see))
 }
 
-/// What is remembered of each of the pairs; both lists are in order.
-fn remembered(pairs: &[([u32; 2], See)], before: &[PairMemory]) -> Vec<Memory> {
-    let mut before = before.iter().peekable();
-    let of = |(parts, _): &([u32; 2], See)| {
-        while before.next_if(|old| old.parts < *parts).is_some() {}
-        before.next_if(|old| old.parts == *parts).map_or(Memory::default(), |old| old.memory)
-    };
-    pairs.iter().map(of).collect()
+/// The places of the pairs in the order of their parts.
+fn by_parts(pairs: &[([u32; 2], See)], parts: usize) -> Vec<u32> {
+    let first: Vec<u32> = pairs.iter().map(|(parts, _)| parts[0]).collect();
+    let (mut order, starts) = group(&first, parts);
+    for of_one in starts.windows(2) {
+        order[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(|&k| pairs[k as usize].0[1]);
+    }
+    order
 }
 
-/// Contacts of candidate `a` and antagonist `b` up to `range`; points relative to the candidate's centre.
-fn manifolds(
+/// What is remembered of each of the pairs; `order` and `before` are in the order of their parts.
+fn remembered(pairs: &[([u32; 2], See)], order: &[u32], before: &[PairMemory]) -> Vec<Memory> {
+    let mut memory = vec![Memory::default(); pairs.len()];
+    let mut before = before.iter().peekable();
+    for &k in order {
+        let parts = &pairs[k as usize].0;
+        while before.next_if(|old| old.parts < *parts).is_some() {}
+        if let Some(old) = before.next_if(|old| old.parts == *parts) {
+            memory[k as usize] = old.memory;
+        }
+    }
+    memory
+}
+
+/// Calls `take` with the manifolds of candidate `a` and antagonist `b` up to `range`, points relative to the
+/// candidate's centre.
+fn touch(
     (a, at_a): (&Part, &Place),
     (b, at_b): (&Part, &Place),
     range: f64,
     narrow: Narrow,
     memory: &mut Memory,
-) -> [Option<Manifold>; 2] {
+    mut take: impl FnMut(&Manifold),
+) {
     let c = at_b.centre - at_a.centre;
     let one = |found: narrow::Found| {
         let point = Point { position: found.point, gap: found.gap, features: (0, found.feature) };
         Manifold { normal: found.normal, points: std::iter::once(point).collect(), area: 0.0 }
     };
     let zero = Vec3::zeros();
-    let manifold = match (&a.geometry, &b.geometry) {
-        (Geometry::Sphere { radius: r }, Geometry::Cylinder { half_height, radius, hollow }) => {
-            let size = [*half_height, *radius];
-            return narrow::sphere_cylinder(&zero, *r, &c, &at_b.axes, size, *hollow).map(|found| found.map(one));
-        }
+    let found = match (&a.geometry, &b.geometry) {
         // A plate is a cuboid.
         (Geometry::Polyhedron(p), Geometry::Polyhedron(q) | Geometry::Plane { cuboid: q, .. }) => {
             polyhedron_polyhedron((p, &at_a.posed), (q, &at_b.posed), &c, range, narrow, memory)
@@ -138,10 +153,22 @@ fn manifolds(
             let found = polyhedron_sphere((q, &at_b.posed), &-c, *radius, range);
             found.map(|found| seen_from_sphere(&found, &c))
         }
-        // Cylinders and plates are walls, which do not meet; polyhedra do not see cylinders.
+        (Geometry::Sphere { radius: r }, Geometry::Cylinder { half_height, radius, hollow }) => {
+            let size = [*half_height, *radius];
+            let found = narrow::sphere_cylinder(&zero, *r, &c, &at_b.axes, size, *hollow);
+            return found.into_iter().flatten().for_each(|found| take(&one(found)));
+        }
+        (Geometry::Polyhedron(p), Geometry::Cylinder { half_height, radius, hollow: true }) => {
+            let size = [*half_height, *radius];
+            let found = polyhedron_hollow_cylinder((p, &at_a.posed), &c, &at_b.axes, size, range);
+            return found.iter().for_each(take);
+        }
+        // Cylinders and plates are walls, which do not meet; polyhedra do not see solid cylinders.
         _ => None,
     };
-    [manifold, None]
+    if let Some(found) = found {
+        take(&found);
+    }
 }
 
 /// What a polyhedron finds of a sphere at -`c`, with the sphere as the candidate.
@@ -154,15 +181,17 @@ fn seen_from_sphere(found: &Manifold, c: &Vec3) -> Manifold {
     Manifold { normal: -found.normal, points: found.points.iter().map(turned).collect(), area: found.area }
 }
 
-fn listed(
+/// Adds the points of a manifold up to `range`.
+fn list(
     (a, at_a): (&Part, &Place),
     (b, _): (&Part, &Place),
     manifold: &Manifold,
     range: f64,
     law: u8,
-) -> Vec<Contact> {
+    contacts: &mut Vec<Contact>,
+) {
     let area = manifold.area / manifold.points.len() as f64;
-    let contact = |point: &crate::geometry::Point| Contact {
+    contacts.extend(manifold.points.iter().filter(|point| point.gap <= range).map(|point| Contact {
         candidate: a.body,
         antagonist: b.body,
         ranks: (a.rank, b.rank),
@@ -172,6 +201,5 @@ fn listed(
         gap: point.gap,
         area,
         law,
-    };
-    manifold.points.iter().filter(|point| point.gap <= range).map(contact).collect()
+    }));
 }

@@ -3,7 +3,7 @@
 //! The same for face on face, edge on face, vertex on face and crossed edges, and the same for A and B: a corner is a
 //! vertex of either polygon that lies in the other, or a crossing of two sides.
 
-use smallvec::{SmallVec, smallvec};
+use smallvec::SmallVec;
 
 use super::search::{Axis, Pair};
 use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
@@ -127,8 +127,19 @@ impl Patch {
         let (mut a, mut b) = (Outline::default(), Outline::default());
         a.fill((pair.a, pair.pa), face_a, &Vec3::zeros(), &view, false);
         b.fill((pair.b, pair.pb), face_b, &pair.c, &view, true);
-        let (of_a, of_b) = (distances(&a, &b), distances(&b, &a));
         let (na, nb) = (a.corners.len(), b.corners.len());
+        // On the stack for all but faces of many corners.
+        let (mut few, mut many) = ([f64::INFINITY; 72], Vec::new());
+        let all = if 2 * na * nb <= few.len() {
+            &mut few[..2 * na * nb]
+        } else {
+            many.resize(2 * na * nb, f64::INFINITY);
+            &mut many[..]
+        };
+        let (of_a, of_b) = all.split_at_mut(na * nb);
+        distances(&a, &b, of_a);
+        distances(&b, &a, of_b);
+        let (of_a, of_b) = (&*of_a, &*of_b);
         self.normal = *n;
         let patch = self;
         let inside = |distances: &[f64], sides: usize, stride: usize, k: usize| {
@@ -137,10 +148,10 @@ impl Patch {
         // On a side, the side itself counts: beside a ridge as sharp as a knife its plane falls away within rounding.
         let on_side = |distances: &[f64], stride: usize, side: usize, k: usize| distances[side * stride + k] <= tiny;
         for (k, v) in a.corners.iter().enumerate() {
-            if inside(&of_b, nb, na, k) {
+            if inside(of_b, nb, na, k) {
                 let mut gap = b.height(v.x, v.y) - v.z;
                 for side in 0..nb {
-                    if on_side(&of_b, na, side, k) {
+                    if on_side(of_b, na, side, k) {
                         gap = gap.min(b.side_height(side, v.x, v.y) - v.z);
                     }
                 }
@@ -151,7 +162,7 @@ impl Patch {
         }
         let of_vertices_of_a = patch.corners.len();
         for (k, v) in b.corners.iter().enumerate() {
-            if !inside(&of_a, na, nb, k) {
+            if !inside(of_a, na, nb, k) {
                 continue;
             }
             let near = |corner: &&mut Corner| corner.is_near([v.x, v.y], pair.small);
@@ -165,7 +176,7 @@ impl Patch {
             }
             let mut gap = v.z - a.height(v.x, v.y);
             for side in 0..na {
-                if on_side(&of_a, nb, side, k) {
+                if on_side(of_a, nb, side, k) {
                     gap = gap.min(v.z - a.side_height(side, v.x, v.y));
                 }
             }
@@ -245,8 +256,7 @@ impl Corner {
 /// Distance of each corner of `other` to the inside of each side of `of`; side by side. Infinite for a side seen end
 /// on, which bounds nothing.
 #[inline(always)]
-fn distances(of: &Outline, other: &Outline) -> SmallVec<[f64; 36]> {
-    let mut all: SmallVec<[f64; 36]> = smallvec![f64::INFINITY; of.corners.len() * other.corners.len()];
+fn distances(of: &Outline, other: &Outline, all: &mut [f64]) {
     for (row, side) in all.chunks_exact_mut(other.corners.len()).zip(&of.corners) {
         if side.dx != 0.0 || side.dy != 0.0 {
             for (distance, p) in row.iter_mut().zip(&other.corners) {
@@ -254,7 +264,6 @@ fn distances(of: &Outline, other: &Outline) -> SmallVec<[f64; 36]> {
             }
         }
     }
-    all
 }
 
 /// Of the convex polygon of the corners, m^2.

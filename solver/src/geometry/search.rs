@@ -253,20 +253,27 @@ pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, count: usize, n: &Vec3) -> (
     let (mut values, mut places) = ([f64::INFINITY; 8], [0.0; 8]);
     l.store(&mut values, least);
     l.store(&mut places, l.add(at, l.load(&LANES)));
-    // Halves against halves; of equals the first vertex.
+    let mut halves = values;
     let mut half = L::WIDTH / 2;
     while half > 0 {
         let mut lane = 0;
         while lane < half {
-            let (value, place) = (values[lane + half], places[lane + half]);
-            let better = (value < values[lane]) | ((value == values[lane]) & (place < places[lane]));
-            values[lane] = if better { value } else { values[lane] };
-            places[lane] = if better { place } else { places[lane] };
+            let other = halves[lane + half];
+            halves[lane] = if other < halves[lane] { other } else { halves[lane] };
             lane += 1;
         }
         half /= 2;
     }
-    (places[0] as u32, values[0])
+    // Of equals the first vertex.
+    let mut equal = !l.mask_greater(least, l.splat(halves[0])) & ((1 << L::WIDTH) - 1);
+    let mut place = places[equal.trailing_zeros() as usize & 7];
+    equal &= equal.wrapping_sub(1);
+    while equal != 0 {
+        let other = places[equal.trailing_zeros() as usize];
+        place = if other < place { other } else { place };
+        equal &= equal - 1;
+    }
+    (place as u32, halves[0])
 }
 
 /// s(n).
@@ -345,19 +352,30 @@ fn faces<L: Lanes>(
     witnesses: &mut Witnesses,
     enough: f64,
 ) -> bool {
-    let (tie, inner) = (pair.tie(), pair.inner());
-    let [x, y, z] = own.1.normal_columns();
+    let mut kept: SmallVec<[u32; 32]> = SmallVec::new();
+    cone(l, pair, own, sign, best, witnesses, &mut kept);
+    let tie = pair.tie();
     let [vx, vy, vz] = other.1.vertex_columns();
     let count = other.0.vertices().len();
     let c = pair.c * sign;
-    let (cx, cy, cz) = (l.splat(c.x), l.splat(c.y), l.splat(c.z));
     let mut changed = false;
-    let mut k = 0;
-    while k < own.0.planes.len() {
-        let (nx, ny, nz) = (l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]));
-        let along = l.mul_add(nz, cz, l.mul_add(ny, cy, l.mul(nx, cx)));
-        let mut mask = l.mask_greater(along, l.splat(best.s + inner - slack(pair, best)));
-        if mask != 0 {
+    let mut from = 0;
+    while from < kept.len() {
+        // Columns: the normals and offsets of up to eight faces; the rest is no better than anything.
+        let mut block = [[0.0; BLOCK]; 4];
+        block[3] = [f64::INFINITY; BLOCK];
+        let mut k = 0;
+        while k < BLOCK && from + k < kept.len() {
+            let f = kept[from + k];
+            let n = own.1.normal(f);
+            (block[0][k], block[1][k], block[2][k], block[3][k]) = (n.x, n.y, n.z, own.0.offsets[f as usize]);
+            k += 1;
+        }
+        let filled = k;
+        let mut k = 0;
+        while k < filled {
+            let (nx, ny, nz) = (l.load(&block[0][k..]), l.load(&block[1][k..]), l.load(&block[2][k..]));
+            let along = l.mul_add(nz, l.splat(c.z), l.mul_add(ny, l.splat(c.y), l.mul(nx, l.splat(c.x))));
             let (mut even, mut odd) = (l.splat(f64::INFINITY), l.splat(f64::INFINITY));
             let mut v = 0;
             // The last vertex may be taken twice: columns are padded by the first.
@@ -368,8 +386,8 @@ fn faces<L: Lanes>(
                 odd = l.min(l.mul_add(nz, pz, l.mul_add(ny, py, l.mul(nx, px))), odd);
                 v += 2;
             }
-            let s = l.add(l.sub(along, l.load(&own.0.offsets[k..])), l.min(even, odd));
-            mask &= l.mask_greater(s, l.splat(better_than(best, tie)));
+            let s = l.add(l.sub(along, l.load(&block[3][k..])), l.min(even, odd));
+            let mut mask = l.mask_greater(s, l.splat(better_than(best, tie)));
             if mask != 0 {
                 let mut values = [0.0; 8];
                 l.store(&mut values, s);
@@ -377,7 +395,7 @@ fn faces<L: Lanes>(
                     let lane = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
                     if values[lane] > better_than(best, tie) {
-                        let f = (k + lane) as u32;
+                        let f = kept[from + k + lane];
                         let feature = if sign > 0.0 { Feature::FaceOfA(f) } else { Feature::FaceOfB(f) };
                         *best = Axis { n: own.1.normal(f) * sign, s: values[lane], feature };
                         changed = true;
@@ -388,8 +406,9 @@ fn faces<L: Lanes>(
                     }
                 }
             }
+            k += L::WIDTH;
         }
-        k += L::WIDTH;
+        from += BLOCK;
     }
     if changed {
         let (Feature::FaceOfA(f) | Feature::FaceOfB(f)) = best.feature else { return false };
@@ -398,6 +417,49 @@ fn faces<L: Lanes>(
         witnesses.add((other.1.vertex(v) - corner) * sign + pair.c);
     }
     false
+}
+
+/// The faces that the bounds leave.
+#[inline(always)]
+fn cone<L: Lanes>(
+    l: L,
+    pair: &Pair,
+    own: (&Polyhedron, &Posed),
+    sign: f64,
+    best: &Axis,
+    witnesses: &Witnesses,
+    kept: &mut SmallVec<[u32; 32]>,
+) {
+    let [x, y, z] = own.1.normal_columns();
+    let least = best.s - slack(pair, best);
+    let count = own.0.planes.len();
+    let mut k = 0;
+    while k < count {
+        let (nx, ny, nz) = (l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]));
+        macro_rules! along {
+            ($v:expr) => {
+                l.mul_add(
+                    nz,
+                    l.splat(sign * $v.z),
+                    l.mul_add(ny, l.splat(sign * $v.y), l.mul(nx, l.splat(sign * $v.x))),
+                )
+            };
+        }
+        let mut mask = l.mask_greater(along!(pair.c), l.splat(least + pair.inner()));
+        let mut i = 0;
+        while i < witnesses.count {
+            mask &= l.mask_greater(along!(witnesses.points[i]), l.splat(least));
+            i += 1;
+        }
+        while mask != 0 {
+            let f = k + mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            if f < count {
+                kept.push(f as u32);
+            }
+        }
+        k += L::WIDTH;
+    }
 }
 
 /// What an s must exceed to be taken for the best: a direction that is no feature gives way to a feature as good.
@@ -416,11 +478,12 @@ fn slack(pair: &Pair, best: &Axis) -> f64 {
 #[inline(always)]
 fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, enough: f64) {
     let tie = pair.tie();
-    let of_a = arcs(l, pair, (pair.a, pair.pa), 1.0, best, witnesses);
+    let (mut of_a, mut of_b): (SmallVec<[u32; 64]>, SmallVec<[u32; 64]>) = (SmallVec::new(), SmallVec::new());
+    arcs(l, pair, (pair.a, pair.pa), 1.0, best, witnesses, &mut of_a);
     if of_a.is_empty() {
         return;
     }
-    let of_b = arcs(l, pair, (pair.b, pair.pb), -1.0, best, witnesses);
+    arcs(l, pair, (pair.b, pair.pb), -1.0, best, witnesses, &mut of_b);
     let mut from = 0;
     while from < of_b.len() {
         // Columns: a point, the direction, the two normals, of up to eight edges of B; the rest can cross nothing.
@@ -534,8 +597,8 @@ fn arcs<L: Lanes>(
     sign: f64,
     best: &Axis,
     witnesses: &Witnesses,
-) -> SmallVec<[u32; 64]> {
-    let mut kept = SmallVec::new();
+    kept: &mut SmallVec<[u32; 64]>,
+) {
     let slack = slack(pair, best);
     let turn: &Matrix3<f64> = &posed.turn;
     let c = turn.tr_mul(&pair.c) * sign;
@@ -597,7 +660,6 @@ fn arcs<L: Lanes>(
         }
         k += L::WIDTH;
     }
-    kept
 }
 
 /// Every face of A, every face of B, every pair of edges, each by full support; stops above `enough`.

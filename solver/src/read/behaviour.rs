@@ -108,11 +108,11 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
             continue;
         };
         let kinds = [a, b].map(|class| CONTACTORS[class / colours][0]);
-        let cylinder = kinds.contains(&"CYLND") || kinds.contains(&"DNLYC");
+        let cylinder = kinds.contains(&"CYLND");
         let concerns = |class: usize| scene.parts.iter().any(|part| part.class as usize == class);
         if kinds.contains(&"POLYR") && cylinder && concerns(a) && concerns(b) {
             let found = format!("{} and {} see each other", kinds[0], kinds[1]);
-            let expected = "expected no such row: contacts of polyhedra with cylinders are not computed";
+            let expected = "expected no such row: contacts of polyhedra with solid cylinders are not computed";
             faults.push(Fault::new(&file, Some(row.line), "see", found, expected));
         }
         let see = See { law, alert: scene.options.alert.unwrap_or(row.alert) };

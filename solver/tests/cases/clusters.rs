@@ -82,6 +82,34 @@ fn spheres_and_cylinders() {
     }
 }
 
+/// A cube in a drum that lies: it rests on the two lines that its lower edges touch, and each carries half of it.
+#[test]
+fn a_cube_in_a_drum() {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.5]);
+    case.gravity = [0.0, 0.0, -10.0];
+    let drum = case.plate([1.0; 3], [0.0; 3], [X, Y, Z]);
+    // Its axis along y.
+    let shape = Shape::Cylinder { half_height: 2.0, radius: 1.25, hollow: true };
+    case.bodies[drum].contactors[0] = Contactor { colour: "WALLx".into(), shape, local_frame: None };
+    case.dof[drum].axes = [Z, X, Y];
+    // 3-4-5: the lower edges are at x = ±1, z = -0.75; the cube touches one end.
+    let cube = case.block([1.0, 0.5, 0.5], [0.0, 1.5, -0.25], [X, Y, Z]);
+    case.options.dt = 0.01;
+    let state = case.run(50);
+    near(state.x(cube), [0.0, 1.5, -0.25], 1e-9);
+    let contacts = &state.contacts;
+    let on_cube = |k: usize| {
+        let force = Vec3::from(contacts.contact_force[k]);
+        let frame = contacts.contact_frame[k].map(Vec3::from);
+        frame[0] * force.x + frame[1] * force.y + frame[2] * force.z
+    };
+    let total: Vec3 = (0..contacts.contact_body.len()).map(on_cube).sum();
+    near(total, [0.0, 0.0, 10.0 * state.mass(cube)], 1e-8);
+    // Four corners on the side, two upper ones at the end and two lower ones that touch both.
+    assert_eq!(contacts.contact_body.len(), 8);
+}
+
 /// A plate with a frame of its own stands where the frame says.
 #[test]
 fn a_local_frame_moves_a_plate() {

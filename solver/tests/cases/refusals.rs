@@ -172,7 +172,7 @@ fn polyhedra_that_are_none() {
     };
     case.write();
     let (code, text) = spawn(&case, &[]);
-    assert!(code == 2 && text.contains("contacts of polyhedra with cylinders are not computed"), "{text}");
+    assert!(code == 2 && text.contains("contacts of polyhedra with solid cylinders are not computed"), "{text}");
 }
 
 #[test]

@@ -79,7 +79,7 @@ fn plates_touch_as_cuboids_do() {
 #[test]
 fn drums_are_touched_where_bodies_reach_farthest() {
     let mut random = Random(13);
-    let mut at_ends = 0;
+    let (mut sides, mut ends) = (0, 0);
     for k in 0..2_000 {
         let count = 4 + random.index(16);
         let a = rock(&mut random, count, Vec3::new(1.0, 1.0, 0.6));
@@ -88,30 +88,37 @@ fn drums_are_touched_where_bodies_reach_farthest() {
         let c = turn * Vec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-3.0, 3.0));
         let mut posed = Posed::default();
         posed.pose(&a.shape, &q);
-        let found = polyhedron_hollow_cylinder((&a.shape, &posed), &c, &turn, half_height, radius, 0.5);
-        // Farthest from the axis, of many points of the surface between the ends.
+        let found = polyhedron_hollow_cylinder((&a.shape, &posed), &c, &turn, [half_height, radius], 0.5);
+        // Farthest from the axis and along it, of many points of the surface.
         let turned: Vec<Vec3> = a.turned(&q).iter().map(|v| turn.inverse() * (v - c)).collect();
-        let mut farthest = 0.0f64;
+        let (mut wide, mut high) = (0.0f64, 0.0f64);
         for t in &a.triangles {
             let [p, r, s] = t.map(|k| turned[k as usize]);
             for i in 0..=20 {
                 for j in 0..=20 - i {
                     let at = p + (r - p) * (f64::from(i) / 20.0) + (s - p) * (f64::from(j) / 20.0);
-                    farthest = if at.z.abs() <= half_height { farthest.max(at.xy().norm()) } else { farthest };
+                    (wide, high) = (wide.max(at.xy().norm()), high.max(at.z.abs()));
                 }
             }
         }
+        let expected = (radius - wide).min(half_height - high);
         let deepest = found.iter().map(|manifold| manifold.gap()).fold(0.5, f64::min);
-        assert!(deepest <= radius - farthest + 1e-14 || radius - farthest > 0.5, "{k}: {deepest} {farthest}");
+        assert!((deepest - expected.min(0.5)).abs() < 1e-14, "{k}: {deepest} {expected}");
         for manifold in &found {
             check(manifold, 0.5, 3.0, &|| format!("{k}"));
             let point = manifold.points[0];
             let on_wall = turn.inverse() * (point.position - c - manifold.normal * (0.5 * point.gap));
-            assert!((on_wall.xy().norm() - radius).abs() < 1e-14 && on_wall.z.abs() <= half_height + 1e-14);
             let inward = turn.inverse() * manifold.normal;
-            assert!(inward.z.abs() < 1e-14 && inward.xy().dot(&on_wall.xy()) < 0.0);
-            at_ends += usize::from(point.features.1 > 0);
+            if point.features.1 == 0 {
+                assert!((on_wall.xy().norm() - radius).abs() < 1e-14);
+                assert!(inward.z.abs() < 1e-14 && inward.xy().dot(&on_wall.xy()) < 0.0);
+                sides += 1;
+            } else {
+                assert!((on_wall.z.abs() - half_height).abs() < 1e-14 && inward.xy().norm() < 1e-14);
+                assert!(inward.z * on_wall.z < 0.0 && (on_wall.z > 0.0) == (point.features.1 == 1));
+                ends += 1;
+            }
         }
     }
-    assert!(at_ends > 100);
+    assert!(sides > 100 && ends > 100);
 }
