@@ -243,25 +243,81 @@ fn arch(case: &mut Case) -> Vec<usize> {
     (0..15).map(|k| case.polyhedron(&stone(k), &crate::case::BOX, [0.0; 3])).collect()
 }
 
+/// Twenty cubes of 1 m on each other.
+fn stack(case: &mut Case) -> Vec<usize> {
+    (0..20).map(|k| case.block([0.5; 3], [0.0, 0.0, 0.5 + f64::from(k)], [X, Y, Z])).collect()
+}
+
+/// Ten courses of ten bricks of 1 x 0.5 x 0.5 m, every other one shifted by half a brick between two halves of one.
+fn wall(case: &mut Case) -> Vec<usize> {
+    let mut bricks = Vec::new();
+    for course in 0..10 {
+        let z = 0.25 + 0.5 * f64::from(course);
+        let mut lay = |from: f64, length: f64| {
+            bricks.push(case.block([0.5 * length, 0.25, 0.25], [from + 0.5 * length, 0.0, z], [X, Y, Z]));
+        };
+        if course % 2 == 0 {
+            (0..10).for_each(|k| lay(f64::from(k), 1.0));
+        } else {
+            lay(0.0, 0.5);
+            (0..9).for_each(|k| lay(0.5 + f64::from(k), 1.0));
+            lay(9.5, 0.5);
+        }
+    }
+    bricks
+}
+
+/// What stands without mortar: name, size in m, friction, and how it is built.
+type Building = (&'static str, f64, f64, fn(&mut Case) -> Vec<usize>);
+const BUILDINGS: [Building; 4] = [
+    ("stack of 20 cubes", 20.0, 0.6, stack),
+    ("wall of 10 x 10 bricks", 5.0, 0.6, wall),
+    ("arch of 15 stones", 5.0, 0.7, arch),
+    ("card house of 15 cards", 3.0, 0.8, card_house),
+];
+
+/// The floor carries the weight to a millionth at the end of so many steps of 5 ms; returns the largest way that a body
+/// has moved in each stretch of `every` steps over the size, and what the reaction misses of the weight.
+fn stands((name, size, mu, build): Building, steps: u64, every: u64, max_sweeps: u64) -> (Vec<f64>, f64) {
+    let mut case = scene(mu, [0.0, 0.0, -9.81]);
+    let bodies = build(&mut case);
+    let floor = case.floor();
+    if name.starts_with("arch") {
+        case.dof.retain(|dof| dof.body == floor); // the program finds the axes of the stones
+    }
+    (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.005, 1e-6, max_sweeps);
+    let states = case.states(steps, every);
+    let moved = |pair: &[cd_formats::snapshot::Snapshot]| {
+        bodies.iter().map(|&i| (pair[1].x(i) - pair[0].x(i)).norm()).fold(0.0, f64::max) / size
+    };
+    let last = states.last().unwrap();
+    let weight: f64 = bodies.iter().map(|&i| 9.81 * last.mass(i)).sum();
+    let missed = reaction(last, floor).z / weight + 1.0;
+    assert!(missed.abs() < 1e-6, "{name}: {missed:e}");
+    near(reaction(last, floor) / weight, [0.0, 0.0, -1.0], 1e-4);
+    (states.windows(2).map(moved).collect(), missed)
+}
+
 /// They stand: after the first second nothing creeps, and the floor carries their weight.
 #[test]
-fn a_card_house_and_an_arch_stand() {
-    for (mu, build) in [(0.8, card_house as fn(&mut Case) -> Vec<usize>), (0.7, arch)] {
-        let mut case = scene(mu, [0.0, 0.0, -9.81]);
-        let bodies = build(&mut case);
-        let floor = case.floor();
-        if mu == 0.7 {
-            case.dof.retain(|dof| dof.body == floor); // the program finds the axes of the stones
-        }
-        (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.005, 1e-6, 5000);
-        let states = case.states(400, 200);
-        let [before, after] = &states[1..] else { panic!("three states") };
-        for &i in &bodies {
-            // A millionth of the size, in the second that has passed.
-            near(after.x(i), before.x(i), 1e-6);
-        }
-        let weight: f64 = bodies.iter().map(|&i| 9.81 * after.mass(i)).sum();
-        near(reaction(after, floor) / weight, [0.0, 0.0, -1.0], 1e-4);
-        equal(reaction(after, floor).z / weight, -1.0, 1e-6);
+fn a_stack_a_wall_an_arch_and_a_card_house_stand() {
+    for building in BUILDINGS {
+        // The wall's thousand contacts are not solved to the last digits in bounded time.
+        let max_sweeps = if building.0.starts_with("wall") { 1000 } else { 5000 };
+        let (moved, _) = stands(building, 300, 150, max_sweeps);
+        assert!(moved[1] < 1e-6, "{}: {moved:?}", building.0);
+    }
+}
+
+/// The same for a minute; its table is in docs/accuracy.md. Minutes:
+/// `cargo test --release -p cd-solve --test cases -- --ignored --nocapture a_minute`
+#[test]
+#[ignore = "takes minutes"]
+fn a_minute_on_their_feet() {
+    for building in BUILDINGS {
+        let (moved, missed) = stands(building, 12_000, 1_000, 2000);
+        let most = moved[1..].iter().copied().fold(0.0, f64::max);
+        println!("| {} | {:.1e} | {most:.1e} | {:.1e} |", building.0, moved[0], missed.abs());
+        assert!(most < 1e-6, "{}: {moved:?}", building.0);
     }
 }
