@@ -300,13 +300,18 @@ fn stands((name, size, mu, build): Building, steps: u64, every: u64, max_sweeps:
 
 /// They stand: after the first second nothing creeps, and the floor carries their weight.
 #[test]
-fn a_stack_a_wall_an_arch_and_a_card_house_stand() {
-    for building in BUILDINGS {
-        // The wall's thousand contacts are not solved to the last digits in bounded time.
-        let max_sweeps = if building.0.starts_with("wall") { 1000 } else { 5000 };
-        let (moved, _) = stands(building, 300, 150, max_sweeps);
+fn a_stack_an_arch_and_a_card_house_stand() {
+    for building in BUILDINGS.into_iter().filter(|building| !building.0.starts_with("wall")) {
+        let (moved, _) = stands(building, 300, 150, 5000);
         assert!(moved[1] < 1e-6, "{}: {moved:?}", building.0);
     }
+}
+
+/// Its thousand contacts are not solved to the last digits, but to what it takes to stand.
+#[test]
+fn a_wall_stands() {
+    let (moved, _) = stands(BUILDINGS[1], 200, 100, 2000);
+    assert!(moved[1] < 1e-6, "{moved:?}");
 }
 
 /// The same for a minute; its table is in docs/accuracy.md. Minutes:
