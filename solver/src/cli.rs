@@ -9,7 +9,7 @@ use cd_formats::tell::tell;
 use clap::Parser;
 
 use crate::run::{Failure, check, run as run_case};
-use crate::{read, write};
+use crate::{plan, read, write};
 
 const PROGRAM: &str = "cd-solve";
 
@@ -27,6 +27,9 @@ struct Arguments {
     /// Remove the results of an earlier run first.
     #[arg(long)]
     force: bool,
+    /// Tell what the run would be - models, memory, time of a step, bounds on h - and write nothing.
+    #[arg(long, conflicts_with = "dump_problem")]
+    plan: bool,
     /// Write the contact problem that leads to this step to DIR/problem-STEP.fc3d.
     #[arg(long, value_name = "STEP")]
     dump_problem: Option<u64>,
@@ -45,7 +48,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     };
     match solve(&arguments) {
         Ok(summary) => {
-            tell(format_args!("{PROGRAM}: done\n{}", summary.trim_end()));
+            let title = if arguments.plan { "plan" } else { "done" };
+            tell(format_args!("{PROGRAM}: {title}\n{}", summary.trim_end()));
             0
         }
         Err(Failure::Files(faults)) => {
@@ -74,11 +78,11 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
         if !resumed {
             tell(format_args!("{PROGRAM}: no snapshot to go on from: starting from DATBOX"));
         }
-    } else if !arguments.force {
+    } else if !arguments.force && !arguments.plan {
         write::expect_none(case, scene.options.text)?;
     }
     check(&scene, &state)?;
-    if arguments.force {
+    if arguments.force && !arguments.plan {
         write::remove(case)?;
     }
     let threads = scene.options.threads;
@@ -92,5 +96,8 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
             "expected a number of threads that the machine can start",
         )))
     })?;
+    if arguments.plan {
+        return Ok(pool.install(|| plan::text(&scene, &state)));
+    }
     pool.install(|| run_case(case, &scene, state, resumed, arguments.dump_problem))
 }

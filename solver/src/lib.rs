@@ -18,6 +18,7 @@ pub mod gravity;
 pub mod integrate;
 pub mod laws;
 pub mod math;
+mod plan;
 mod progress;
 pub mod read;
 mod run;

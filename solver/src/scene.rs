@@ -123,6 +123,13 @@ pub struct Drive {
     pub velocity: [Evolution; 6],
 }
 
+impl Drive {
+    /// Whether some component is ever other than 0.
+    pub fn moves(&self) -> bool {
+        self.velocity.iter().any(|component| *component != Evolution::constant(0.0))
+    }
+}
+
 /// An imposed force component (0 to 2, N) or moment (3 to 5, about the body's axes, N m).
 #[derive(Debug, Clone)]
 pub struct Load {

@@ -97,13 +97,21 @@ fn a_stop_between_two_snapshots_changes_nothing_that_follows() {
     assert_same_results(&unbroken, &broken);
 }
 
-/// Not a test of its own: cd-solve as a process that the next test can kill.
+/// Not a test of its own: cd-solve as a process that a test can kill, or listen to.
 #[test]
 fn solver_process() {
-    if let Ok(case) = std::env::var("CD_TESTS_CASE") {
-        let code = cd_solve::run(["cd-solve".into(), case.into(), "--force".into()]);
+    if let (Ok(case), Ok(flag)) = (std::env::var("CD_TESTS_CASE"), std::env::var("CD_TESTS_FLAG")) {
+        let code = cd_solve::run(["cd-solve".into(), case.into(), flag.into()]);
         std::process::exit(code);
     }
+}
+
+/// That process.
+fn process(case: &Case, flag: &str) -> Command {
+    let mut process = Command::new(std::env::current_exe().unwrap());
+    process.args(["--exact", "solver_process", "--nocapture"]);
+    process.env("CD_TESTS_CASE", case.path()).env("CD_TESTS_FLAG", flag);
+    process
 }
 
 #[test]
@@ -111,13 +119,7 @@ fn a_killed_run_goes_on_to_the_same_bytes() {
     let case = Case::of(&cloud(40, 0.4, 1, "dt: 8.0, steps: 400, output_every: 7"));
     let killed = case.twin();
     let unbroken = case.solved(&[]);
-    let mut process = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "solver_process", "--nocapture"])
-        .env("CD_TESTS_CASE", killed.path())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
+    let mut process = process(&killed, "--force").stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     // If the process is too fast for this, it ends by itself, and the rest holds all the more.
     while list(&killed.outbox()).len() < 20 && process.try_wait().unwrap().is_none() {
         std::thread::sleep(Duration::from_millis(1));
@@ -153,6 +155,19 @@ fn results_are_not_overwritten_unasked() {
     fs::write(case.datbox("TACT_BEHAV.DAT"), "$behav\n").unwrap();
     assert_eq!(case.solve(&["--force"]), 2);
     assert_eq!(files(&case.outbox()), names);
+}
+
+#[test]
+fn a_plan_tells_and_writes_nothing() {
+    let case = collapse();
+    let before = files(case.path());
+    let plan = process(&case, "--plan").output().unwrap();
+    assert!(plan.status.success());
+    let text = String::from_utf8(plan.stdout).unwrap();
+    for words in ["40 spheres", "not needed", "polyhedra", "MB, about", "ms a step", "300 steps", "shortest orbit"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    assert_eq!(files(case.path()), before);
 }
 
 #[test]

@@ -1,0 +1,169 @@
+//! What a run would be: its models and those that it does without, memory, time, and the steps h that suit the scene.
+//!
+//! Nothing is written; a few steps are made with a copy of the state, and timed.
+
+use std::time::{Duration, Instant};
+
+use crate::math::Vec3;
+use crate::scene::{Body, Drive, Scene};
+use crate::solve::batches::Batch;
+use crate::state::{Contact, SolvedContact, State};
+use crate::step::{Clock, StepReport, step};
+
+/// A trial ends after so many steps or so much time, whichever is first; the first step, from a cold start, is not timed.
+const TRIAL: u64 = 20;
+const TRIAL_TIME: Duration = Duration::from_secs(2);
+
+/// Radii that a body may move in a step, and of free fall in a step: what penetrations and missed bounces are measured by.
+const TRAVEL: f64 = 0.1;
+const FALL: f64 = 1e-3;
+/// Steps in the shortest orbit, and in a radian of the fastest spin: errors of phase of 2e-4 an orbit and 1e-3 a radian.
+const OF_ORBIT: f64 = 100.0;
+const OF_SPIN: f64 = 10.0;
+
+/// The largest h that a process allows, s.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bound {
+    pub h: f64,
+    pub reason: String,
+}
+
+/// Bounds on h, the sharpest first.
+pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
+    let free: Vec<(usize, &Body)> = scene.free.iter().map(|&i| (i as usize, &scene.bodies[i as usize])).collect();
+    let mass: f64 = free.iter().map(|(_, body)| body.mass).sum();
+    let volume: f64 = free.iter().map(|(_, body)| 4.0 / 3.0 * std::f64::consts::PI * body.radius.powi(3)).sum();
+    let smallest = free.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
+    let mean_velocity = free.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;
+    let fastest = free.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm()).fold(0.0, f64::max);
+    let spin = free.iter().map(|(i, _)| state.w[*i].norm()).fold(0.0, f64::max);
+    let mut bounds = Vec::new();
+    let mut bound = |h: f64, reason: String| {
+        if h.is_finite() && h > 0.0 {
+            bounds.push(Bound { h, reason });
+        }
+    };
+    let travel = TRAVEL * smallest;
+    bound(travel / fastest, format!("bodies move at {fastest:.3e} m/s: {TRAVEL} of the smallest radius a step"));
+    if scene.options.self_gravity {
+        let strength = scene.options.gravity_constant * mass;
+        let radius = (0.75 * volume / std::f64::consts::PI).cbrt(); // without pores
+        let fall = (2.0 * strength / radius).sqrt();
+        bound(
+            travel / fall,
+            format!("fallen together they meet at up to {fall:.3e} m/s: {TRAVEL} of the smallest radius a step"),
+        );
+        let surface = strength / (radius * radius);
+        bound(
+            (FALL * scene.mean_radius / surface).sqrt(),
+            format!("at {surface:.3e} m/s² the fall of a step is {FALL} of the mean radius"),
+        );
+        let period = std::f64::consts::TAU * (radius / surface).sqrt();
+        bound(period / OF_ORBIT, format!("the shortest orbit takes {period:.3e} s: {OF_ORBIT} steps in it"));
+    }
+    let g = state.gravity.norm();
+    if g > 0.0 {
+        let heights = || free.iter().map(|(i, _)| -state.x[*i].dot(&state.gravity) / g);
+        let height = heights().fold(f64::NEG_INFINITY, f64::max) - heights().fold(f64::INFINITY, f64::min);
+        let fall = (2.0 * g * height).sqrt();
+        bound(
+            travel / fall,
+            format!("through {height:.3e} m they fall to {fall:.3e} m/s: {TRAVEL} of the smallest radius a step"),
+        );
+        bound(
+            (FALL * scene.mean_radius / g).sqrt(),
+            format!("at {g:.3e} m/s² the fall of a step is {FALL} of the mean radius"),
+        );
+    }
+    if !scene.turning.is_empty() {
+        bound(1.0 / (OF_SPIN * spin), format!("bodies turn at {spin:.3e} rad/s: {OF_SPIN} steps a radian"));
+    }
+    bounds.sort_by(|a, b| a.h.total_cmp(&b.h));
+    bounds
+}
+
+/// Models that the scene does without, and what that saves.
+pub fn not_needed(scene: &Scene) -> Vec<&'static str> {
+    let laws = &scene.laws;
+    let absent = [
+        (scene.bodies.iter().all(Body::is_sphere), "walls"),
+        (!scene.is_general(), "polyhedra: blocks of contacts are diagonal"),
+        (scene.turning.is_empty(), "free rotation: moments of inertia are equal"),
+        (
+            laws.iter().all(|law| law.friction_static == 0.0 && law.friction_dynamic == 0.0),
+            "friction: one unknown a contact",
+        ),
+        (laws.iter().all(|law| law.cohesion.is_none()), "cohesion"),
+        (laws.iter().all(|law| law.rolling.is_none()), "rolling friction: no moments"),
+        (!scene.options.self_gravity, "self-gravity: no tree"),
+        (scene.options.fields.is_empty(), "fields from outside"),
+        (!scene.drives.iter().any(Drive::moves), "motion of walls"),
+        (scene.events.is_empty(), "events"),
+    ];
+    absent.into_iter().filter(|(absent, _)| *absent).map(|(_, what)| what).collect()
+}
+
+/// Bytes that a run needs, about: what is kept of bodies and contacts, and what a step makes of them.
+pub fn memory(scene: &Scene, contacts: usize) -> usize {
+    let vector = size_of::<Vec3>();
+    let gravity = if scene.options.self_gravity { 300 } else { 0 };
+    let body = size_of::<Body>() + 20 * vector + 3 * size_of::<[f64; 8]>() + gravity;
+    let contact = size_of::<Contact>()
+        + 2 * size_of::<SolvedContact>()
+        + size_of::<crate::assemble::Row>()
+        + size_of::<Batch>() / crate::solve::batches::BATCH
+        + 8 * vector;
+    scene.bodies.len() * body + contacts * contact
+}
+
+/// The plan as text.
+pub fn text(scene: &Scene, state: &State) -> String {
+    let (clock, steps, report) = trial(scene, state);
+    let mut lines: Vec<(&str, String)> = vec![("models", scene.models().join("; "))];
+    lines.push(("not needed", not_needed(scene).join("; ")));
+    let (listed, active) = (report.contacts_listed, report.contacts_active);
+    lines.push(("contacts", format!("{listed} listed, {active} carry force, now")));
+    lines.push(("memory", format!("{:.1} MB, about", memory(scene, listed) as f64 / 1e6)));
+    let seconds = |time: Duration| time.as_secs_f64() / steps.max(1) as f64;
+    let Clock { gravity, detection, assembly, solve, integration, .. } = clock;
+    let each = seconds(gravity + detection + assembly + solve + integration);
+    let ms = |time: Duration| 1e3 * seconds(time);
+    lines.push((
+        "time",
+        format!(
+            "{:.3} ms a step now ({steps} tried): gravity {:.3}, detection {:.3}, assembly {:.3}, solve {:.3}, integration {:.3}",
+            1e3 * each, ms(gravity), ms(detection), ms(assembly), ms(solve), ms(integration)
+        ),
+    ));
+    let left = scene.last_step().saturating_sub(state.step);
+    lines.push((
+        "run",
+        format!("{left} steps, {:.3e} s of them as now, t = {:.6e} s", left as f64 * each, scene.end_time()),
+    ));
+    let h = scene.options.dt;
+    let bounds = bounds(scene, state);
+    let place = match bounds.first() {
+        Some(sharpest) if h > sharpest.h => format!("{h} s is {:.1} times the sharpest bound", h / sharpest.h),
+        Some(_) => format!("{h} s is within all bounds"),
+        None => format!("{h} s; nothing moves or pulls"),
+    };
+    lines.push(("h", place));
+    lines.extend(bounds.iter().map(|bound| ("", format!("up to {:.3e} s: {}", bound.h, bound.reason))));
+    lines
+        .into_iter()
+        .filter(|(_, value)| !value.is_empty())
+        .map(|(name, value)| format!("  {name:<22} {value}\n"))
+        .collect()
+}
+
+/// Seconds of some steps made with a copy of the state, their number, and what the last of them did.
+fn trial(scene: &Scene, state: &State) -> (Clock, u64, StepReport) {
+    let mut state = state.clone();
+    let mut report = step(scene, &mut state, &mut Clock::default());
+    let (start, mut clock, mut steps) = (Instant::now(), Clock::default(), 0);
+    while steps < TRIAL && start.elapsed() < TRIAL_TIME && state.is_finite() {
+        report = step(scene, &mut state, &mut clock);
+        steps += 1;
+    }
+    (clock, steps, report)
+}
