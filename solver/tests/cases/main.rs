@@ -5,6 +5,7 @@ mod bonds;
 mod case;
 mod clusters;
 mod elliptic;
+mod envelope;
 mod extremes;
 mod flight;
 mod gravity;

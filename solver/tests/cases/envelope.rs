@@ -1,0 +1,199 @@
+//! Scenes at the ends of what parameters can be, with what must hold there.
+
+use cd_formats::drv_dof::Evolution;
+
+use crate::case::{Case, Figures, Vec3, equal, near, shaken_lattice};
+
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// A dozen bounces of two balls on a floor, in units of radius R and of sqrt(R/g).
+fn bounces(radius: f64, g: f64, density: f64) -> [[f64; 3]; 4] {
+    let mut case = Case::new();
+    case.law_of_all("RST_CLB", &[0.5, 0.25, 0.5]);
+    case.gravity = [0.0, 0.0, -g];
+    case.plate([1024.0 * radius, 1024.0 * radius, radius], [0.0, 0.0, -radius], [X, Y, Z]);
+    case.materials[0].density = density;
+    let time = (radius / g).sqrt();
+    let below = case.sphere(radius, [0.0, 0.0, 1.5 * radius]);
+    let above = case.sphere(radius, [0.5 * radius, 0.25 * radius, 4.0 * radius]);
+    case.options.dt = time / 64.0;
+    case.options.tol = 1e-12;
+    let end = case.run(256);
+    [end.x(below) / radius, end.x(above) / radius, end.v(below) * time / radius, end.w(above) * time]
+        .map(|v| [v.x, v.y, v.z])
+}
+
+#[test]
+fn the_same_at_every_scale() {
+    let expected = bounces(1.0, 9.81, 2700.0);
+    for (radius, g, density) in [
+        (1e-6, 9.81, 2700.0),
+        (1e4, 9.81, 2700.0),
+        (1.0, 9.81e-9, 2700.0),
+        (1.0, 9.81e4, 2700.0),
+        (1.0, 9.81, 1.0),
+        (1.0, 9.81, 1e5),
+        (1e-6, 9.81e4, 1e5),
+        (1e4, 9.81e-9, 1.0),
+    ] {
+        let found = bounces(radius, g, density);
+        for (found, expected) in found.into_iter().zip(expected) {
+            // Files have eight digits of radii, densities and g; a dozen bounces make their errors grow by as many times.
+            near(found, expected, 1e-5);
+        }
+    }
+}
+
+#[test]
+fn what_crosses_many_radii_in_a_step_is_stopped_all_the_same() {
+    for travel in [0.5, 5.0, 500.0] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        case.floor();
+        case.options.dt = 0.01;
+        let bullet = case.sphere(0.5, [0.0, 0.0, 600.0]);
+        let speed = 0.5 * travel / case.options.dt;
+        case.launch(bullet, [0.0, 0.0, -speed], [0.0; 3]);
+        let target = case.sphere(0.5, [300.0, 0.0, 600.0]);
+        let other = case.sphere(0.5, [-300.0, 0.0, 600.0]);
+        case.launch(other, [speed, 0.0, 0.0], [0.0; 3]);
+        case.launch(bullet, [0.0, 0.0, -speed], [0.0; 3]);
+        let end = case.run((700.0 / (speed * case.options.dt)).ceil() as u64);
+        // What is seen of a gap half a step before it closes; not through the floor, nor the target.
+        equal(end.x(bullet).z, 0.5, 1e-9 * speed);
+        assert!(end.x(target).x - end.x(other).x > 0.99, "{} {}", end.x(target), end.x(other));
+        // Inelastic, of equal masses.
+        near(end.v(target), [0.5 * speed, 0.0, 0.0], 1e-9 * speed);
+    }
+}
+
+#[test]
+fn energy_never_grows_whatever_the_law() {
+    for (law, parameters) in [
+        ("RST_CLB", &[0.0, 0.0, 0.0][..]),
+        ("RST_CLB", &[1.0, 0.0, 0.0]),
+        ("RST_CLB", &[0.0, 0.0, 1e3]),
+        ("IQS_CLB", &[0.0]),
+        ("IQS_CLB", &[1e3]),
+    ] {
+        for h in [1e-3, 1e-2, 1e-1] {
+            let mut case = Case::new();
+            case.law_of_all(law, parameters);
+            case.gravity = [0.0, 0.0, -8.0];
+            case.tub(2.5);
+            for (radius, x) in shaken_lattice(3, 7) {
+                let ball = case.sphere(radius, [x[0], x[1], x[2] + 3.0]);
+                case.launch(ball, [-x[0], x[1], -2.0], [1.0, 2.0, 3.0]);
+            }
+            case.options.dt = h;
+            case.options.tol = 1e-8;
+            let states = case.states(200, 20);
+            let energy: Vec<f64> = states.iter().map(|state| state.kinetic() + state.potential()).collect();
+            let scale = states[0].kinetic() + states[0].potential().abs();
+            for pair in energy.windows(2) {
+                // Impulses are solved to 1e-8 in each of 20 steps. The elastic ones of RST act at the speed before the step,
+                // to which gravity adds h g within it: this much more each time.
+                let elastic = if parameters[0] == 1.0 && law == "RST_CLB" { 20.0 * 8.0 * h / 5.0 } else { 0.0 };
+                assert!(pair[1] <= pair[0] + (20.0 * 1e-8 + elastic) * scale, "{law} {parameters:?} h {h}: {energy:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_spin_of_a_thousand_becomes_the_motion_of_rolling() {
+    for spin in [1.0, 1e3] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        case.gravity = [0.0, 0.0, -8.0 * spin];
+        case.floor();
+        let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
+        case.launch(ball, [0.0; 3], [0.0, spin, 0.0]);
+        case.options.dt = 1e-3;
+        let end = case.run(100);
+        // Friction until v = ω R: v = 2/7 ω R. To rounding of the first speed, 1e2 times.
+        near(end.v(ball), [spin / 7.0, 0.0, 0.0], 1e-12 * spin);
+        near(end.w(ball), [0.0, spin * 2.0 / 7.0, 0.0], 1e-12 * spin);
+        equal(end.x(ball).z, 0.5, 1e-12);
+    }
+}
+
+#[test]
+fn cohesion_far_above_weight_holds_a_chain_that_hangs() {
+    // Each ball hangs by the one above; the first by a plate. 1e6 times the weight of all.
+    let mut case = Case::new();
+    case.gravity = [0.0, 0.0, -8.0];
+    case.law_of_all("IQS_WET_DS_CLB", &[1e6 * 8.0 * 10.0 * 0.53, 0.0, 0.01, 0.5, 0.5]);
+    case.plate([4.0, 4.0, 0.5], [0.0, 0.0, 0.5], [X, Y, Z]);
+    let balls: Vec<usize> = (0..10).map(|k| case.sphere(0.5, [0.0, 0.0, -0.5 - f64::from(k)])).collect();
+    let end = case.run(200);
+    for (k, &ball) in balls.iter().enumerate() {
+        // Solved to 1e-12 of h times the cohesion, 4e4 N s on half a kilogram.
+        near(end.x(ball), [0.0, 0.0, -0.5 - k as f64], 1e-7);
+        near(end.v(ball), [0.0; 3], 1e-6);
+    }
+}
+
+#[test]
+fn a_ball_squeezed_by_walls_stays_between_them() {
+    // Nothing rigid fits: the overlap is shared, and the ball neither leaps nor becomes a number that is none.
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.5]);
+    let wall = |case: &mut Case, z: f64| case.plate([4.0, 4.0, 0.5], [0.0, 0.0, z], [X, Y, Z]);
+    let (below, above) = (wall(&mut case, -1.0), wall(&mut case, 1.0));
+    case.drive_along(below, 2, Evolution::constant(0.1));
+    case.drive_along(above, 2, Evolution::constant(-0.1));
+    let ball = case.sphere(0.5, [0.0, 0.0, 0.0]);
+    case.options.dt = 0.01;
+    case.options.max_sweeps = 500;
+    for state in case.states(100, 10) {
+        let depth = 0.1 * state.meta.time;
+        assert!(state.x(ball).norm() <= depth + 1e-9 && state.v(ball).norm() <= 0.1 + 1e-9, "{}", state.v(ball));
+    }
+}
+
+#[test]
+fn what_is_symmetric_stays_so() {
+    // Four balls in a square and one on top, under a law that lets it sink between them.
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.1]);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.floor();
+    let square: Vec<usize> = [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]
+        .iter()
+        .map(|[x, y]| case.sphere(0.5, [*x, *y, 0.5]))
+        .collect();
+    let top = case.sphere(0.5, [0.0, 0.0, 0.5 + 0.5f64.sqrt()]);
+    let end = case.run(1000);
+    let turned = |v: Vec3| Vec3::new(-v.y, v.x, v.z);
+    assert!(end.x(square[0]).xy().norm() > 0.75, "they part: {}", end.x(square[0]));
+    for pair in square.windows(2) {
+        // Contacts are solved one after the other, to 1e-12 of h g in a thousand steps of 1 ms that add up.
+        near(end.x(pair[1]), turned(end.x(pair[0])), 1e-9);
+    }
+    equal(end.x(top).xy().norm(), 0.0, 1e-9);
+}
+
+#[test]
+fn a_chain_of_a_thousand_carries_itself() {
+    // Under 1 m/s² from the wall at its lower end; what the last of them carries is exact to the tolerance.
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.5]);
+    case.gravity = [0.0, 0.0, -1.0];
+    let floor = case.floor();
+    let first = case.sphere(0.5, [0.0, 0.0, 0.5]);
+    for k in 1..1000 {
+        case.sphere(0.5, [0.0, 0.0, 0.5 + f64::from(k)]);
+    }
+    case.options.tol = 1e-2;
+    case.options.max_sweeps = 20_000;
+    let end = case.run(100);
+    let weight: f64 = (first..first + 1000).map(|i| end.mass(i)).sum();
+    // A hundred steps, each solved to 1e-2 of what gravity does in it from where the last one ended.
+    equal(end.force(first, floor).unwrap().x / weight, 1.0, 0.05);
+    assert!((first..first + 1000).all(|i| end.v(i).norm() < 0.1));
+    // The first steps, which know nothing of the forces, stop at the limit; later ones start from what these have found.
+    assert_eq!(case.column("converged").last(), Some(&1.0));
+}
