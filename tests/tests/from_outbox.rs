@@ -211,3 +211,15 @@ fn a_start_that_does_not_belong_to_its_datbox_is_refused() {
     assert!(!start.exists() && !case.datbox("ORIGIN.csv").exists());
     assert_eq!(case.solve(&[]), 0);
 }
+
+#[test]
+fn what_stands_out_of_a_level_is_left_behind() {
+    let from = collapse().solved(&[]);
+    let height = 5.0;
+    let all = from.last_snapshot();
+    let low = |k: usize| all.bodies.body_x[k][2] + all.bodies.body_radius[k] <= height;
+    let kept: Vec<[f64; 3]> = (0..all.bodies.body_id.len()).filter(|&k| low(k)).map(|k| all.bodies.body_x[k]).collect();
+    assert!(!kept.is_empty() && kept.len() < all.bodies.body_id.len());
+    let case = next(&from, &format!("(bodies: [(keep: Below({height:?}))])")).solved(&["--steps", "1"]);
+    assert_eq!(case.snapshot(0).bodies.body_x, kept);
+}

@@ -99,9 +99,11 @@ impl Default for Taken {
 }
 
 /// Which free bodies are kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub enum Keep {
     All,
+    /// Those whose sphere of equal volume lies below this height along z, m.
+    Below(f64),
     /// The heaviest group of touching bodies.
     Largest,
 }

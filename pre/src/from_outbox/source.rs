@@ -92,6 +92,7 @@ impl Source {
         let largest = match taken.keep {
             Keep::All => None,
             Keep::Largest => Some(self.largest()),
+            Keep::Below(height) => Some(self.below(height)),
         };
         let rows: Vec<usize> = (0..bodies.body_id.len())
             .filter(|&row| if is_driven(row) { taken.walls } else { largest.as_ref().is_none_or(|kept| kept[row]) })
@@ -127,6 +128,12 @@ impl Source {
         });
         let records = records.collect();
         Ok(Part { source: self, rows, records, state })
+    }
+
+    /// The rows of bodies whose sphere of equal volume lies below a height along z.
+    fn below(&self, height: f64) -> Vec<bool> {
+        let bodies = &self.snapshot.bodies;
+        bodies.body_x.iter().zip(&bodies.body_radius).map(|(x, radius)| x[2] + radius <= height).collect()
     }
 
     /// The rows of the heaviest group of free bodies that touch, first of equals.
