@@ -3,7 +3,8 @@
 //! `read` ([`frame`]) -> `derive` ([`mod@derive`]) -> `write` ([`mod@write`]): each snapshot of
 //! `DIR/OUTBOX` becomes a [`Frame`], a [`Row`] of `POSTPRO/series.csv` and the files of
 //! `DISPLAY/`; the rows together become plots, the last frame a picture. [`mod@state`] measures one
-//! snapshot in depth, [`compare`] several runs, [`study`] many, [`report`] makes a page of a run.
+//! snapshot in depth, [`compare`] several runs, [`study`] many, [`track`] follows one
+//! body, [`report`] makes a page of a run.
 
 use std::collections::HashSet;
 use std::ffi::OsString;
@@ -25,6 +26,7 @@ pub mod report;
 pub mod shapes;
 pub mod state;
 pub mod study;
+pub mod track;
 pub mod write;
 
 use derive::Row;
@@ -100,6 +102,17 @@ enum Command {
         #[arg(long, value_name = "S")]
         until: Option<f64>,
     },
+    /// One body in a bed of grains, such as a lander: its way, depth, force, bounce and crater.
+    ///
+    /// Writes DIR/POSTPRO/track-N.
+    Track {
+        /// The case directory
+        #[arg(default_value = ".")]
+        dir: PathBuf,
+        /// Number of the body in BODIES.DAT
+        #[arg(long, value_name = "N")]
+        body: u64,
+    },
     /// The run on one page that needs nothing else: figures, numbers, options, the grains to turn and zoom.
     ///
     /// Writes DIR/POSTPRO/report.html.
@@ -172,6 +185,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
                 tell(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
                 Vec::new()
             }),
+        Some(Command::Track { dir, body }) => track::write(dir, *body).map(|folder| {
+            tell(format_args!("cd-post: {}", folder.display()));
+            Vec::new()
+        }),
         Some(Command::Report { dir, every }) => report::write(dir, *every).map(|page| {
             tell(format_args!("cd-post: {}", page.display()));
             Vec::new()

@@ -209,7 +209,12 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
             if let Some(line) = Line::through(&points) {
                 note(name, group, &format!("{name} = intercept + slope N^(-1/3)"), line);
                 curves.push(expected(
-                    &format!("{} + {} N^(-1/3)", short(line.intercept), short(line.slope)),
+                    &format!(
+                        "{} {} {} N^(-1/3)",
+                        short(line.intercept),
+                        if line.slope < 0.0 { "−" } else { "+" },
+                        short(line.slope.abs())
+                    ),
                     ends(line, &points, 0.0),
                 ));
             }
@@ -321,7 +326,7 @@ mod tests {
             assert!((slope(start) / exact - 1.0).abs() < 1e-10, "{start}: {fits}");
         }
         let svg = figures[0].1.svg();
-        assert!(svg.contains("6 + −9 N^(-1/3)") && !svg.contains("NaN"), "{svg}");
+        assert!(svg.contains("6 − 9 N^(-1/3)") && !svg.contains("NaN"), "{svg}");
         let table = table(&runs);
         assert!(table.contains("\nb; c-250,b; c,") && !table.contains("NaN"), "{table}");
     }

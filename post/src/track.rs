@@ -1,0 +1,274 @@
+//! `cd-post track`: one body in a bed of grains, such as a lander: its way, the force on it, its bounce, its crater.
+
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::error::{Fault, Faults};
+
+use crate::frame::{Frame, Side, Vec3, WallShape};
+use crate::select;
+use crate::write::figure::{Axis, Curve, Figure};
+use crate::write::series::csv;
+
+/// Columns of track.csv: name, unit, meaning.
+pub const COLUMNS: [(&str, &str, &str); 13] = [
+    ("time", "s", ""),
+    ("x", "m", "centre of mass"),
+    ("y", "m", ""),
+    ("z", "m", ""),
+    ("v_x", "m/s", "velocity; empty where it is imposed"),
+    ("v_y", "m/s", ""),
+    ("v_z", "m/s", ""),
+    ("depth", "m", "of its lowest point below the surface that was under it at the start"),
+    ("f_x", "N", "sum of the contact forces on it, means over the step"),
+    ("f_y", "N", ""),
+    ("f_z", "N", ""),
+    ("force", "N", "their part against gravity"),
+    ("contacts", "1", "that carry force"),
+];
+
+/// Columns of impact.csv.
+pub const IMPACT: [(&str, &str, &str); 6] = [
+    ("contact_time", "s", "of the first snapshot in which it is touched, or has lost its free fall"),
+    ("impact_speed", "m/s", "along gravity, in the snapshot before"),
+    ("restitution", "1", "its largest speed against gravity afterwards, 0 at least, over that"),
+    ("largest_depth", "m", ""),
+    ("largest_force", "N", "of the snapshots, along the vertical"),
+    ("final_depth", "m", ""),
+];
+
+/// Rings of the crater's profile, and places in each.
+const RINGS: usize = 20;
+const PLACES: usize = 48;
+
+/// The body in one frame.
+struct Seen {
+    time: f64,
+    x: Vec3,
+    /// None where it is imposed.
+    v: Option<Vec3>,
+    /// From the centre to the lowest point, m.
+    reach: f64,
+    force: Vec3,
+    contacts: usize,
+}
+
+/// Reads the snapshots of a case and writes `POSTPRO/track-N/`: track.csv, impact.csv, crater.csv and their figures.
+///
+/// `body`: the number of the body in BODIES.DAT, free or with imposed motion.
+pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
+    let mut seen = Vec::new();
+    let (mut first, mut last) = (None, None);
+    let (mut up, mut gravity) = (Vec3::z(), Vec3::zeros());
+    for (_, path) in select(&dir.join("OUTBOX"), 1)? {
+        let frame = Frame::read(&path)?;
+        (up, gravity) = (upward(&frame), Vec3::from(frame.meta.parameters.uniform_gravity));
+        seen.push(find(&frame, body, &up).ok_or_else(|| {
+            let expected = "expected the number of a sphere or polyhedron in BODIES.DAT";
+            Fault::new(&path, None, format!("body {body}"), "is not there", expected)
+        })?);
+        if first.is_none() {
+            first = Some(frame.clone());
+        }
+        last = Some(frame);
+    }
+    let (Some(first), Some(last)) = (first, last) else { unreachable!("select gives at least one") };
+    let level = level(&first, body, &up, &seen[0]);
+    let rows: Vec<Vec<f64>> = seen.iter().map(|s| row(s, &up, level)).collect();
+    let folder = dir.join(format!("POSTPRO/track-{body}"));
+    let names: Vec<&str> = COLUMNS.iter().map(|(name, _, _)| *name).collect();
+    let put = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
+    put("track.csv", csv(&names, rows.clone()))?;
+    let impact: Vec<&str> = IMPACT.iter().map(|(name, _, _)| *name).collect();
+    put("impact.csv", csv(&impact, [bounce(&seen, &rows, &up, &gravity)]))?;
+    let crater = crater(&first, &last, body, &up, &seen[0].x, level);
+    put("crater.csv", csv(&["radius", "before", "after"], crater.clone()))?;
+    let against_time = |title: &str, column: &str, unit: &str| {
+        let k = names.iter().position(|name| *name == column).unwrap_or(0);
+        let points = rows.iter().map(|row| (row[0], row[k])).collect();
+        let (x, y) = (Axis::linear("time", "s"), Axis::linear(column, unit));
+        Figure { title: title.into(), x, y, curves: vec![Curve::line(column, points)] }
+    };
+    put("depth.svg", against_time(&format!("Depth of body {body} below the surface"), "depth", "m").svg())?;
+    put("force.svg", against_time(&format!("Force of the contacts on body {body}, upward"), "force", "N").svg())?;
+    let profile = |name: &str, k: usize| Curve::line(name, crater.iter().map(|row| (row[0], row[k])).collect());
+    let figure = Figure {
+        title: format!("Surface around the axis of body {body}"),
+        x: Axis::linear("distance", "m"),
+        y: Axis::linear("height", "m"),
+        curves: vec![profile("before", 1), profile("after", 2)],
+    };
+    put("crater.svg", figure.svg())?;
+    Ok(folder)
+}
+
+/// Against uniform gravity, length 1; z without it.
+fn upward(frame: &Frame) -> Vec3 {
+    (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0).unwrap_or(Vec3::z())
+}
+
+fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
+    let lowest = |vertices: &mut dyn Iterator<Item = Vec3>| vertices.map(|r| -r.dot(up)).fold(0.0, f64::max);
+    let (side, x, v, reach) = if let Some(k) = frame.grains.iter().position(|grain| grain.id == body) {
+        let grain = &frame.grains[k];
+        let reach = match &grain.solid {
+            Some(_) => lowest(&mut grain.vertices().map(|corner| corner - grain.x)),
+            None => grain.radius,
+        };
+        (Side::Grain(k), grain.x, Some(grain.v), reach)
+    } else {
+        let k = frame.walls.iter().position(|wall| wall.id == body)?;
+        let wall = &frame.walls[k];
+        let reach = match &wall.shape {
+            WallShape::Ball(radius) => *radius,
+            WallShape::Polyhedron(solid) => lowest(&mut solid.vertices.iter().map(|corner| wall.rotation * corner)),
+            WallShape::Plate(half) => (0..3).map(|k| half[k] * (wall.rotation.inverse() * up)[k].abs()).sum(),
+        };
+        (Side::Wall(k), wall.x, None, reach)
+    };
+    let (mut force, mut contacts) = (Vec3::zeros(), 0);
+    for contact in frame.contacts.iter().filter(|contact| contact.active) {
+        if contact.candidate == side {
+            force += contact.force;
+            contacts += 1;
+        } else if contact.antagonist == side {
+            force -= contact.force;
+            contacts += 1;
+        }
+    }
+    Some(Seen { time: frame.meta.time, x, v, reach, force, contacts })
+}
+
+fn row(seen: &Seen, up: &Vec3, level: f64) -> Vec<f64> {
+    let v = seen.v.unwrap_or(Vec3::repeat(f64::NAN));
+    let depth = level - (seen.x.dot(up) - seen.reach);
+    let Seen { time, x, force, contacts, .. } = seen;
+    vec![*time, x.x, x.y, x.z, v.x, v.y, v.z, depth, force.x, force.y, force.z, force.dot(up), *contacts as f64]
+}
+
+/// Change of velocity beside that of free fall, over the speed, that tells of a shock between two snapshots.
+const SHOCK: f64 = 0.01;
+
+/// The row of impact.csv; empty where nothing touched it.
+fn bounce(seen: &[Seen], rows: &[Vec<f64>], up: &Vec3, gravity: &Vec3) -> Vec<f64> {
+    let speed = |s: &Seen| s.v.map_or(f64::NAN, |v| v.dot(up));
+    let largest = |k: usize| rows.iter().map(|row| row[k]).fold(f64::NAN, f64::max);
+    let final_depth = rows.last().map_or(f64::NAN, |row| row[7]);
+    let struck = |k: usize| match (k.checked_sub(1).and_then(|before| seen[before].v), seen[k].v) {
+        (Some(before), Some(v)) => {
+            let fall = gravity * (seen[k].time - seen[k - 1].time);
+            (v - before - fall).norm() > SHOCK * before.norm()
+        }
+        _ => false,
+    };
+    let Some(touched) = (0..seen.len()).find(|&k| seen[k].contacts > 0 || struck(k)) else {
+        return vec![f64::NAN, f64::NAN, f64::NAN, largest(7), largest(11), final_depth];
+    };
+    let arrival = -speed(&seen[touched.saturating_sub(1)]);
+    let departure = seen[touched..].iter().map(speed).fold(f64::NAN, f64::max).max(0.0);
+    let restitution = if arrival > 0.0 && seen[touched].v.is_some() { departure / arrival } else { f64::NAN };
+    vec![seen[touched].time, arrival, restitution, largest(7), largest(11), final_depth]
+}
+
+/// Mean height of the bed's surface under the body: on its vertical and on circles of a quarter to three quarters of its
+/// reach.
+fn level(frame: &Frame, body: u64, up: &Vec3, seen: &Seen) -> f64 {
+    let places =
+        std::iter::once(seen.x).chain([0.25, 0.5, 0.75].into_iter().flat_map(|k| circle(&seen.x, up, k * seen.reach)));
+    let heights: Vec<f64> = places.filter_map(|place| surface(frame, body, up, &place)).collect();
+    heights.iter().sum::<f64>() / heights.len() as f64
+}
+
+/// Places on a circle about a vertical.
+fn circle(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
+    let across = up.cross(&if up.x.abs() < 0.9 { Vec3::x() } else { Vec3::y() }).normalize();
+    let along = up.cross(&across);
+    let angles = (0..PLACES).map(|k| TAU * k as f64 / PLACES as f64);
+    angles.map(|angle| centre + (across * angle.cos() + along * angle.sin()) * radius).collect()
+}
+
+/// Height along `up` of the bed on the vertical through `place`: of the highest sphere there, of polyhedra the sphere of
+/// equal volume; grains that carry no force and the body itself do not count. None where there is nothing.
+fn surface(frame: &Frame, body: u64, up: &Vec3, place: &Vec3) -> Option<f64> {
+    let mut held = vec![false; frame.grains.len()];
+    for contact in frame.contacts.iter().filter(|contact| contact.active) {
+        contact.sides().filter_map(Side::grain).for_each(|k| held[k] = true);
+    }
+    let grains = frame.grains.iter().zip(held).filter(|(grain, held)| *held && grain.id != body);
+    let top = grains.filter_map(|(grain, _)| {
+        let arm = grain.x - place;
+        let aside = (arm - up * arm.dot(up)).norm_squared();
+        (aside < grain.radius.powi(2)).then(|| grain.x.dot(up) + (grain.radius.powi(2) - aside).sqrt())
+    });
+    top.fold(None, |best, height| Some(best.map_or(height, |best: f64| best.max(height))))
+}
+
+/// Rings about the vertical through `axis`: radius, mean height above `level` before and after.
+fn crater(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level: f64) -> Vec<Vec<f64>> {
+    let aside = |x: &Vec3| (x - axis - up * (x - axis).dot(up)).norm();
+    // The farthest grain of a box is in a corner: 1 / sqrt(2) of its distance is to the middle of a side.
+    let widest = first.grains.iter().filter(|grain| grain.id != body).map(|grain| aside(&grain.x)).fold(0.0, f64::max);
+    let mean = |frame: &Frame, radius: f64| {
+        let heights: Vec<f64> =
+            circle(axis, up, radius).iter().filter_map(|place| surface(frame, body, up, place)).collect();
+        // Beyond a wall or where the floor is bare there is no surface.
+        if heights.len() < PLACES / 2 { f64::NAN } else { heights.iter().sum::<f64>() / heights.len() as f64 - level }
+    };
+    (0..RINGS)
+        .map(|k| widest * std::f64::consts::FRAC_1_SQRT_2 * (k as f64 + 0.5) / RINGS as f64)
+        .map(|radius| vec![radius, mean(first, radius), mean(last, radius)])
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::Scene;
+
+    /// A bed of four touching spheres of radius 1 with the top at height 1, and a sphere of radius 0.5 over it.
+    fn frame(height: f64, speed: f64, touched: bool) -> Frame {
+        let mut scene = Scene::default();
+        scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+        scene.snapshot.meta.time = 10.0 - height;
+        for (x, y) in [(0.0, 0.0), (2.0, 0.0), (-2.0, 0.0), (0.0, 2.0)] {
+            scene.grain([x, y, 0.0], 1.0);
+        }
+        let lander = scene.grain([0.0, 0.0, height], 0.5);
+        scene.snapshot.bodies.body_v[lander] = [0.0, 0.0, speed];
+        (1..4).for_each(|k| scene.push(0, k, 1.0));
+        if touched {
+            scene.push(lander, 0, 3.0);
+        }
+        scene.frame()
+    }
+
+    #[test]
+    fn depth_force_and_bounce_of_a_lander() {
+        let frames = [frame(3.0, -2.0, false), frame(1.4, -1.0, true), frame(2.0, 0.5, false)];
+        let up = upward(&frames[0]);
+        assert_eq!(up, Vec3::z());
+        let level = surface(&frames[0], 5, &up, &Vec3::new(0.0, 0.0, 3.0)).unwrap();
+        assert_eq!(level, 1.0);
+        let seen: Vec<Seen> = frames.iter().map(|frame| find(frame, 5, &up).unwrap()).collect();
+        let rows: Vec<Vec<f64>> = seen.iter().map(|s| row(s, &up, level)).collect();
+        let near = |found: &[f64], expected: &[f64]| {
+            // Round-off of sums of a few numbers of order 1.
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-14), "{found:?} {expected:?}");
+        };
+        near(&rows.iter().map(|row| row[7]).collect::<Vec<_>>(), &[-1.5, 0.1, -0.5]);
+        near(&rows.iter().map(|row| row[11]).collect::<Vec<_>>(), &[0.0, 3.0, 0.0]);
+        near(&bounce(&seen, &rows, &up, &Vec3::new(0.0, 0.0, -1.0)), &[8.6, 2.0, 0.25, 0.1, 3.0, -0.5]);
+        assert!(find(&frames[0], 99, &up).is_none());
+    }
+
+    #[test]
+    fn the_surface_is_that_of_grains_that_are_held() {
+        let up = Vec3::z();
+        let frame = frame(3.0, 0.0, false);
+        let height = |x, y| surface(&frame, 0, &up, &Vec3::new(x, y, 0.0)); // the lander touches nothing
+        assert_eq!(height(2.0, 0.0), Some(1.0));
+        assert!((height(0.6, 0.0).unwrap() - 0.8).abs() < 1e-15);
+        assert_eq!(height(5.0, 0.0), None);
+    }
+}
