@@ -1,6 +1,7 @@
 # The spin at which each aggregate fails, against the limits of Drucker and Prager:
 #   awk -v svg=limit.svg -f limit.awk f0/POSTPRO/series.csv f100/POSTPRO/series.csv ...
-# It fails when its largest remnant has lost a hundredth of the mass; the spin is the largest that it had before.
+# It fails when its largest remnant has lost a hundredth of the mass or is longer by a fifth than at the start; the spin is
+# the largest that it had before. With svg=FOLDER/limit.svg the table is written to FOLDER/limit.csv too.
 # Columns go by their names; SI units.
 
 BEGIN {
@@ -19,6 +20,7 @@ FNR == 1 {
 FNR == 2 {
     # The aggregate at the start: volume of the ellipsoid of equal inertia, radius of the ball of that volume.
     volume = 4 / 3 * PI * $column["a"] * $column["b"] * $column["c"]
+    long[c] = $column["a"]
     radius[c] = ($column["a"] * $column["b"] * $column["c"]) ^ (1 / 3)
     density[c] = $column["mass"] / volume
     grains[c] = $column["n_grains"]; z[c] = $column["Z"]
@@ -28,7 +30,7 @@ FNR == 2 {
 }
 
 !failed[c] {
-    if ($column["largest_fraction"] < 0.99) { failed[c] = 1; time[c] = $column["time"] }
+    if ($column["largest_fraction"] < 0.99 || $column["largest_a"] > 1.2 * long[c]) { failed[c] = 1; time[c] = $column["time"] }
     else if ($column["largest_spin"] > spin[c]) {
         spin[c] = $column["largest_spin"]; axis_a[c] = $column["largest_a"]; axis_c[c] = $column["largest_c"]
     }
@@ -54,7 +56,18 @@ END {
             cohesive(40, 3 * s_of(40) * t, density[c], radius[c]) / critical, failed[c] ? "" : "  (held to the end)"
     }
     printf "Without cohesion, (w/w_c)^2 = 3 q / (1 + 2 q): %.3f at 30 deg, %.3f at 40 deg\n", cohesionless(30), cohesionless(40)
-    if (svg != "") draw()
+    if (svg != "") { write_table(); draw() }
+}
+
+function write_table(    table, c, t) {
+    table = svg; sub(/svg$/, "csv", table)
+    print "cohesion,strength,spin,spin_over_critical,limit_30,limit_40,over_mean_limit,failed" > table
+    for (c = 1; c <= cases; c++) {
+        t = strength(c)
+        low = cohesive(30, 3 * s_of(30) * t, density[c], radius[c]); high = cohesive(40, 3 * s_of(40) * t, density[c], radius[c])
+        printf "%g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d\n", cohesion[c], t, spin[c], spin[c] / critical, low / critical, high / critical, 2 * spin[c] / (low + high), failed[c] > table
+    }
+    close(table)
 }
 
 function x(t) { return 70 + 400 * t / most }
