@@ -5,7 +5,7 @@ CARGO_TARGET_DIR ?= target
 TARGET := $(abspath $(CARGO_TARGET_DIR))
 BIN := $(TARGET)/release
 
-.PHONY: help build demo test vtk browser golden lint fmt doc check clean
+.PHONY: help build demo paper test vtk browser golden lint fmt doc check clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -22,6 +22,13 @@ demo: build ## runs examples/accretion: a thousand grains fall together
 	@echo "  POSTPRO/aggregate.svg  the aggregate at the end"
 	@echo "  DISPLAY/grains.pvd     for ParaView; contacts.pvd beside it"
 	@echo "  OUTBOX/steps.csv       cost and error of every step"
+
+paper: build ## runs the studies at reduced size, in some minutes, and writes docs/paper.md
+	$(MAKE) --no-print-directory -C examples/accretion study CD_BIN=$(BIN)
+	$(MAKE) --no-print-directory -C examples/spin-up CD_BIN=$(BIN)
+	$(MAKE) --no-print-directory -C examples/spin-up fluid CD_BIN=$(BIN)
+	awk -f docs/paper/paper.awk docs/paper/paper.md.in > docs/paper.md.part
+	mv docs/paper.md.part docs/paper.md
 
 test: ## all tests; CD_REQUIRE_VTK=1 and CD_REQUIRE_CHROMIUM=1 make what is missing an error
 	$(CARGO) test --workspace --no-fail-fast

@@ -1,0 +1,115 @@
+# Writes docs/paper.md from docs/paper/paper.md.in, at the top folder of the project:
+#   awk -f docs/paper/paper.awk docs/paper/paper.md.in > docs/paper.md
+# Lines pass as they are, but
+#   @figure FILE NAME CAPTION...            copies the figure to docs/images/paper-NAME.svg and shows it
+#   @table FILE COLUMN,COLUMN...            a table of columns of a CSV file; text as it is, numbers to four digits
+#   @columns CLAIM                          heads of a table of claims
+#   @claim LOW HIGH NUMBER | CLAIM | WHERE | REMARK   a row: agrees if LOW <= NUMBER <= HIGH; `-` is no bound
+# NUMBER is one of
+#   cell FILE COLUMN KEY=VALUE...           of the first row that has these; KEY~PART: whose KEY holds PART
+#   over FILE COLUMN KEY=VALUE... / COLUMN KEY=VALUE...   one cell over another
+#   less FILE COLUMN KEY=VALUE... / COLUMN KEY=VALUE...   one cell less another
+#   share FILE COLUMN TIME                  the column at a time over its largest value
+#   ratio FILE COLUMN TIME TIME             the column at the second time over that at the first
+#   range FILE COLUMN TIME TIME             largest less smallest value between two times
+# An empty or missing number is a fault: the paper says nothing that was not measured.
+
+function fault(text) { print FILENAME ":" FNR ": " text > "/dev/stderr"; failed = 1; exit 1 }
+
+# Reads a CSV file once: head[file, name] = column, cells[file, row, column], rows[file].
+function load(file,    line, parts, k, n, row) {
+    if (file in rows) return
+    row = -1
+    while ((getline line < file) > 0) {
+        n = split(line, parts, ",")
+        if (++row == 0) for (k = 1; k <= n; k++) head[file, parts[k]] = k
+        else for (k = 1; k <= n; k++) cells[file, row, k] = parts[k]
+    }
+    close(file)
+    if (row < 1) fault(file ": no table; run the examples first")
+    rows[file] = row
+}
+
+function value(file, row, name,    column) {
+    if (!((file, name) in head)) fault(file ": no column " name)
+    column = cells[file, row, head[file, name]]
+    if (column == "") fault(file ": no " name " in row " row)
+    return column
+}
+
+# The row of a time, to a thousandth.
+function row_at(file, time,    k, t) {
+    for (k = 1; k <= rows[file]; k++) {
+        t = value(file, k, "time")
+        if (t > time - 1e-3 * time - 1e-9 && t < time + 1e-3 * time + 1e-9) return k
+    }
+    fault(file ": no row of " time " s")
+}
+
+# Of the words from `first` to `last`: column, then conditions.
+function cell(file, words, first, last,    k, j, pair, fits) {
+    for (k = 1; k <= rows[file]; k++) {
+        fits = 1
+        for (j = first + 1; j <= last; j++)
+            if (words[j] ~ /=/) { split(words[j], pair, "="); if (value(file, k, pair[1]) != pair[2]) fits = 0 }
+            else { split(words[j], pair, "~"); if (!index(value(file, k, pair[1]), pair[2])) fits = 0 }
+        if (fits) return value(file, k, words[first])
+    }
+    fault(file ": no such row")
+}
+
+function number(words, n,    file, name, k, x, y, low, high, from, to) {
+    file = words[2]; name = words[3]; load(file)
+    if (words[1] == "cell") return cell(file, words, 3, n)
+    if (words[1] == "over" || words[1] == "less") {
+        for (k = 3; k < n && words[k] != "/"; k++) ;
+        x = cell(file, words, 3, k - 1); y = cell(file, words, k + 1, n)
+        return words[1] == "over" ? x / y : x - y
+    }
+    if (words[1] == "ratio") return value(file, row_at(file, words[5]), name) / value(file, row_at(file, words[4]), name)
+    if (words[1] == "share") { from = 1; to = row_at(file, words[4]) }
+    else if (words[1] == "range") { from = row_at(file, words[4]); to = row_at(file, words[5]) }
+    else fault("no number '" words[1] "'")
+    low = high = value(file, from, name)
+    for (k = from; k <= to; k++) { x = value(file, k, name) + 0; if (x < low + 0) low = x; if (x > high + 0) high = x }
+    return words[1] == "share" ? value(file, to, name) / high : high - low
+}
+
+function shown(text) { return text ~ /^-?[0-9.]+(e[-+]?[0-9]+)?$/ ? sprintf("%.4g", text) : text }
+
+$1 == "@figure" {
+    caption = $0; sub(/^@figure +[^ ]+ +[^ ]+ +/, "", caption)
+    if (system("cp " $2 " docs/images/paper-" $3 ".svg") != 0) fault("no figure " $2)
+    print "![" caption "](images/paper-" $3 ".svg)\n\n" caption
+    next
+}
+
+$1 == "@table" {
+    load($2); n = split($3, names, ","); line = "|"; rule = "|"
+    for (k = 1; k <= n; k++) { line = line " " names[k] " |"; rule = rule "---|" }
+    print line; print rule
+    for (r = 1; r <= rows[$2]; r++) {
+        line = "|"
+        for (k = 1; k <= n; k++) line = line " " shown(value($2, r, names[k])) " |"
+        print line
+    }
+    next
+}
+
+$1 == "@columns" { print "| the paper says | where to look | measured | expected | verdict | |\n|---|---|---|---|---|---|"; next }
+
+$1 == "@claim" {
+    split($0, parts, / *\| */)
+    n = split(parts[1], words, " ")
+    low = words[2]; high = words[3]
+    for (k = 4; k <= n; k++) words[k - 3] = words[k]
+    x = number(words, n - 3)
+    agrees = (low == "-" || x >= low + 0) && (high == "-" || x <= high + 0)
+    bounds = low == "-" ? "at most " high : high == "-" ? "at least " low : low " to " high
+    printf "| %s | %s | %s | %s | %s | %s |\n", parts[2], parts[3], shown(x), bounds, agrees ? "agrees" : "**differs**", parts[4]
+    next
+}
+
+{ print }
+
+END { if (failed) exit 1 }
