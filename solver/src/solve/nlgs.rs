@@ -21,8 +21,8 @@ use crate::solve::sweep::sweep;
 /// Largest share of the last change that is carried on where there is friction, by the place of the
 /// sweep in a round of [`ROUND`]. Uncapped momentum bounces on dense frictional packings, 0.7 to 0.85 are
 /// alike. A few problems run in circles with any momentum, others come down with it alone: so
-/// after a while less of it, then none, and again. Without friction the problem is convex and needs
-/// no cap.
+/// after a while less of it, then none, and again. Where nothing slides, as without friction, the problem is convex
+/// and needs no cap.
 const FRICTIONAL_CAPS: [(u64, f64); 3] = [(600, 0.8), (800, 0.5), (ROUND, 0.0)];
 pub(super) const ROUND: u64 = 1000;
 
@@ -111,6 +111,7 @@ fn sweep_until(
             problem.read_back(&mut trial);
             let motions = judge.motions(&trial);
             let residual = judge.residual_at(&trial, &motions);
+            momentum.frictional = slides(system, active, &trial);
             scale = Some(sums.change() / residual.value);
             patience = 0;
             if residual.value < best.0.value {
@@ -122,6 +123,16 @@ fn sweep_until(
             }
         }
     }
+}
+
+/// Whether a contact is at the bound of its friction.
+fn slides(system: &System, active: &[u32], impulses: &[Vec3]) -> bool {
+    active.par_iter().with_min_len(1024).any(|&k| {
+        let (row, r) = (&system.rows[k as usize], &impulses[k as usize]);
+        let normal = row.normal.dot(r);
+        // On the cone's side to rounding.
+        row.friction > 0.0 && normal > 0.0 && (r - row.normal * normal).norm() >= row.friction * normal * (1.0 - 1e-12)
+    })
 }
 
 /// The problem laid out for the sweeps that its contacts need.
@@ -158,6 +169,7 @@ impl Laid {
 pub(super) struct Momentum {
     t: f64,
     pub(super) beta: f64,
+    /// Whether some contact may slide.
     frictional: bool,
 }
 

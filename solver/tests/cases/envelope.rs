@@ -188,12 +188,11 @@ fn a_chain_of_a_thousand_carries_itself() {
         case.sphere(0.5, [0.0, 0.0, 0.5 + f64::from(k)]);
     }
     case.options.tol = 1e-2;
-    case.options.max_sweeps = 20_000;
     let end = case.run(100);
     let weight: f64 = (first..first + 1000).map(|i| end.mass(i)).sum();
     // A hundred steps, each solved to 1e-2 of what gravity does in it from where the last one ended.
     equal(end.force(first, floor).unwrap().x / weight, 1.0, 0.05);
     assert!((first..first + 1000).all(|i| end.v(i).norm() < 0.1));
-    // The first steps, which know nothing of the forces, stop at the limit; later ones start from what these have found.
-    assert_eq!(case.column("converged").last(), Some(&1.0));
+    // Nothing slides, so that momentum carries the forces down in some hundred sweeps.
+    assert!(case.column("converged").iter().all(|converged| *converged == 1.0));
 }
