@@ -158,7 +158,7 @@ fn class(seed: u64, pointed: bool, make: impl Fn(&mut Random) -> Touch, expect: 
         assert!((other.gap() - first.gap()).abs() < 2e-12 * size, "case {k}: {first:?} {other:?}");
         // Noise in place and turn, of the smaller size; a plane's tilt counts as far as the larger body reaches.
         let mut noise = |reach: f64| random.direction() * (NOISE * small / reach);
-        let (dc, da, db) = (noise(3.0), noise(3.0 * size), noise(3.0 * size));
+        let (dc, da, db) = (noise(1.0), noise(size), noise(size));
         let (qa, qb, c) = (Quat::from_scaled_axis(da) * qa, Quat::from_scaled_axis(db) * qb, c + dc);
         let again = remembered(a, &qa, b, &qb, &c, alert, Narrow::Accurate, &mut memory)
             .unwrap_or_else(|| panic!("case {k} lost: {first:?}, {:?}", separation(a, &qa, b, &qb, &c)));
