@@ -254,12 +254,25 @@ mod tests {
         // Rays slip between the outermost spheres, so that the height is up to a unit below the lattice's 12.
         let height = mean(&|f| f.height);
         assert!((11.0..12.5).contains(&height), "{height}");
-        // Averaged heights are smoother than those of the grains.
+        // What the grains' own heights leave of slopes. The mean with weights w over heights of variance s^2, independent from
+        // one grain (an area A = 1) to the next, has a gradient of mean square s^2 A int |grad w|^2 / (int w)^2. For
+        // w = (1 - (r/L)^2)^2 on a disc the integrals are 4 pi / 3 and pi L^2 / 3: 12 s^2 A / (pi L^4). The length of a
+        // normal vector in a plane is sqrt(pi) / 2 of its root mean square. It is less here, by about two fifths:
+        // a gap between two grains is narrower than a grain.
         let grains: Vec<&Grain> = frame.grains.iter().collect();
-        let raw = facets(&heights(&grains, whole.x, Grid::STANDARD), whole.x, Vec3::zeros(), |x| -x, Grid::STANDARD);
-        let rough = raw.iter().map(|f| f.slope).sum::<f64>() / raw.len() as f64;
-        let slope = mean(&|f| f.slope);
-        assert!(slope < rough, "{slope} {rough}");
+        let raw = heights(&grains, whole.x, Grid::STANDARD);
+        let solid = |k: usize| Grid::STANDARD.angles(k).0.cos();
+        let weighted = |of: &dyn Fn(usize) -> f64| {
+            let (sum, weight) = (0..raw.len()).fold((0.0, 0.0), |(s, w), k| (s + solid(k) * of(k), w + solid(k)));
+            sum / weight
+        };
+        let level = weighted(&|k| raw[k]);
+        let variance = weighted(&|k| (raw[k] - level).powi(2));
+        let pi = std::f64::consts::PI;
+        let length: f64 = SMOOTHING * 0.5;
+        let expected = (12.0 * variance / (pi * length.powi(4))).sqrt() * pi.sqrt() / 2.0;
+        let slope = weighted(&|k| found[k].slope.tan()).atan();
+        assert!(slope < expected.atan(), "{slope} {expected}");
         // Below its height a ball of one grain of pi / 6 a unit of volume: g = (4 pi / 3) rho h.
         let expected = 4.0 / 3.0 * std::f64::consts::PI * std::f64::consts::FRAC_PI_6 * height;
         assert!((mean(&|f| f.gravity.norm()) / expected - 1.0).abs() < 0.05);
