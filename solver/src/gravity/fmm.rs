@@ -1,9 +1,10 @@
 //! The fast multipole method: cells attract cells by expansions, leaves that are near each other pair by pair.
 //!
-//! Cell B is far from cell A if r_A + r_B < theta |c_A - c_B| and the error of its expansion, about
-//! M_B/d^2 ((r_A + r_B)/d)^p, is a small share of the pull that there is; else the larger is split. Each cell, as a
-//! target, settles the sources that its parent left open and hands on the others; nothing is shared between targets, and
-//! the result does not depend on threads.
+//! Cell B is far from cell A if r = (r_A + r_B)/d < theta, with d the distance of their centres, and the error of its
+//! expansion, about M_B/d^2 sqrt((r_A/d)^2p + w_B^2 r^2p)/(1 - r^2)^2, is a small share of the pull that there is; w_B is
+//! what the multipoles of B are of those of all its mass at its radius. Else the larger is split. Each cell, as a target,
+//! settles the sources that its parent left open and hands on the others; nothing is shared between targets, and the
+//! result does not depend on threads.
 //!
 //! Sources: L. Greengard and V. Rokhlin, J. Comput. Phys. 73 (1987) 325; M.S. Warren and J.K. Salmon, Comput. Phys.
 //! Commun. 87 (1995) 266; W. Dehnen, J. Comput. Phys. 179 (2002) 27 and Comput. Astrophys. Cosmol. 1 (2014) 1.
@@ -16,7 +17,8 @@ use super::expansion::{
 };
 use super::pairs::{PackF32, PackF64, Packed, Pull, PullF32, PullF64, Source, TARGETS};
 use super::settings::Expansion;
-use super::tree::{Cell, GRAIN, Outline, Tree, load_part};
+use super::tree::{Cell, GRAIN, Outline, Tree};
+use super::upward::load_part;
 use crate::math::lanes::{Scalar, Singles};
 
 /// Sources of an expansion, or cells looked at, taken at once.
@@ -255,7 +257,7 @@ impl<L: Singles, const P: usize> NullaryFnOnce for Settle<'_, L, P> {
         let least = walk.settings.share * above.strength;
         let limit = l.splat(least * least);
         let theta2 = l.splat(walk.settings.opening * walk.settings.opening);
-        let own = l.splat(outline.radius);
+        let (own, own2) = (l.splat(outline.radius), l.splat(outline.radius * outline.radius));
         let size = l.splat(if is_leaf { -1.0 } else { outline.radius });
         let (mut far_parts, mut open_parts) = ([0.0; BATCH], [0.0; BATCH]);
         let mut k = 0;
@@ -264,29 +266,35 @@ impl<L: Singles, const P: usize> NullaryFnOnce for Settle<'_, L, P> {
             let mut codes = [0.0; BATCH];
             let mut from = 0;
             while from < BATCH {
-                let [x, y, z, r, m, ..] = l.gather(outlines, &index[from..]);
+                let [x, y, z, r, m, uneven, ..] = l.gather(outlines, &index[from..]);
                 let d = [l.sub(x, centre[0]), l.sub(y, centre[1]), l.sub(z, centre[2])];
                 let d2 = l.mul_add(d[0], d[0], l.mul_add(d[1], d[1], l.mul(d[2], d[2])));
                 let reach = l.add(r, own);
                 let reach2 = l.mul(reach, reach);
                 let inverse = l.div(one, d2);
                 let strength = l.mul(m, inverse);
-                let mut error2 = l.mul(strength, strength);
-                let ratio2 = l.mul(reach2, inverse);
+                let (ratio2, own_ratio2) = (l.mul(reach2, inverse), l.mul(own2, inverse));
+                let mut of_point = l.mul(strength, strength);
+                let mut of_rest = l.mul(of_point, uneven);
                 let mut q = 0;
                 while q < P {
-                    error2 = l.mul(error2, ratio2);
+                    of_point = l.mul(of_point, own_ratio2);
+                    of_rest = l.mul(of_rest, ratio2);
                     q += 1;
                 }
+                let margin = l.sub(one, ratio2);
+                let margin2 = l.mul(margin, margin);
+                let most = l.mul(limit, l.mul(margin2, margin2));
                 let code = l.select_greater(r, size, one, zero);
-                let small = l.select_greater(limit, error2, two, code);
+                let small = l.select_greater(most, l.add(of_point, of_rest), two, code);
                 let code = l.select_greater(l.mul(theta2, d2), reach2, small, code);
                 l.store(&mut codes[from..], code);
                 let taken = l.add(l.load(&far_parts[from..]), l.select_greater(code, one, strength, zero));
                 l.store(&mut far_parts[from..], taken);
-                // What stays open pulls at least as if it were as far as it is large.
-                let area = l.add(d2, reach2);
-                let left = l.select_greater(one, code, l.select_greater(area, zero, l.div(m, area), zero), zero);
+                // What stays open pulls at least as if it were as far as it is large; the cell itself perhaps not at all,
+                // if one place has its mass.
+                let left = l.select_greater(d2, zero, l.div(m, l.add(d2, reach2)), zero);
+                let left = l.select_greater(one, code, left, zero);
                 let left = l.add(l.load(&open_parts[from..]), left);
                 l.store(&mut open_parts[from..], left);
                 from += L::WIDTH;

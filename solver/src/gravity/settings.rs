@@ -30,7 +30,7 @@ pub struct Expansion {
 struct Row {
     error: f64,
     order: usize,
-    /// For 1e5 bodies.
+    /// Largest error of one expansion over the error asked for, for 1e5 bodies.
     share: f64,
     /// By how much more that may be for a thousand, which have few cells far enough away to err.
     few: f64,
@@ -39,14 +39,14 @@ struct Row {
 }
 
 /// Found on uniform balls, jittered lattices and pairs of these of 1000 to 100 000 bodies: there the RMS relative error,
-/// sqrt(sum |da|^2 / sum |a|^2), is a tenth to nine tenths of what was asked for. Of the orders that reach an error the
+/// sqrt(sum |da|^2 / sum |a|^2), is an eighth to nine tenths of what was asked for. Of the orders that reach an error the
 /// fastest was taken.
 const SETTINGS: [Row; 5] = [
-    Row { error: 1e-2, order: 4, share: 4e-3, few: 1.0, crossover: 500 },
-    Row { error: 1e-3, order: 5, share: 7e-4, few: 2.0, crossover: 600 },
-    Row { error: 1e-4, order: 7, share: 6e-5, few: 2.0, crossover: 800 },
-    Row { error: 1e-5, order: 8, share: 8e-6, few: 7.0, crossover: 1000 },
-    Row { error: 1e-6, order: 8, share: 8e-7, few: 15.0, crossover: 6000 },
+    Row { error: 1e-2, order: 3, share: 0.78, few: 1.0, crossover: 500 },
+    Row { error: 1e-3, order: 5, share: 0.78, few: 0.7, crossover: 600 },
+    Row { error: 1e-4, order: 7, share: 0.65, few: 1.5, crossover: 800 },
+    Row { error: 1e-5, order: 8, share: 0.55, few: 4.0, crossover: 1000 },
+    Row { error: 1e-6, order: 8, share: 0.36, few: 8.0, crossover: 6000 },
 ];
 
 /// The row of the largest error that is not above the one asked for.
@@ -63,15 +63,15 @@ impl Expansion {
     /// Settings that bring the RMS relative error asked for.
     pub fn for_error(error: f64, bodies: usize) -> Self {
         let row = row(error);
-        let between = (error / row.error).clamp(1.0, 10.0);
+        let reached = error.clamp(row.error, 10.0 * row.error);
         let bodies = bodies.max(1000) as f64;
         // The errors of many cells cancel in part, but more cells are met by more bodies.
         let by_number = (1e5 / bodies).powf(0.25) * (1.0 + row.few * (1000.0 / bodies).powi(2));
         Expansion {
             order: row.order,
             opening: OPENING,
-            share: row.share * between * by_number,
-            leaf: 48,
+            share: row.share * reached * by_number,
+            leaf: if bodies < 3e4 { 40 } else { 48 },
             // Above this part of the radii, rounded positions spoil no pair by more than half the error asked for.
             single: (error > 2.0 * LEAST_ERROR).then_some(2e-7 / error),
             rough: error > 5e-5,
