@@ -224,8 +224,12 @@ options! {
     gravity_order: Option<usize> = None, usize, [value_name = "N"];
     /// Opening angle of fmm, 0 to 1: cells are far from each other if their radii sum up to less than this times their distance; without it, as gravity_error asks.
     gravity_opening: Option<f64> = None, f64, [value_name = "X"];
-    /// Steps from one evaluation of self-gravity to the next; in between it is extrapolated. Evaluated sooner when a body may have moved by a quarter of the mean radius.
+    /// Steps from one evaluation of self-gravity to the next; in between it is extrapolated. Evaluated sooner when a body may have moved as far as gravity_moved says.
     gravity_refresh: u64 = 1, u64, [value_name = "N"];
+    /// Part of the mean radius that a body may move between two evaluations of self-gravity, against the mean motion; sooner evaluated where it may have moved more.
+    gravity_moved: f64 = 0.25, f64, [value_name = "X"];
+    /// Corrects the attraction of free bodies nearer than three times the sum of their radii for their moments of inertia: the quadrupoles of elongated rocks, with forces and torques.
+    gravity_quadrupole: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// What acts from outside: [PointMass(mass: 6e24, position: (1e7, 0.0, 0.0))].
     fields: Vec<Field> = Vec::new(), Fields, [value_name = "RON"];
     /// Share of every free body's velocity that is taken away at the start of each step, which brings an aggregate to true rest: 0 none; --quench alone asks for 0.01.
@@ -330,6 +334,7 @@ impl Compute {
             "more than 0 and less than 1",
         );
         expect(self.gravity_refresh > 0, "gravity_refresh", format!("{}", self.gravity_refresh), "at least 1");
+        expect(positive(self.gravity_moved), "gravity_moved", format!("{}", self.gravity_moved), "a finite number > 0");
         for (k, field) in self.fields.iter().enumerate() {
             let fault = field.fault();
             expect(

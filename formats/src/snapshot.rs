@@ -136,6 +136,11 @@ pub struct Parameters {
     /// If more than 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_refresh: Option<u64>,
+    /// If `gravity_refresh` is there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gravity_moved: Option<f64>,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub gravity_quadrupole: bool,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fields: Vec<crate::compute::Field>,
     /// Uniform gravity now in force, m/s^2.

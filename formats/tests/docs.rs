@@ -92,6 +92,8 @@ fn meta_is_described_field_by_field() {
     meta.parameters.gravity_order = Some(4);
     meta.parameters.gravity_opening = Some(0.5);
     meta.parameters.gravity_refresh = Some(2);
+    meta.parameters.gravity_moved = Some(0.5);
+    meta.parameters.gravity_quadrupole = true;
     let mut fields = Vec::new();
     names(&serde_json::to_value(&meta).unwrap(), &mut fields);
     assert!(fields.len() > 30, "{fields:?}"); // a check of the check

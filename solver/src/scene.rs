@@ -312,6 +312,9 @@ impl Scene {
                 Method::Direct => "self-gravity by direct sum".into(),
                 _ => format!("self-gravity by fast multipoles, error {}", gravity.error),
             });
+            if self.options.gravity_quadrupole {
+                models.push("quadrupoles of near bodies".into());
+            }
         }
         if self.options.quench > 0.0 {
             models.push(format!("quench {}", self.options.quench));

@@ -29,6 +29,8 @@ const OUTSIDE: [&str; 5] = ["run", "plan", "cli", "progress", "lib"];
 const EXCEPTIONS: &[(&str, &str)] = &[
     // The energy of gravity could stand in a bench, for `assemble` and for the summary.
     ("write", "crate::assemble::potential_energy"),
+    // The search for neighbours could be a bench, for contacts and for the near field of gravity.
+    ("assemble", "crate::detect::broad::pairs"),
 ];
 
 /// Types of formats that the shelf and the rooms may name: options, events and functions of time are the same there

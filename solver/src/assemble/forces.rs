@@ -3,11 +3,13 @@
 use cd_formats::compute::Action;
 use cd_formats::snapshot::Attraction as Record;
 
+use crate::detect::broad::pairs;
 use crate::gravity::fields::{Outside, turned};
+use crate::gravity::quadrupole::{Rigid, correction};
 use crate::gravity::sample::{self, Sampled};
 use crate::gravity::{Field, Gravity, Method, balance};
 use crate::integrate::Configuration;
-use crate::math::{Mat3, Vec3};
+use crate::math::{Mat3, Quat, Vec3};
 use crate::scene::Scene;
 use crate::state::{Attraction, Bonding, State};
 
@@ -132,7 +134,9 @@ fn centre_of_mass(scene: &Scene, x: &[Vec3]) -> Vec3 {
 /// Free velocities: V + h F/m with all forces in the contact configuration; imposed velocities at the step's end.
 pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free {
     let h = scene.options.dt;
-    let pull = attraction(scene, state, &q_c.x);
+    let mut pull = attraction(scene, state, &q_c.x);
+    let near = near_field(scene, &q_c.x, &q_c.q);
+    pull.energy += near.energy;
     let outside = scene.outside();
     let mut free = Free {
         v: state.v.clone(),
@@ -160,6 +164,11 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
         free.w[*i] += body.angular_velocity(&q_c.q[*i], &(moment * h));
         free.impulse += force * h;
         free.angular_impulse += (q_c.x[*i].cross(force) + moment) * h;
+    }
+    for (i, force, torque) in near.loads {
+        let body = &scene.bodies[i];
+        free.v[i] += force * (h * body.inverse_mass());
+        free.w[i] += body.angular_velocity(&q_c.q[i], &(torque * h));
     }
     coriolis(scene, state, q_c, outside.iter().map(Outside::rate).sum(), &mut free);
     let end = state.time + h;
@@ -205,8 +214,8 @@ const DIRECT_ENERGY: usize = 50_000;
 /// Steps between two looks at the error of self-gravity.
 const LOOK_EVERY: u64 = 100;
 
-/// Part of the mean radius that a body may move between two evaluations of self-gravity.
-const MOST_MOVED: f64 = 0.25;
+/// Bodies feel each other's quadrupoles where they are nearer than this times the sum of their radii.
+const NEAR: f64 = 3.0;
 
 /// Self-gravity in a step.
 struct Pull {
@@ -238,6 +247,48 @@ fn attraction(scene: &Scene, state: &State, x: &[Vec3]) -> Pull {
         pull.report.sampled = Some(sample::error(&positions, &masses, constant, &pull.acceleration, state.step));
     }
     pull
+}
+
+/// What self-gravity of near bodies owes to their shapes.
+#[derive(Default)]
+struct NearField {
+    /// Forces and torques about the centre by free body, N, N m.
+    loads: Vec<(usize, Vec3, Vec3)>,
+    /// J
+    energy: f64,
+}
+
+/// The quadrupoles' part where the option asks for it, pair by pair in an order that the places fix.
+fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
+    let options = &scene.options;
+    if !(options.self_gravity && options.gravity_quadrupole) {
+        return NearField::default();
+    }
+    let rigid = |&i: &u32| {
+        let (body, turn) = (&scene.bodies[i as usize], q[i as usize].to_rotation_matrix());
+        let inertia = turn * Mat3::from_diagonal(&body.inertia.into()) * turn.transpose();
+        Rigid { mass: body.mass, inertia }
+    };
+    let rigids: Vec<Rigid> = scene.free.iter().map(rigid).collect();
+    let (places, reaches): (Vec<Vec3>, Vec<f64>) =
+        scene.free.iter().map(|&i| (x[i as usize], NEAR * scene.bodies[i as usize].radius)).unzip();
+    let none = |&i: &u32| (i as usize, Vec3::zeros(), Vec3::zeros());
+    let mut field = NearField { loads: scene.free.iter().map(none).collect(), energy: 0.0 };
+    let round = |k: usize| scene.bodies[scene.free[k] as usize].is_isotropic();
+    for pair in pairs(&places, &reaches) {
+        let [i, j] = pair.map(|k| k as usize);
+        let r = places[j] - places[i];
+        if (round(i) && round(j)) || r == Vec3::zeros() {
+            continue;
+        }
+        let found = correction(&r, [&rigids[i], &rigids[j]], reaches[i] + reaches[j], options.gravity_constant);
+        field.energy += found.energy;
+        for (k, force, torque) in [(i, -found.force, found.torques[0]), (j, found.force, found.torques[1])] {
+            field.loads[k].1 += force;
+            field.loads[k].2 += torque;
+        }
+    }
+    field
 }
 
 fn points(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
@@ -275,7 +326,7 @@ fn extrapolated(scene: &Scene, state: &State, positions: &[Vec3], masses: &[f64]
     // A thousandth of a step of slack, as times are sums.
     let reached = last > before && now - last <= last - before + 1e-3 * options.dt;
     let report = |removed, extrapolation| GravityReport { removed, sampled: None, extrapolation };
-    if reached && age < options.gravity_refresh && moved < MOST_MOVED * scene.mean_radius {
+    if reached && age < options.gravity_refresh && moved < options.gravity_moved * scene.mean_radius {
         let removed = balance(positions, masses, &mut acceleration);
         let energy = record.potentials[0] + (record.potentials[0] - record.potentials[1]) * part;
         let report = report(record.removed.max(removed), record.extrapolation_error);
@@ -305,7 +356,8 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     let direct = Gravity::new(Method::Direct, scene.options.gravity_error);
     let gravity = if scene.free.len() <= DIRECT_ENERGY { direct } else { scene.gravity() };
     let potential = gravity.field(&positions, &masses, scene.options.gravity_constant).potential;
-    outer + 0.5 * potential.iter().zip(&masses).map(|(p, m)| p * m).sum::<f64>()
+    let points = 0.5 * potential.iter().zip(&masses).map(|(p, m)| p * m).sum::<f64>();
+    outer + points + near_field(scene, x, &state.q).energy
 }
 
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.

@@ -5,7 +5,7 @@
 //! velocities, h (|v_a| + |v_b|): so no contact that can close in the step is missed, however
 //! short the alert distance.
 
-mod broad;
+pub mod broad;
 pub mod narrow;
 mod parts;
 

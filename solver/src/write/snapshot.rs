@@ -45,6 +45,8 @@ fn meta(scene: &Scene, state: &State) -> Meta {
             gravity_order: options.gravity_order,
             gravity_opening: options.gravity_opening,
             gravity_refresh: (options.gravity_refresh > 1).then_some(options.gravity_refresh),
+            gravity_moved: (options.gravity_refresh > 1).then_some(options.gravity_moved),
+            gravity_quadrupole: options.gravity_quadrupole,
             fields: options.fields.clone(),
             uniform_gravity: state.gravity.into(),
             quench: state.quench,

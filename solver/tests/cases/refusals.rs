@@ -267,7 +267,7 @@ fn options_in_the_file() {
             "(\n    dt: 1e-3,\n    speed: 3.0,\n)",
             "3:5: options: Unexpected field named `speed` in `Compute`, expected one of `dt`, `steps`, `end_time`, \
              `theta`, `tol`, `solver`, `max_sweeps`, `lmgc90_norms`, `alert`, `narrow_phase`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
-             `gravity_order`, `gravity_opening`, `gravity_refresh`, `fields`, `quench`, `output_every`, `threads`, `text`, or `events` instead; expected RON as described in docs/files.md",
+             `gravity_order`, `gravity_opening`, `gravity_refresh`, `gravity_moved`, `gravity_quadrupole`, `fields`, `quench`, `output_every`, `threads`, `text`, or `events` instead; expected RON as described in docs/files.md",
         ),
         ("(\n    theta: \"a\",\n)", "2:11: options: Expected float; expected RON as described in docs/files.md"),
         ("(dt: 1e-3 tol: 0.1)", "1:11: options: Expected comma; expected RON as described in docs/files.md"),
@@ -275,12 +275,13 @@ fn options_in_the_file() {
     for (text, message) in lines {
         refused(&with_file("COMPUTE.RON", Some(text)), &[], &[&format!("CASE/DATBOX/COMPUTE.RON:{message}")]);
     }
-    let text = "(dt: -1.0, gravity_opening: 1.5, fields: [PointMass(mass: 0.0, position: (0.0, 0.0, 0.0))], \
+    let text = "(dt: -1.0, gravity_opening: 1.5, gravity_moved: 0.0, fields: [PointMass(mass: 0.0, position: (0.0, 0.0, 0.0))], \
                 events: [(time: 1.0, action: SetQuench(3.0))])";
     let case = with_file("COMPUTE.RON", Some(text));
     let lines = [
         "CASE/DATBOX/COMPUTE.RON: dt: -1; expected a finite time step > 0 s",
         "CASE/DATBOX/COMPUTE.RON: gravity_opening: Some(1.5); expected more than 0 and less than 1",
+        "CASE/DATBOX/COMPUTE.RON: gravity_moved: 0; expected a finite number > 0",
         "CASE/DATBOX/COMPUTE.RON: fields, number 1: PointMass { mass: 0.0, position: [0.0, 0.0, 0.0] }; \
          expected finite values, mass and radius > 0, an axis other than 0",
         "CASE/DATBOX/COMPUTE.RON: events, number 1: (time:1.0,action:SetQuench(3.0)); \
