@@ -62,7 +62,7 @@ impl<L: Lanes, const P: usize> Upward<'_, L, P> {
         let (l, area) = (self.lanes, radius * radius);
         let (mut largest, mut unit) = (0.0, mass * mass * area);
         for_degrees!(Q <= P, {
-            if Q > 1 {
+            if Q != 0 && Q != 1 {
                 let mut squares = [0.0; 8];
                 let mut from = 0;
                 while from < 8 {
