@@ -21,8 +21,8 @@ use crate::solve::sweep::sweep;
 /// Largest share of the last change that is carried on where there is friction, by the place of the
 /// sweep in a round of [`ROUND`]. Uncapped momentum bounces on dense frictional packings, 0.7 to 0.85 are
 /// alike. A few problems run in circles with any momentum, others come down with it alone: so
-/// after a while less of it, then none, and again. Where nothing slides, as without friction, the problem is convex
-/// and needs no cap.
+/// after a while less of it, then none, and again. Without friction the problem is convex and needs no cap, and
+/// with it as long as nothing slides and E falls.
 const FRICTIONAL_CAPS: [(u64, f64); 3] = [(600, 0.8), (800, 0.5), (ROUND, 0.0)];
 pub(super) const ROUND: u64 = 1000;
 
@@ -95,7 +95,9 @@ fn sweep_until(
         return best;
     }
     let mut problem = Laid::new(system, active, impulses, &judge.records(&best.1));
-    let mut momentum = Momentum::new(active.iter().any(|&k| system.rows[k as usize].friction > 0.0));
+    let frictional = active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
+    let mut momentum = Momentum::new(frictional);
+    let mut capped = false;
     let mut trial = impulses.clone();
     // Judging costs several sweeps. The change made by a sweep falls as the residual does: it tells
     // when judging is worth while, and `patience` bounds the wait where it misleads.
@@ -111,7 +113,8 @@ fn sweep_until(
             problem.read_back(&mut trial);
             let motions = judge.motions(&trial);
             let residual = judge.residual_at(&trial, &motions);
-            momentum.frictional = slides(system, active, &trial);
+            capped |= frictional && (residual.value >= best.0.value || slides(system, active, &trial));
+            momentum.frictional = capped;
             scale = Some(sums.change() / residual.value);
             patience = 0;
             if residual.value < best.0.value {
@@ -169,7 +172,7 @@ impl Laid {
 pub(super) struct Momentum {
     t: f64,
     pub(super) beta: f64,
-    /// Whether some contact may slide.
+    /// Whether it is capped.
     frictional: bool,
 }
 
