@@ -29,16 +29,12 @@ pub fn packing(side: usize, friction: f64) -> System {
                 bodies: [k as u32, (k + stride) as u32],
                 normal: normal.normalize(),
                 arm: 1.0,
-                shift: Vec3::zeros(),
                 w_n: 2.0,
                 w_t: 7.0,
                 friction,
-                impulse_shift: 0.0,
                 acts: true,
                 can_close: true,
-                start: Vec3::zeros(),
-                u_before: Vec3::zeros(),
-                bond: None,
+                ..Row::default()
             });
         }
     }

@@ -30,7 +30,7 @@ pub struct Record {
 
 /// One contact of spheres or of a sphere and a plate, as the sweeps see it. Their W is diagonal:
 /// w_n along n, w_t in the tangent plane.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Row {
     /// Records of candidate and antagonist.
     pub bodies: [u32; 2],

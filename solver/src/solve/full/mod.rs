@@ -51,15 +51,10 @@ mod tests {
                 normal: Vec3::new(0.6 * noise(k, 41), 0.6 * noise(k, 42), 1.0).normalize(),
                 arm: 1.0,
                 shift: Vec3::new(0.0, 0.0, 0.05 * noise(k, 43)),
-                w_n: 0.0,
-                w_t: 0.0,
                 friction,
-                impulse_shift: 0.0,
                 acts: true,
                 can_close: true,
-                start: Vec3::zeros(),
-                u_before: Vec3::zeros(),
-                bond: None,
+                ..Row::default()
             };
             let w = full.block(k as usize, &row, &records);
             row.w_n = row.normal.dot(&(w * row.normal));
