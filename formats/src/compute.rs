@@ -8,6 +8,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+pub use crate::accuracy::{Accuracy, Adaptive};
 use crate::error::{Fault, Faults};
 
 /// Newtonian constant of gravitation, m^3 kg^-1 s^-2 (CODATA 2018 and 2022).
@@ -200,32 +201,36 @@ options! {
     end_time: Option<f64> = None, f64, [value_name = "S"];
     /// Weight of the step's end in the theta-scheme, 0.5 to 1: 0.5 keeps the energy of smooth motion, more damps it.
     theta: f64 = 0.5, f64, [value_name = "X"];
-    /// Residual |F(r)|/|F(0)| at which the contact solver stops.
-    tol: f64 = 1.0e-2, f64, [value_name = "X"];
+    /// Sets what trades speed for accuracy where the option itself is None: draft, standard, fine or reference.
+    accuracy: Accuracy = Accuracy::Standard, Accuracy, [value_enum, value_name = "PRESET"];
+    /// Steps of up to `most` times dt where little happens: (most: 16, travel: 0.1, penetration: 1e-3), the ways that neighbours may pass or overlap in a step over their radius; without it, as accuracy asks.
+    adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];
+    /// Residual |F(r)|/|F(0)| at which the contact solver stops; without it, as accuracy asks.
+    tol: Option<f64> = None, f64, [value_name = "X"];
     /// Who solves the contact problem: nlgs, Gauss-Seidel sweeps; nlgs-anderson, prox-newton, admm, on the stored matrix, for small scenes; auto, nlgs, and the others where a small problem stalls.
     solver: ContactSolver = ContactSolver::Auto, ContactSolver, [value_enum, value_name = "SOLVER"];
-    /// Sweeps, or iterations, after which a step is reported as not converged, and goes on.
-    max_sweeps: u64 = 10_000, u64, [value_name = "N"];
+    /// Sweeps, or iterations, after which a step is reported as not converged, and goes on; without it, as accuracy asks.
+    max_sweeps: Option<u64> = None, u64, [value_name = "N"];
     /// Also writes LMGC90's stopping criteria of each step's solution to steps.csv.
     lmgc90_norms: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Distance within which contacts are listed, m; without it, that of each row of TACT_BEHAV.DAT.
     alert: Option<f64> = None, f64, [value_name = "M"];
-    /// How the direction of contact of two polyhedra is found: accurate, with a proof that it is the best of all; fast, near that of the last step.
-    narrow_phase: NarrowPhase = NarrowPhase::Accurate, NarrowPhase, [value_enum, value_name = "METHOD"];
+    /// How the direction of contact of two polyhedra is found: accurate, with a proof that it is the best of all; fast, near that of the last step; without it, as accuracy asks.
+    narrow_phase: Option<NarrowPhase> = None, NarrowPhase, [value_enum, value_name = "METHOD"];
     /// Newtonian attraction between all free bodies.
     self_gravity: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// How self-gravity is summed: direct, every pair; fmm, fast multipole method; auto, the faster of the two.
     gravity: GravityMethod = GravityMethod::Auto, GravityMethod, [value_enum, value_name = "METHOD"];
     /// Newtonian constant of gravitation, m^3 kg^-1 s^-2.
     gravity_constant: f64 = GRAVITATIONAL_CONSTANT, f64, [value_name = "X"];
-    /// RMS relative error allowed in the self-gravity; auto sums directly below 1e-6, and the direct sum keeps any that is at least 1e-14.
-    gravity_error: f64 = 1.0e-3, f64, [value_name = "X"];
+    /// RMS relative error allowed in the self-gravity; auto sums directly below 1e-6, and the direct sum keeps any that is at least 1e-14; without it, as accuracy asks.
+    gravity_error: Option<f64> = None, f64, [value_name = "X"];
     /// Order of the expansions of fmm, 2 to 8; without it, as gravity_error asks.
     gravity_order: Option<usize> = None, usize, [value_name = "N"];
     /// Opening angle of fmm, 0 to 1: cells are far from each other if their radii sum up to less than this times their distance; without it, as gravity_error asks.
     gravity_opening: Option<f64> = None, f64, [value_name = "X"];
-    /// Steps from one evaluation of self-gravity to the next; in between it is extrapolated. Evaluated sooner when a body may have moved as far as gravity_moved says.
-    gravity_refresh: u64 = 1, u64, [value_name = "N"];
+    /// Steps from one evaluation of self-gravity to the next; in between it is extrapolated. Evaluated sooner when a body may have moved as far as gravity_moved says; without it, as accuracy asks.
+    gravity_refresh: Option<u64> = None, u64, [value_name = "N"];
     /// Part of the mean radius that a body may move between two evaluations of self-gravity, against the mean motion; sooner evaluated where it may have moved more.
     gravity_moved: f64 = 0.25, f64, [value_name = "X"];
     /// Corrects the attraction of free bodies nearer than three times the sum of their radii for their moments of inertia: the quadrupoles of elongated rocks, with forces and torques.
@@ -298,8 +303,20 @@ impl Compute {
             "a finite time >= 0 s",
         );
         expect((0.5..=1.0).contains(&self.theta), "theta", format!("{}", self.theta), "0.5 to 1");
-        expect(positive(self.tol) && self.tol < 1.0, "tol", format!("{}", self.tol), "more than 0 and less than 1");
-        expect(self.max_sweeps > 0, "max_sweeps", format!("{}", self.max_sweeps), "at least 1");
+        let sound = self.adaptive().is_sound();
+        expect(
+            sound,
+            "adaptive",
+            format!("{:?}", self.adaptive()),
+            "most from 1 to 1000000, travel and penetration > 0",
+        );
+        expect(
+            positive(self.tol()) && self.tol() < 1.0,
+            "tol",
+            format!("{}", self.tol()),
+            "more than 0 and less than 1",
+        );
+        expect(self.max_sweeps() > 0, "max_sweeps", format!("{}", self.max_sweeps()), "at least 1");
         expect(
             self.alert.is_none_or(|a| a.is_finite() && a >= 0.0),
             "alert",
@@ -313,15 +330,15 @@ impl Compute {
             "a finite number >= 0",
         );
         expect(
-            positive(self.gravity_error) && self.gravity_error >= 1e-14,
+            positive(self.gravity_error()) && self.gravity_error() >= 1e-14,
             "gravity_error",
-            format!("{}", self.gravity_error),
+            format!("{}", self.gravity_error()),
             "at least 1e-14",
         );
         expect(
-            self.gravity != GravityMethod::Fmm || self.gravity_error >= LEAST_FMM_ERROR,
+            self.gravity != GravityMethod::Fmm || self.gravity_error() >= LEAST_FMM_ERROR,
             "gravity_error",
-            format!("{} with gravity: fmm", self.gravity_error),
+            format!("{} with gravity: fmm", self.gravity_error()),
             "at least 1e-6, or gravity: direct",
         );
         let order = self.gravity_order;
@@ -333,7 +350,7 @@ impl Compute {
             format!("{opening:?}"),
             "more than 0 and less than 1",
         );
-        expect(self.gravity_refresh > 0, "gravity_refresh", format!("{}", self.gravity_refresh), "at least 1");
+        expect(self.gravity_refresh() > 0, "gravity_refresh", format!("{}", self.gravity_refresh()), "at least 1");
         expect(positive(self.gravity_moved), "gravity_moved", format!("{}", self.gravity_moved), "a finite number > 0");
         for (k, field) in self.fields.iter().enumerate() {
             let fault = field.fault();
@@ -424,6 +441,26 @@ mod tests {
         assert_eq!(read, compute);
         let flags = Flags { theta: Some(1.0), ..Flags::default() };
         assert_eq!(read.with(&flags), Compute { theta: 1.0, ..compute });
+    }
+
+    #[test]
+    fn an_option_set_alone_wins_over_the_preset() {
+        let path = Path::new("COMPUTE.RON");
+        let file: Compute = from_ron(path, "(accuracy: draft, tol: 0.5, adaptive: (most: 3))", "options").unwrap();
+        let flags = Flags { accuracy: Some(Accuracy::Fine), gravity_refresh: Some(7), ..Flags::default() };
+        let [read, flagged] = [file.clone(), file.with(&flags)];
+        assert_eq!((read.tol(), read.max_sweeps(), read.gravity_refresh()), (0.5, 200, 8));
+        assert_eq!((flagged.tol(), flagged.max_sweeps(), flagged.gravity_refresh()), (0.5, 10_000, 7));
+        assert_eq!(flagged.adaptive(), Adaptive { most: 3, ..Adaptive::default() });
+        let again: Compute = from_ron(path, &flagged.to_text(), "options").unwrap();
+        assert_eq!(again, flagged);
+        let alone = |knob: &&(&str, String, bool)| knob.2;
+        let alone: Vec<&str> = flagged.knobs().iter().filter(alone).map(|knob| knob.0).collect();
+        assert_eq!(alone, ["adaptive", "tol", "gravity_refresh"]);
+        for most in [0, u64::MAX] {
+            let adaptive = Some(Adaptive { most, ..Adaptive::default() });
+            assert_eq!(Compute { adaptive, ..Compute::default() }.check(path).unwrap_err().0.len(), 1);
+        }
     }
 
     #[test]

@@ -45,6 +45,16 @@ impl Evolution {
         Evolution::Harmonic { constant: value, amplitude: 0.0, omega: 0.0, phase: 0.0, ramp_start: 1.0, ramp_rate: 0.0 }
     }
 
+    /// Whether the value is the same at all times.
+    pub fn is_constant(&self) -> bool {
+        match self {
+            &Evolution::Harmonic { amplitude, omega, ramp_start, ramp_rate, .. } => {
+                (amplitude == 0.0 || omega == 0.0) && (ramp_rate == 0.0 || (ramp_rate > 0.0 && ramp_start >= 1.0))
+            }
+            Evolution::Table { points, .. } => points.iter().all(|point| point[1] == points[0][1]),
+        }
+    }
+
     /// The value at time `t`, s: (constant + amplitude cos(omega t + phase)) min(1, ramp_start + ramp_rate t),
     /// or the straight line through the two points next to `t`.
     ///

@@ -10,11 +10,13 @@
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
+//! | [`accuracy`] | the same: what its presets of accuracy mean |
 //! | [`groups`] | none: what hangs together
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
 //! | [`tell`] | none: messages to people |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: all that a restart needs, bit for bit |
 
+pub mod accuracy;
 pub mod atomic;
 pub mod bodies;
 pub mod bulk_behav;

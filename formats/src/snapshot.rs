@@ -115,6 +115,12 @@ pub struct LawName {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Parameters {
     pub theta: f64,
+    /// If not standard.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accuracy: Option<crate::compute::Accuracy>,
+    /// If steps can differ.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adaptive: Option<crate::compute::Adaptive>,
     pub tol: f64,
     #[serde(default)]
     pub solver: crate::compute::ContactSolver,

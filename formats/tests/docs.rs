@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use cd_formats::compute::{Compute, Event, from_ron};
+use cd_formats::compute::{Accuracy, Compute, Event, from_ron};
 use cd_formats::snapshot::{
     BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, LawName, MaterialName, MemoryArrays, Meta, PairArrays,
     TurningArrays,
@@ -42,6 +42,20 @@ fn options_are_those_of_compute_ron() {
     let options: Vec<[String; 3]> =
         Compute::table().into_iter().map(|(name, default, help)| [format!("`{name}`"), default, help]).collect();
     assert_eq!(documented, options);
+}
+
+#[test]
+fn presets_are_those_of_accuracy() {
+    let (_, text) = page();
+    let (_, rest) = text.split_once("\n### Accuracy\n").unwrap();
+    let documented = rows(rest.split("\n### ").next().unwrap(), 5);
+    let of = |accuracy| Compute { accuracy, ..Compute::default() }.knobs();
+    let presets = Accuracy::ALL.map(of);
+    for (k, row) in documented.iter().enumerate() {
+        let expected = [0, 1, 2, 3].map(|preset| presets[preset][k].1.clone());
+        assert_eq!((row[0].clone(), &row[1..]), (format!("`{}`", presets[0][k].0), &expected[..]));
+    }
+    assert_eq!(documented.len(), presets[0].len());
 }
 
 /// Name, type, shape and meaning of every array; the page may say more behind the first clause.
@@ -88,6 +102,8 @@ fn meta_is_described_field_by_field() {
     meta.materials.push(MaterialName { name: String::new(), density: 1.0 });
     meta.laws.push(LawName { nickname: String::new(), kind: String::new(), parameters: vec![] });
     meta.attraction = Some(Default::default());
+    meta.parameters.accuracy = Some(Accuracy::Draft);
+    meta.parameters.adaptive = Some(Default::default());
     meta.parameters.narrow_phase = Some(Default::default());
     meta.parameters.gravity_order = Some(4);
     meta.parameters.gravity_opening = Some(0.5);

@@ -119,7 +119,7 @@ fn run(scene: &Scene, start: &State, direction: [f64; 3], spin: f64, h: f64) -> 
     let (energy, momentum) = figures(&state);
     let mut errors = Errors { energy: 0.0, momentum: 0.0, phase: 0.0 };
     for _ in 0..(TIME / h).round() as u64 {
-        let q_c = integrate::predict(&scene, &state);
+        let q_c = integrate::predict(&scene, &state, 1);
         let (v, w) = (state.v.clone(), q_c.w.clone());
         integrate::advance(&scene, &mut state, &q_c, v, w);
         let (e, l) = figures(&state);

@@ -4,6 +4,8 @@
 
 use std::time::{Duration, Instant};
 
+use cd_formats::compute::Accuracy;
+
 use crate::math::Vec3;
 use crate::scene::{Body, Drive, Scene};
 use crate::solve::batches::Batch;
@@ -32,7 +34,6 @@ pub struct Bound {
 pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
     let free: Vec<(usize, &Body)> = scene.free.iter().map(|&i| (i as usize, &scene.bodies[i as usize])).collect();
     let mass: f64 = free.iter().map(|(_, body)| body.mass).sum();
-    let volume: f64 = free.iter().map(|(_, body)| 4.0 / 3.0 * std::f64::consts::PI * body.radius.powi(3)).sum();
     let smallest = free.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
     let mean_velocity = free.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;
     let fastest = free.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm()).fold(0.0, f64::max);
@@ -45,15 +46,12 @@ pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
     };
     let travel = TRAVEL * smallest;
     bound(travel / fastest, format!("bodies move at {fastest:.3e} m/s: {TRAVEL} of the smallest radius a step"));
-    if scene.options.self_gravity {
-        let strength = scene.options.gravity_constant * mass;
-        let radius = (0.75 * volume / std::f64::consts::PI).cbrt(); // without pores
-        let fall = (2.0 * strength / radius).sqrt();
+    if let Some((radius, surface)) = scene.surface_gravity() {
+        let fall = (2.0 * surface * radius).sqrt();
         bound(
             travel / fall,
             format!("fallen together they meet at up to {fall:.3e} m/s: {TRAVEL} of the smallest radius a step"),
         );
-        let surface = strength / (radius * radius);
         bound(
             (FALL * scene.mean_radius / surface).sqrt(),
             format!("at {surface:.3e} m/s² the fall of a step is {FALL} of the mean radius"),
@@ -135,6 +133,11 @@ pub fn text(scene: &Scene, state: &State) -> String {
             1e3 * each, ms(gravity), ms(detection), ms(assembly), ms(solve), ms(integration)
         ),
     ));
+    let knobs = scene.options.knobs();
+    let knob =
+        |(name, value, alone): &(&str, String, bool)| format!("{name} {value}{}", if *alone { " (set)" } else { "" });
+    let knobs: Vec<String> = knobs.iter().map(knob).collect();
+    lines.push(("accuracy", format!("{}: {}", scene.options.accuracy, knobs.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);
     lines.push((
         "run",
@@ -148,6 +151,10 @@ pub fn text(scene: &Scene, state: &State) -> String {
         None => format!("{h} s; nothing moves or pulls"),
     };
     lines.push(("h", place));
+    if let Some(sharpest) = bounds.first() {
+        let of = |accuracy: Accuracy| format!("{accuracy} up to {:.3e} s", accuracy.step() * sharpest.h);
+        lines.push(("", Accuracy::ALL.map(of).join(", ")));
+    }
     lines.extend(bounds.iter().map(|bound| ("", format!("up to {:.3e} s: {}", bound.h, bound.reason))));
     lines
         .into_iter()

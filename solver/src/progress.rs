@@ -58,7 +58,7 @@ impl Progress {
     /// Tells of a step that did not converge.
     pub fn unconverged(&self, state: &State, report: &StepReport, options: &Compute) {
         let pair = report.worst_pair.map_or(String::new(), |(a, b)| format!(", worst pair bodies {}-{}", a + 1, b + 1));
-        let Compute { tol, solver, .. } = options;
+        let (tol, solver) = (options.tol(), options.solver);
         let message = format!(
             "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{pair}; continuing",
             state.step, state.time, report.sweeps, report.residual

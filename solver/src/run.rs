@@ -50,14 +50,22 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
 
     let progress = Progress::new(state.step, last.max(state.step));
     while state.step < last {
-        if dump == Some(state.step + 1) {
-            let path = crate::write::problem(case, state.step + 1, next_problem(scene, &state))?;
-            tell(format_args!("contact problem of step {} in {}", state.step + 1, path.display()));
+        if let Some(number) =
+            dump.filter(|&number| state.step < number && number - state.step <= scene.options.adaptive().most)
+        {
+            let (units, problem) = next_problem(scene, &state);
+            if number <= state.step + units {
+                let path = crate::write::problem(case, number, problem)?;
+                tell(format_args!("contact problem of step {number} in {}", path.display()));
+            }
         }
         let mut lap = Clock { writing: std::mem::take(&mut writing), ..Clock::default() };
+        let first = state.step;
         let report = step(scene, &mut state, &mut lap);
         expect_finite(&state).inspect_err(|_| progress.finish())?;
         course.steps += 1;
+        course.units += state.step - first;
+        course.longest = course.longest.max(report.h);
         course.sweeps += report.sweeps;
         course.gravity = report.gravity.sampled.or(course.gravity);
         course.taken_over += u64::from(report.taken_over);

@@ -213,6 +213,21 @@ impl Scene {
         time + self.last_step().saturating_sub(first) as f64 * self.options.dt
     }
 
+    /// Whether an imposed velocity or force depends on time.
+    pub fn changes_in_time(&self) -> bool {
+        let of_drives = self.drives.iter().flat_map(|drive| &drive.velocity);
+        !of_drives.chain(self.loads.iter().map(|load| &load.value)).all(Evolution::is_constant)
+    }
+
+    /// Radius (m) of the ball that the free bodies would make without pores, and self-gravity at its surface, m/s²; none
+    /// without self-gravity.
+    pub fn surface_gravity(&self) -> Option<(f64, f64)> {
+        let free = || self.free.iter().map(|&i| &self.bodies[i as usize]);
+        let radius = free().map(|body| body.radius.powi(3)).sum::<f64>().cbrt();
+        let strength = self.options.gravity_constant * free().map(|body| body.mass).sum::<f64>();
+        self.options.self_gravity.then_some((radius, strength / (radius * radius)))
+    }
+
     /// R of 1/R = 1/R_a + 1/R_b, the plates being flat, m.
     pub fn effective_radius(&self, a: u32, b: u32) -> f64 {
         let curvature = |i: u32| match self.bodies[i as usize].shape {
@@ -246,7 +261,7 @@ impl Scene {
             GravityMethod::Fmm => Method::Fmm,
             GravityMethod::Auto => Method::Auto,
         };
-        let mut gravity = Gravity::new(method, self.options.gravity_error);
+        let mut gravity = Gravity::new(method, self.options.gravity_error());
         gravity.order = self.options.gravity_order;
         gravity.opening = self.options.gravity_opening;
         gravity
@@ -301,7 +316,7 @@ impl Scene {
             models.push("no contacts: no row of TACT_BEHAV.DAT concerns these bodies".into());
         }
         if self.is_general() {
-            models.push(match self.options.narrow_phase {
+            models.push(match self.options.narrow_phase() {
                 NarrowPhase::Fast => "narrow phase fast".into(),
                 NarrowPhase::Accurate => "narrow phase accurate".into(),
             });

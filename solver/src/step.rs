@@ -40,6 +40,8 @@ impl Clock {
 /// What a step did, for the log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepReport {
+    /// Length of the step, s.
+    pub h: f64,
     pub contacts_listed: usize,
     pub contacts_solved: usize,
     /// Contacts that carry force.
@@ -69,13 +71,15 @@ pub struct StepReport {
 /// Advances the state by one step.
 pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     let lap = &mut Lap::start();
-    assemble::interventions(scene, state);
-    let q_c = integrate::predict(scene, state); // M1  x_c = x + (1-θ) h V
+    let disturbed = assemble::events(scene, state);
+    let units = integrate::units(scene, state, disturbed);
+    assemble::interventions(scene, state, units);
+    let q_c = integrate::predict(scene, state, units); // M1  x_c = x + (1-θ) h V
     lap.stop(&mut clock.integration);
     let mut free = assemble::free_velocity(scene, state, &q_c); // M2  V_free = V + h M⁻¹ F(x_c)
     state.attraction = free.attraction.take();
     lap.stop(&mut clock.gravity);
-    let (contacts, pairs) = detect::contacts(scene, &q_c, &free.v, scene.options.dt, &state.pairs); // M3  g, (n, t, s)
+    let (contacts, pairs) = detect::contacts(scene, &q_c, &free.v, &state.pairs); // M3  g, (n, t, s)
     lap.stop(&mut clock.detection);
     let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
     lap.stop(&mut clock.assembly);
@@ -92,18 +96,20 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
 
 fn task(scene: &Scene) -> Task {
     let options = &scene.options;
-    Task { solver: options.solver, tol: options.tol, max_sweeps: options.max_sweeps, width: Width::detect() }
+    Task { solver: options.solver, tol: options.tol(), max_sweeps: options.max_sweeps(), width: Width::detect() }
 }
 
-/// The contact problem that the next step would solve, written out.
-pub fn next_problem(scene: &Scene, state: &State) -> assemble::StoredProblem {
+/// Units of `dt` in the next step, and the contact problem that it would solve, written out.
+pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProblem) {
     let mut state = state.clone();
-    assemble::interventions(scene, &mut state);
-    let q_c = integrate::predict(scene, &state);
+    let disturbed = assemble::events(scene, &mut state);
+    let units = integrate::units(scene, &state, disturbed);
+    assemble::interventions(scene, &mut state, units);
+    let q_c = integrate::predict(scene, &state, units);
     let free = assemble::free_velocity(scene, &state, &q_c);
-    let (contacts, _) = detect::contacts(scene, &q_c, &free.v, scene.options.dt, &state.pairs);
+    let (contacts, _) = detect::contacts(scene, &q_c, &free.v, &state.pairs);
     let system = assemble::contact_problem(scene, &state, &q_c, &contacts, &free.v, &free.w);
-    assemble::stored_problem(&system, &contacts)
+    (units, assemble::stored_problem(&system, &contacts))
 }
 
 /// Velocities and contacts at the step's end.
@@ -166,7 +172,7 @@ fn book(
     solution: &Solution,
     solved: &Solved,
 ) -> StepReport {
-    let h = scene.options.dt;
+    let h = q_c.h;
     let of_some = |(rows, contacts): (&[Row], &[SolvedContact])| {
         let touching = rows.iter().zip(contacts).filter(|(_, contact)| contact.impulse != Vec3::zeros());
         touching
@@ -212,6 +218,7 @@ fn book(
         (a, b)
     };
     StepReport {
+        h,
         contacts_listed: solved.contacts.len(),
         contacts_solved: solution.active,
         contacts_active,

@@ -210,7 +210,7 @@ fn a_datbox_without_options_runs_from_flags_and_defaults() {
     let case = case.solved(&["--dt=8", "--steps=20", "--output-every=10", "--self-gravity"]);
     let default = Compute::default();
     let p = case.last_snapshot().meta.parameters;
-    assert_eq!((p.theta, p.tol, p.max_sweeps), (default.theta, default.tol, default.max_sweeps));
+    assert_eq!((p.theta, p.tol, p.max_sweeps), (default.theta, default.tol(), default.max_sweeps()));
     let with_options = with_options.solved(&["--steps=20", "--output-every=10"]);
     assert_same_results(&with_options, &case);
 }

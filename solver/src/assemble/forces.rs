@@ -43,10 +43,11 @@ pub struct GravityReport {
     pub extrapolation: f64,
 }
 
-/// Events whose time has come, the torque that they have set, and the option `quench`, at a step's start.
-pub fn interventions(scene: &Scene, state: &mut State) {
+/// Events whose time has come, at a step's start; whether there were any.
+pub fn events(scene: &Scene, state: &mut State) -> bool {
     // A thousandth of a step of slack: the time is a sum of steps, and a little before or after their product.
     let now = state.time + 1e-3 * scene.options.dt;
+    let before = state.events_done;
     while let Some(event) = scene.events.get(state.events_done).filter(|event| event.time <= now) {
         let gravity = state.gravity;
         state.set_by(&event.action, scene);
@@ -63,12 +64,17 @@ pub fn interventions(scene: &Scene, state: &mut State) {
         }
         state.events_done += 1;
     }
+    state.events_done > before
+}
+
+/// The torque that events have set, and the option `quench`, at the start of a step of so many units of `dt`.
+pub fn interventions(scene: &Scene, state: &mut State, units: u64) {
     if state.torque != Vec3::zeros() {
-        let impulse = state.torque * scene.options.dt;
+        let impulse = state.torque * (units as f64 * scene.options.dt);
         add_spin(scene, state, rigid_spin(scene, state, impulse));
     }
     if state.quench > 0.0 {
-        let keep = 1.0 - state.quench;
+        let keep = (1.0 - state.quench).powi(units as i32);
         change_motion(scene, state, |_, v, w| (v * keep, w * keep));
     }
 }
@@ -133,8 +139,8 @@ fn centre_of_mass(scene: &Scene, x: &[Vec3]) -> Vec3 {
 
 /// Free velocities: V + h F/m with all forces in the contact configuration; imposed velocities at the step's end.
 pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free {
-    let h = scene.options.dt;
-    let mut pull = attraction(scene, state, &q_c.x);
+    let h = q_c.h;
+    let mut pull = attraction(scene, state, q_c);
     let near = near_field(scene, &q_c.x, &q_c.q);
     pull.energy += near.energy;
     let outside = scene.outside();
@@ -146,7 +152,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
         attraction: pull.next,
         impulse: Vec3::zeros(),
         angular_impulse: Vec3::zeros(),
-        loads: loads(scene, state),
+        loads: loads(scene, state, h),
     };
     for (k, &i) in scene.free.iter().enumerate() {
         let i = i as usize;
@@ -193,7 +199,7 @@ fn coriolis(scene: &Scene, state: &State, q_c: &Configuration, rate: Vec3, free:
     if rate == Vec3::zeros() {
         return;
     }
-    let (h, theta) = (scene.options.dt, scene.options.theta);
+    let (h, theta) = (q_c.h, scene.options.theta);
     for &i in &scene.free {
         let i = i as usize;
         let body = &scene.bodies[i];
@@ -228,21 +234,22 @@ struct Pull {
 }
 
 /// Self-gravity at each free body; zeros when the scene has none.
-fn attraction(scene: &Scene, state: &State, x: &[Vec3]) -> Pull {
+fn attraction(scene: &Scene, state: &State, q_c: &Configuration) -> Pull {
     if !scene.options.self_gravity {
         let acceleration = vec![Vec3::zeros(); scene.free.len()];
         return Pull { acceleration, energy: 0.0, report: GravityReport::default(), next: None };
     }
-    let (positions, masses) = points(scene, x);
-    let mut pull = if scene.options.gravity_refresh == 1 {
+    let (positions, masses) = points(scene, &q_c.x);
+    let mut pull = if scene.options.gravity_refresh() == 1 {
         let (acceleration, energy, removed) = evaluated(scene, &positions, &masses);
         let report = GravityReport { removed, ..GravityReport::default() };
         Pull { acceleration, energy, report, next: None }
     } else {
-        extrapolated(scene, state, &positions, &masses)
+        extrapolated(scene, state, q_c, &positions, &masses)
     };
-    let approximate = scene.options.gravity_refresh > 1 || scene.gravity().method_for(masses.len()) == Method::Fmm;
-    if approximate && state.step.is_multiple_of(LOOK_EVERY) {
+    let approximate = scene.options.gravity_refresh() > 1 || scene.gravity().method_for(masses.len()) == Method::Fmm;
+    let looks = state.step.next_multiple_of(LOOK_EVERY) < state.step + q_c.units;
+    if approximate && looks {
         let constant = scene.options.gravity_constant;
         pull.report.sampled = Some(sample::error(&positions, &masses, constant, &pull.acceleration, state.step));
     }
@@ -304,9 +311,9 @@ fn evaluated(scene: &Scene, positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f
 
 /// Self-gravity from its last two evaluations, as far apart as those at most, or evaluated again. In between the error
 /// goes as the square of the time since; forces and torques sum to zero all the same.
-fn extrapolated(scene: &Scene, state: &State, positions: &[Vec3], masses: &[f64]) -> Pull {
+fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[Vec3], masses: &[f64]) -> Pull {
     let options = &scene.options;
-    let now = state.time + (1.0 - options.theta) * options.dt;
+    let now = state.time + (1.0 - options.theta) * q_c.h;
     let mass: f64 = masses.iter().sum();
     let velocities = || scene.free.iter().map(|&i| state.v[i as usize]);
     let mean = velocities().zip(masses).map(|(v, m)| v * *m).sum::<Vec3>() / mass;
@@ -322,11 +329,11 @@ fn extrapolated(scene: &Scene, state: &State, positions: &[Vec3], masses: &[f64]
     let [last, before] = record.times;
     let part = if last > before { (now - last) / (last - before) } else { 0.0 };
     let mut acceleration: Vec<Vec3> = old.last.iter().zip(&old.before).map(|(a, b)| a + (a - b) * part).collect();
-    let (age, moved) = (record.age + 1, record.moved + fastest * options.dt);
+    let (age, moved) = (record.age + q_c.units, record.moved + fastest * q_c.h);
     // A thousandth of a step of slack, as times are sums.
     let reached = last > before && now - last <= last - before + 1e-3 * options.dt;
     let report = |removed, extrapolation| GravityReport { removed, sampled: None, extrapolation };
-    if reached && age < options.gravity_refresh && moved < options.gravity_moved * scene.mean_radius {
+    if reached && age < options.gravity_refresh() && moved < options.gravity_moved * scene.mean_radius {
         let removed = balance(positions, masses, &mut acceleration);
         let energy = record.potentials[0] + (record.potentials[0] - record.potentials[1]) * part;
         let report = report(record.removed.max(removed), record.extrapolation_error);
@@ -353,7 +360,7 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     if !scene.options.self_gravity {
         return outer;
     }
-    let direct = Gravity::new(Method::Direct, scene.options.gravity_error);
+    let direct = Gravity::new(Method::Direct, scene.options.gravity_error());
     let gravity = if scene.free.len() <= DIRECT_ENERGY { direct } else { scene.gravity() };
     let potential = gravity.field(&positions, &masses, scene.options.gravity_constant).potential;
     let points = 0.5 * potential.iter().zip(&masses).map(|(p, m)| p * m).sum::<f64>();
@@ -361,8 +368,8 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
 }
 
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.
-fn loads(scene: &Scene, state: &State) -> Vec<(usize, Vec3, Vec3)> {
-    let (h, theta) = (scene.options.dt, scene.options.theta);
+fn loads(scene: &Scene, state: &State, h: f64) -> Vec<(usize, Vec3, Vec3)> {
+    let theta = scene.options.theta;
     scene
         .loads
         .iter()

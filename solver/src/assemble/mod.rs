@@ -4,6 +4,6 @@ mod forces;
 mod rows;
 mod stored;
 
-pub use forces::{Free, GravityReport, free_velocity, interventions, potential_energy};
+pub use forces::{Free, GravityReport, events, free_velocity, interventions, potential_energy};
 pub use rows::{Full, Record, Roll, Row, System, contact_problem, relative_velocity};
 pub use stored::{StoredProblem, stored_problem};

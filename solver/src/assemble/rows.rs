@@ -219,8 +219,8 @@ struct Setting<'a> {
 impl Setting<'_> {
     /// The row of a contact, with what the last step had of it.
     fn row(&self, contact: &Contact, previous: Option<&SolvedContact>) -> Row {
-        let Setting { scene, state, q_c, v_free, w_free, records, full } = *self;
-        let h = scene.options.dt;
+        let Setting { state, q_c, v_free, w_free, records, full, .. } = *self;
+        let h = q_c.h;
         let frame = contact.frame();
         let n = frame[0];
         let u_before = relative_velocity(contact, &q_c.x, &state.v, &q_c.w);
@@ -272,7 +272,7 @@ impl Setting<'_> {
     fn roll(&self, k: usize, contact: &Contact, previous: Option<&SolvedContact>) -> Option<Roll> {
         let Rolling { rolling, spinning } = self.state.laws[contact.law as usize].rolling?;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
-        let scale = self.scene.options.dt / self.state.h;
+        let scale = self.q_c.h / self.state.h;
         Some(Roll {
             row: k as u32,
             radius: self.radius(contact),

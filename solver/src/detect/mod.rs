@@ -19,15 +19,15 @@ use crate::integrate::Configuration;
 
 /// All listed contacts, in the order of [`Contact::key`].
 ///
-/// `v_free`: velocities after the step if nothing touched, m/s; `h`: s.
+/// `v_free`: velocities after the step if nothing touched, m/s.
 /// `pairs`: what the last step kept of its pairs; returns what is to be kept of this one's.
 pub fn contacts(
     scene: &Scene,
     q_c: &Configuration,
     v_free: &[Vec3],
-    h: f64,
     pairs: &[PairMemory],
 ) -> (Vec<Contact>, Vec<PairMemory>) {
+    let h = q_c.ahead;
     let travel: Vec<f64> = v_free.iter().map(|v| h * v.norm()).collect();
     if scene.is_general() {
         let (found, pairs) = parts::contacts(scene, q_c, &travel, h, pairs);

@@ -41,7 +41,7 @@ pub fn contacts(
         broad::pairs(&centres, &reach).into_iter().filter_map(|[i, j]| meet(scene, i, j)).collect();
     let order = by_parts(&pairs, scene.parts.len());
     let mut memory = remembered(&pairs, &order, before);
-    let narrow = match scene.options.narrow_phase {
+    let narrow = match scene.options.narrow_phase() {
         NarrowPhase::Fast => Narrow::Fast,
         NarrowPhase::Accurate => Narrow::Accurate,
     };

@@ -6,6 +6,10 @@
 //! unequal moments turn freely before and after the impulses, which change their angular momentum in space.
 //! Sources: M. Jean (1999), section 5; J.J. Moreau, CISM 302 (1988); see [`crate::math::rotation`].
 
+mod length;
+
+pub use length::units;
+
 use rayon::prelude::*;
 
 use crate::math::rotation::{angular_momentum, angular_velocity, turn_freely};
@@ -20,11 +24,16 @@ pub struct Configuration {
     pub q: Vec<Quat>,
     /// Angular velocities of the step's start, carried here by free rotation, rad/s, world frame.
     pub w: Vec<Vec3>,
+    /// Length of the step in units of `dt`, and in s.
+    pub units: u64,
+    pub h: f64,
+    /// How far ahead contacts are looked for, s.
+    pub ahead: f64,
 }
 
-/// The contact configuration from the velocities at the step's start.
-pub fn predict(scene: &Scene, state: &State) -> Configuration {
-    let h = scene.options.dt;
+/// The contact configuration of a step of so many units of `dt`, from the velocities at the step's start.
+pub fn predict(scene: &Scene, state: &State, units: u64) -> Configuration {
+    let h = units as f64 * scene.options.dt;
     let before = h * (1.0 - scene.options.theta);
     let x = state.x.iter().zip(&state.v).map(|(x, v)| x + v * before).collect();
     let (mut q, mut w) = (state.q.clone(), state.w.clone());
@@ -36,13 +45,14 @@ pub fn predict(scene: &Scene, state: &State) -> Configuration {
         q[i] = turn_freely(&state.q[i], momentum, inertia, before);
         w[i] = angular_velocity(&q[i], inertia, momentum);
     }
-    Configuration { x, q, w }
+    let ahead = if scene.options.adaptive().is_on() { length::GROWTH as f64 * h } else { h };
+    Configuration { x, q, w, units, h, ahead }
 }
 
 /// Takes the state to the step's end with the velocities `v`, `w` that the bodies have in the contact configuration
 /// after all impulses.
 pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
-    let h = scene.options.dt;
+    let h = q_c.h;
     let (before, after) = (h * (1.0 - scene.options.theta), h * scene.options.theta);
     state.x.iter_mut().zip(&q_c.x).zip(&v).for_each(|((x, x_c), v)| *x = x_c + v * after);
     let turned = |(i, (q, body)): (usize, (&mut Quat, &Body))| {
@@ -63,6 +73,6 @@ pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec
     state.v = v;
     state.w = w;
     state.h = h;
-    state.step += 1;
+    state.step += q_c.units;
     state.time += h;
 }

@@ -95,6 +95,11 @@ columns! {
 }
 
 columns! {
+    length_header, length_row(report: &StepReport),
+    h = report.h,
+}
+
+columns! {
     steps_header, steps_row(scene: &Scene, state: &State, report: &StepReport),
     step = state.step,
     time = state.time,

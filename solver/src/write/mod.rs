@@ -69,6 +69,9 @@ impl Results {
     pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<Self, Faults> {
         let outbox = outbox(case);
         let mut columns = log::steps_header();
+        if scene.options.adaptive().is_on() {
+            columns = format!("{columns},{}", log::length_header());
+        }
         if scene.options.lmgc90_norms {
             columns = format!("{columns},{}", log::norms_header());
         }
@@ -80,6 +83,9 @@ impl Results {
     /// Enters a step in the logs.
     pub fn step(&mut self, scene: &Scene, state: &State, report: &StepReport, lap: &Clock) -> Result<(), Faults> {
         let mut row = log::steps_row(scene, state, report);
+        if scene.options.adaptive().is_on() {
+            row = format!("{row},{}", log::length_row(report));
+        }
         if let Some(norms) = &report.norms {
             row = format!("{row},{}", log::norms_row(norms));
         }

@@ -1,5 +1,6 @@
 //! The state as a snapshot.
 
+use cd_formats::compute::{Accuracy, Adaptive};
 use cd_formats::snapshot::{
     BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, GravityArrays, MemoryArrays, Meta, Parameters, SHAPE_PARTS,
     SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
@@ -33,19 +34,21 @@ fn meta(scene: &Scene, state: &State) -> Meta {
         h: state.h,
         parameters: Parameters {
             theta: options.theta,
-            tol: options.tol,
+            accuracy: (options.accuracy != Accuracy::default()).then_some(options.accuracy),
+            adaptive: Some(options.adaptive()).filter(Adaptive::is_on),
+            tol: options.tol(),
             solver: options.solver,
-            max_sweeps: options.max_sweeps,
+            max_sweeps: options.max_sweeps(),
             alert: options.alert,
             self_gravity: options.self_gravity,
             gravity: options.gravity,
-            narrow_phase: scene.is_general().then_some(options.narrow_phase),
+            narrow_phase: scene.is_general().then_some(options.narrow_phase()),
             gravity_constant: options.gravity_constant,
-            gravity_error: options.gravity_error,
+            gravity_error: options.gravity_error(),
             gravity_order: options.gravity_order,
             gravity_opening: options.gravity_opening,
-            gravity_refresh: (options.gravity_refresh > 1).then_some(options.gravity_refresh),
-            gravity_moved: (options.gravity_refresh > 1).then_some(options.gravity_moved),
+            gravity_refresh: (options.gravity_refresh() > 1).then_some(options.gravity_refresh()),
+            gravity_moved: (options.gravity_refresh() > 1).then_some(options.gravity_moved),
             gravity_quadrupole: options.gravity_quadrupole,
             fields: options.fields.clone(),
             uniform_gravity: state.gravity.into(),

@@ -14,6 +14,10 @@ use crate::step::{Clock, Motion};
 #[derive(Debug, Clone, Default)]
 pub struct Course {
     pub steps: u64,
+    /// Units of `dt` in them.
+    pub units: u64,
+    /// s
+    pub longest: f64,
     pub sweeps: u64,
     pub unconverged: u64,
     /// The last look at the error of self-gravity.
@@ -62,6 +66,14 @@ pub fn text(scene: &Scene, state: &State, course: &Course) -> String {
     let (linear, angular) = momentum_drift(scene, state);
     line("models", scene.models().join("; "));
     line("steps", format!("{} now, {} in all, t = {} s", course.steps, state.step, state.time));
+    let dt = scene.options.dt;
+    if scene.options.adaptive().is_on() {
+        let mean = (course.units as f64 / course.steps.max(1) as f64) * dt;
+        line(
+            "length of a step",
+            format!("{dt:.3e} s at least, {mean:.3e} s in the mean, {:.3e} s at most", course.longest),
+        );
+    }
     line("contacts", format!("{} listed, {active} carry force", state.contacts.len()));
     line("sweeps per step", format!("{:.1}", course.sweeps as f64 / course.steps.max(1) as f64));
     let last = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
@@ -72,7 +84,7 @@ pub fn text(scene: &Scene, state: &State, course: &Course) -> String {
     line("largest penetration", format!("{:.2e} of the mean radius", ledger.penetration_largest));
     line("energy drift", format!("{:.2e}", energy_drift(scene, state)));
     if let Some(Sampled { rms, largest }) = course.gravity {
-        let asked = scene.options.gravity_error;
+        let asked = scene.options.gravity_error();
         line("gravity error", format!("{rms:.1e} RMS, {largest:.1e} at most of 64 bodies; {asked:.0e} asked for"));
     }
     line("momentum drift", format!("{linear:.2e} linear, {angular:.2e} angular"));

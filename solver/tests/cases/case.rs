@@ -51,8 +51,13 @@ pub struct Case {
 impl Case {
     /// An empty scene: density 1 kg/m^3, no gravity, contacts solved to nearly round-off.
     pub fn new() -> Self {
-        let options =
-            Compute { tol: 1e-12, max_sweeps: 20_000, threads: 1, output_every: 1 << 40, ..Compute::default() };
+        let options = Compute {
+            tol: Some(1e-12),
+            max_sweeps: Some(20_000),
+            threads: 1,
+            output_every: 1 << 40,
+            ..Compute::default()
+        };
         Case {
             folder: tempfile::tempdir().unwrap(),
             bodies: Vec::new(),

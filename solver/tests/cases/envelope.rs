@@ -19,7 +19,7 @@ fn bounces(radius: f64, g: f64, density: f64) -> [[f64; 3]; 4] {
     let below = case.sphere(radius, [0.0, 0.0, 1.5 * radius]);
     let above = case.sphere(radius, [0.5 * radius, 0.25 * radius, 4.0 * radius]);
     case.options.dt = time / 64.0;
-    case.options.tol = 1e-12;
+    case.options.tol = Some(1e-12);
     let end = case.run(256);
     [end.x(below) / radius, end.x(above) / radius, end.v(below) * time / radius, end.w(above) * time]
         .map(|v| [v.x, v.y, v.z])
@@ -88,7 +88,7 @@ fn energy_never_grows_whatever_the_law() {
                 case.launch(ball, [-x[0], x[1], -2.0], [1.0, 2.0, 3.0]);
             }
             case.options.dt = h;
-            case.options.tol = 1e-8;
+            case.options.tol = Some(1e-8);
             let states = case.states(200, 20);
             let energy: Vec<f64> = states.iter().map(|state| state.kinetic() + state.potential()).collect();
             let scale = states[0].kinetic() + states[0].potential().abs();
@@ -147,7 +147,7 @@ fn a_ball_squeezed_by_walls_stays_between_them() {
     case.drive_along(above, 2, Evolution::constant(-0.1));
     let ball = case.sphere(0.5, [0.0, 0.0, 0.0]);
     case.options.dt = 0.01;
-    case.options.max_sweeps = 500;
+    case.options.max_sweeps = Some(500);
     for state in case.states(100, 10) {
         let depth = 0.1 * state.meta.time;
         assert!(state.x(ball).norm() <= depth + 1e-9 && state.v(ball).norm() <= 0.1 + 1e-9, "{}", state.v(ball));
@@ -187,7 +187,7 @@ fn a_chain_of_a_thousand_carries_itself() {
     for k in 1..1000 {
         case.sphere(0.5, [0.0, 0.0, 0.5 + f64::from(k)]);
     }
-    case.options.tol = 1e-2;
+    case.options.tol = Some(1e-2);
     let end = case.run(100);
     let weight: f64 = (first..first + 1000).map(|i| end.mass(i)).sum();
     // A hundred steps, each solved to 1e-2 of what gravity does in it from where the last one ended.

@@ -67,7 +67,7 @@ fn overlaps_do_not_explode() {
     case.law("IQS_CLB", &[0.5]);
     case.options.self_gravity = true;
     case.options.gravity_constant = 1.0;
-    case.options.tol = 1e-8;
+    case.options.tol = Some(1e-8);
     for k in 0..12 {
         let angle = f64::from(k);
         case.sphere(0.5, [0.2 * angle.cos(), 0.2 * angle.sin(), 0.02 * angle]);
@@ -133,7 +133,7 @@ fn any_theta_and_step_give_bounded_motion() {
             case.gravity = [0.0, 0.0, -1.0];
             case.options.theta = theta;
             case.options.dt = h;
-            case.options.tol = 1e-8;
+            case.options.tol = Some(1e-8);
             case.tub(2.0);
             for k in 0..8 {
                 let at = |bit: i32| f64::from(k >> bit & 1) - 0.5;
@@ -270,7 +270,7 @@ proptest! {
         case.gravity = gravity;
         let options = &mut case.options;
         (options.dt, options.theta, options.self_gravity) = (h.abs().max(1e-30), theta, own);
-        (options.tol, options.max_sweeps) = (1e-6, 50);
+        (options.tol, options.max_sweeps) = (Some(1e-6), Some(50));
         case.write();
         let code = case.solve(&["--steps", "5", "--output-every", "1"]);
         prop_assert!([0, 2, 3].contains(&code));

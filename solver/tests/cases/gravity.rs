@@ -142,7 +142,7 @@ fn falling(side: i64, refresh: u64, dt: f64) -> Case {
     let mut case = Case::new();
     let options = &mut case.options;
     (options.self_gravity, options.gravity, options.gravity_constant) = (true, GravityMethod::Fmm, 1.0);
-    (options.gravity_error, options.gravity_refresh, options.dt) = (1e-4, refresh, dt);
+    (options.gravity_error, options.gravity_refresh, options.dt) = (Some(1e-4), Some(refresh), dt);
     for (radius, x) in shaken_lattice(side, 3) {
         case.sphere(radius, x);
     }
@@ -228,7 +228,7 @@ fn a_contact_binary_stays_where_it_is() {
     let mut case = Case::new();
     case.law("IQS_CLB", &[0.5]);
     (case.options.self_gravity, case.options.gravity_constant) = (true, 1.0);
-    (case.options.dt, case.options.max_sweeps) = (0.01, 100);
+    (case.options.dt, case.options.max_sweeps) = (0.01, Some(100));
     case.sphere(1.0, [-1.0, 0.0, 0.0]);
     case.sphere(0.5, [0.5, 0.0, 0.0]);
     let states = case.states(100_000, 50_000);

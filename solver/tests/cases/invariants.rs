@@ -10,7 +10,7 @@ use crate::case::{Case, Figures, Vec3, shaken_lattice, uniform};
 /// A gas of unequal spheres with random velocities (up to `speed`) and spins.
 fn gas(side: i64, speed: f64, seed: u64) -> Case {
     let mut case = Case::new();
-    case.options.tol = 1e-8;
+    case.options.tol = Some(1e-8);
     let mut random = uniform(seed);
     for (radius, x) in shaken_lattice(side, seed) {
         let body = case.sphere_of(10f64.powf(2.0 * random() - 1.0), radius, x);
@@ -155,7 +155,7 @@ fn an_aggregate_keeps_its_momenta_while_it_collapses() {
     case.options.self_gravity = true;
     case.options.gravity_constant = 1.0;
     case.options.dt = 0.01;
-    (case.options.tol, case.options.max_sweeps) = (1e-4, 300); // momentum does not wait for convergence
+    (case.options.tol, case.options.max_sweeps) = (Some(1e-4), Some(300)); // momentum does not wait for convergence
     let states = case.states(500, 500);
     assert!(case.column("contacts_active")[499] > 125.0, "it has become a heap");
     let [energy, momentum, angular] = unaccounted(&states);
@@ -178,8 +178,8 @@ proptest! {
     ) {
         let mut case = Case::new();
         case.law("IQS_CLB", &[mu]);
-        case.options.tol = 1e-6;
-        case.options.max_sweeps = 500;
+        case.options.tol = Some(1e-6);
+        case.options.max_sweeps = Some(500);
         case.options.dt = 10f64.powf(h);
         case.options.self_gravity = gravity;
         case.options.gravity_constant = 1.0;
@@ -255,8 +255,8 @@ fn a_jam_of_five_sliding_spheres_is_solved() {
     let mut case = Case::new();
     case.law("IQS_CLB", &[0.5]);
     case.options.dt = 2e-3;
-    case.options.tol = 1e-8;
-    case.options.max_sweeps = 2000;
+    case.options.tol = Some(1e-8);
+    case.options.max_sweeps = Some(2000);
     for (radius, mass, x, v, w) in spheres {
         let body = case.sphere_of(mass / (4.0 / 3.0 * std::f64::consts::PI * f64::powi(radius, 3)), radius, x);
         case.launch(body, v, w);

@@ -1,6 +1,7 @@
 //! Whole cases through cd-solve, from DATBOX to OUTBOX: closed forms, invariants, refusals, the same
 //! bytes again. Nothing here knows how the solver works inside.
 
+mod adaptive;
 mod bonds;
 mod case;
 mod clusters;

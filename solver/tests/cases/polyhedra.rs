@@ -122,7 +122,7 @@ fn collisions_keep_momentum_and_energy_does_not_grow() {
         }
         case.sphere(0.4, [5.0, 1.0, 1.0]);
         case.options.dt = 0.01;
-        case.options.tol = 1e-10;
+        case.options.tol = Some(1e-10);
         let states = case.states(400, 10);
         let first = &states[0];
         let scale = first.momentum_scale();
@@ -173,7 +173,7 @@ fn the_same_bytes_again() {
             case.launch(body, [0.0; 3], [0; 3].map(|_| 3.0 * random()));
         }
         case.sphere(0.2, [0.0, 0.0, 5.0]);
-        (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.005, 1e-4, 200);
+        (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.005, Some(1e-4), Some(200));
         (case.options.steps, case.options.output_every, case.options.text) = (Some(120), 40, true);
         case
     };
@@ -285,7 +285,7 @@ fn stands((name, size, mu, build): Building, steps: u64, every: u64, max_sweeps:
     if name.starts_with("arch") {
         case.dof.retain(|dof| dof.body == floor); // the program finds the axes of the stones
     }
-    (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.005, 1e-6, max_sweeps);
+    (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.005, Some(1e-6), Some(max_sweeps));
     let states = case.states(steps, every);
     let moved = |pair: &[cd_formats::snapshot::Snapshot]| {
         bodies.iter().map(|&i| (pair[1].x(i) - pair[0].x(i)).norm()).fold(0.0, f64::max) / size

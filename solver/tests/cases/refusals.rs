@@ -236,6 +236,10 @@ fn values_of_flags() {
         (&["--theta", "0.3"], "theta: 0.3; expected 0.5 to 1"),
         (&["--theta", "1.01"], "theta: 1.01; expected 0.5 to 1"),
         (&["--tol", "0"], "tol: 0; expected more than 0 and less than 1"),
+        (
+            &["--adaptive", "(most: 0)"],
+            "adaptive: Adaptive { most: 0, travel: 0.1, penetration: 0.001 }; expected most from 1 to 1000000, travel and penetration > 0",
+        ),
         (&["--max-sweeps", "0"], "max_sweeps: 0; expected at least 1"),
         (&["--alert", "-1"], "alert: Some(-1.0); expected a finite distance >= 0 m"),
         (&["--gravity-error", "0"], "gravity_error: 0; expected at least 1e-14"),
@@ -266,7 +270,7 @@ fn options_in_the_file() {
         (
             "(\n    dt: 1e-3,\n    speed: 3.0,\n)",
             "3:5: options: Unexpected field named `speed` in `Compute`, expected one of `dt`, `steps`, `end_time`, \
-             `theta`, `tol`, `solver`, `max_sweeps`, `lmgc90_norms`, `alert`, `narrow_phase`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
+             `theta`, `accuracy`, `adaptive`, `tol`, `solver`, `max_sweeps`, `lmgc90_norms`, `alert`, `narrow_phase`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
              `gravity_order`, `gravity_opening`, `gravity_refresh`, `gravity_moved`, `gravity_quadrupole`, `fields`, `quench`, `output_every`, `threads`, `text`, or `events` instead; expected RON as described in docs/files.md",
         ),
         ("(\n    theta: \"a\",\n)", "2:11: options: Expected float; expected RON as described in docs/files.md"),

@@ -206,7 +206,7 @@ fn angular_momentum_is_kept_with_rolling_friction() {
     let mut case = Case::new();
     case.law("IQS_WET_DS_ROLL_CLB", &[0.01, 0.0, 0.01, 0.3, 0.5, 0.1, 0.05]);
     case.options.self_gravity = true;
-    (case.options.gravity_constant, case.options.tol, case.options.dt) = (1.0, 1e-6, 0.01);
+    (case.options.gravity_constant, case.options.tol, case.options.dt) = (1.0, Some(1e-6), 0.01);
     for (k, (radius, x)) in crate::case::shaken_lattice(3, 7).into_iter().enumerate() {
         let body = case.sphere(radius, x);
         case.launch(body, [0.0; 3], [f64::from(k as u8 % 5), 1.0, -2.0]);

@@ -41,7 +41,7 @@ fn scene(side: i64) -> Case {
     case.event(0.4, Action::SetQuench(0.0));
     let options = &mut case.options;
     (options.self_gravity, options.gravity_constant) = (true, 0.01);
-    (options.dt, options.tol, options.max_sweeps) = (0.01, 1e-4, 500);
+    (options.dt, options.tol, options.max_sweeps) = (0.01, Some(1e-4), Some(500));
     (options.steps, options.output_every, options.text) = (Some(60), 15, true);
     case
 }
@@ -61,7 +61,7 @@ fn slab() -> Case {
     case.event(0.15, Action::Bond);
     case.event(0.35, Action::SetCohesion("law00".into(), 250.0));
     let options = &mut case.options;
-    (options.dt, options.tol, options.max_sweeps) = (0.01, 1e-6, 500);
+    (options.dt, options.tol, options.max_sweeps) = (0.01, Some(1e-6), Some(500));
     (options.steps, options.output_every, options.text) = (Some(60), 15, true);
     case
 }
@@ -73,7 +73,7 @@ fn outbox(case: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 /// The files of a run after each of the `pieces`, sets of flags.
-fn files(case: &Case, pieces: &[&[&str]]) -> BTreeMap<String, Vec<u8>> {
+pub fn files(case: &Case, pieces: &[&[&str]]) -> BTreeMap<String, Vec<u8>> {
     case.write();
     for flags in pieces {
         assert_eq!(case.solve(flags), 0);
@@ -82,7 +82,7 @@ fn files(case: &Case, pieces: &[&[&str]]) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[track_caller]
-fn same(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
+pub fn same(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
     assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
     for (name, bytes) in a {
         assert!(bytes == &b[name], "{name} differs");
@@ -141,7 +141,7 @@ fn bonds_outlive_a_restart() {
 fn a_resumed_run_extrapolates_gravity_as_the_unbroken_one() {
     let scene = || {
         let mut case = scene(4);
-        case.options.gravity_refresh = 7;
+        case.options.gravity_refresh = Some(7);
         case
     };
     let unbroken = files(&scene(), &[&[]]);
@@ -196,7 +196,7 @@ fn flags_win_over_the_file() {
         &[&["--dt", "0.02", "--theta=0.6", "--tol", "1e-5", "--output-every", "60", "--quench=0.01", "--text=false"]],
     );
     let options = &mut case.options;
-    (options.dt, options.theta, options.tol, options.output_every) = (0.02, 0.6, 1e-5, 60);
+    (options.dt, options.theta, options.tol, options.output_every) = (0.02, 0.6, Some(1e-5), 60);
     (options.quench, options.text) = (0.01, false);
     same(&by_flags, &files(&case, &[&["--force"]]));
 }

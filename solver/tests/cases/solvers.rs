@@ -17,7 +17,7 @@ fn packed(solver: ContactSolver, friction: f64) -> Case {
         let ball = case.sphere(0.5, [i - 1.0, j - 1.0, l + 0.5]);
         case.launch(ball, [0.3 * j, -0.2 * l, -0.1 * i], [i, -j, 2.0 * l]);
     }
-    (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, 1e-8, 2000);
+    (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, Some(1e-8), Some(2000));
     case
 }
 
@@ -54,7 +54,7 @@ fn all_solvers_let_a_pyramid_slide_alike() {
             let ball = case.sphere(0.5, x);
             case.launch(ball, [2.0, 0.5, 0.0], [0.0; 3]);
         }
-        (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, 1e-8, 2000);
+        (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, Some(1e-8), Some(2000));
         let end = case.run(3);
         assert!(all_converged(&case), "{solver}");
         end
@@ -83,7 +83,7 @@ fn a_resting_ball_stays_solved_when_the_step_changes() {
 fn criteria_of_lmgc90_fall_with_the_residual() {
     let criteria = |tol: f64| {
         let mut case = packed(Nlgs, 0.3);
-        (case.options.lmgc90_norms, case.options.tol) = (true, tol);
+        (case.options.lmgc90_norms, case.options.tol) = (true, Some(tol));
         case.run(1);
         ["quad_dv", "quad_dvr", "maxm_dv", "maxm_dvr", "mean_dvor"].map(|name| case.column(name)[0].abs())
     };

@@ -109,7 +109,7 @@ fn nothing_creeps() {
 #[test]
 fn at_the_usual_tolerance_a_pile_creeps_by_less_than_a_thousandth_of_its_fall() {
     let mut case = pyramid(0.5);
-    case.options.tol = 1e-3;
+    case.options.tol = Some(1e-3);
     let states = case.states(1000, 1000);
     // A free fall of 1 s is 4 m.
     (1..5).for_each(|i| near(states[1].x(i), states[0].x(i), 1e-3 * 4.0));

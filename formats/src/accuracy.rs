@@ -1,0 +1,109 @@
+//! Presets of accuracy: what the options that trade speed for accuracy are where the file does not say.
+
+use serde::{Deserialize, Serialize};
+
+use crate::compute::{Compute, NarrowPhase};
+
+/// How accurate a run is to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Accuracy {
+    /// For a first look.
+    Draft,
+    #[default]
+    Standard,
+    Fine,
+    /// What the others are measured by.
+    Reference,
+}
+
+impl Accuracy {
+    pub const ALL: [Accuracy; 4] = [Accuracy::Draft, Accuracy::Standard, Accuracy::Fine, Accuracy::Reference];
+
+    /// Time step over that of `Standard` that suits it: errors of impacts are of first order in the step.
+    pub fn step(self) -> f64 {
+        [4.0, 1.0, 0.25, 0.0625][self as usize]
+    }
+}
+
+impl std::fmt::Display for Accuracy {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(["draft", "standard", "fine", "reference"][*self as usize])
+    }
+}
+
+/// Steps of several times `dt` where little happens.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Adaptive {
+    /// Longest step over `dt`; 1: all steps are `dt`.
+    pub most: u64,
+    /// Way of two neighbours past each other in a step, over the smaller radius; what parts them comes on top by half.
+    pub travel: f64,
+    /// Penetration that a step may cause, over the smaller radius.
+    pub penetration: f64,
+}
+
+impl Default for Adaptive {
+    fn default() -> Self {
+        Adaptive { most: 1, travel: 0.1, penetration: 1e-3 }
+    }
+}
+
+impl Adaptive {
+    pub const MOST: u64 = 1_000_000;
+
+    /// Whether steps can differ.
+    pub fn is_on(&self) -> bool {
+        self.most > 1
+    }
+
+    /// Whether a run can use it.
+    pub(crate) fn is_sound(&self) -> bool {
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        (1..=Self::MOST).contains(&self.most) && positive(self.travel) && positive(self.penetration)
+    }
+}
+
+impl std::str::FromStr for Adaptive {
+    type Err = ron::error::SpannedError;
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        ron::from_str(text)
+    }
+}
+
+macro_rules! knobs {
+    ($($name:ident: $type:ty = [$draft:expr, $standard:expr, $fine:expr, $reference:expr];)+) => {
+        impl Compute {
+            $(
+                /// What is in force: the option of this name, or what `accuracy` makes of it.
+                pub fn $name(&self) -> $type {
+                    self.$name.unwrap_or([$draft, $standard, $fine, $reference][self.accuracy as usize])
+                }
+            )+
+
+            /// Name and value in force of every option that `accuracy` decides, and whether it is set alone.
+            pub fn knobs(&self) -> Vec<(&'static str, String, bool)> {
+                let text = |value: Result<String, ron::Error>| value.unwrap_or_default();
+                vec![$((stringify!($name), text(ron::to_string(&self.$name())), self.$name.is_some()),)+]
+            }
+        }
+    };
+}
+
+/// Steps that may be longer than `dt`, up to so many times.
+const fn up_to(most: u64, travel: f64, penetration: f64) -> Adaptive {
+    Adaptive { most, travel, penetration }
+}
+
+const FIXED: Adaptive = up_to(1, 0.1, 1e-3);
+
+knobs! {
+    // draft, standard, fine, reference
+    adaptive: Adaptive = [up_to(16, 0.3, 1e-2), FIXED, FIXED, FIXED];
+    tol: f64 = [5e-2, 1e-2, 1e-3, 1e-5];
+    max_sweeps: u64 = [200, 10_000, 10_000, 100_000];
+    narrow_phase: NarrowPhase = [NarrowPhase::Fast, NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate];
+    gravity_error: f64 = [1e-2, 1e-3, 1e-4, 1e-6];
+    gravity_refresh: u64 = [8, 1, 1, 1];
+}

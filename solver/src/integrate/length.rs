@@ -1,0 +1,85 @@
+//! How long the next step is: `dt`, or several of them where little happens.
+//!
+//! Time goes in units of `dt`: steps, snapshots and the end of a run are counted in them, and a step of several units ends
+//! where as many steps of one would. From what the last step left, and so the same in a run that is taken up again:
+//!
+//! - neighbours pass each other by at most `travel` radii and half of what parts them;
+//! - what approaches overlaps, in the contact configuration, by at most `penetration` radii;
+//! - a body that turns freely does so by at most `travel` radians;
+//! - fifty steps make the shortest orbit;
+//! - a step is at most twice as long as the one before, and ends at snapshots, events and the end of the run.
+//!
+//! Detection looks twice as far as a step goes ([`GROWTH`]): so a pair that the next step could bring into contact is
+//! known when its length is chosen. Where imposed velocities or forces change in time, all steps are `dt`.
+
+use std::f64::consts::TAU;
+
+use rayon::prelude::*;
+
+use crate::gravity::fields::Outside;
+use crate::scene::Scene;
+use crate::state::{SolvedContact, State};
+
+/// Steps in the shortest orbit: an error of phase of 1e-3 an orbit.
+const OF_ORBIT: f64 = 50.0;
+
+/// How much longer a step may be than the one before; so much farther than the step goes detection looks.
+pub const GROWTH: u64 = 2;
+
+/// Units of `dt` in the next step. `disturbed`: something has changed velocities since the last one.
+pub fn units(scene: &Scene, state: &State, disturbed: bool) -> u64 {
+    let adaptive = scene.options.adaptive();
+    if !adaptive.is_on() || disturbed || scene.changes_in_time() {
+        return 1;
+    }
+    let dt = scene.options.dt;
+    let before = (state.h / dt).round().max(1.0);
+    let most = (GROWTH as f64 * before).min(adaptive.most as f64);
+    let of_contact = |contact: &SolvedContact| longest(scene, state, contact);
+    let contacts = state.contacts.par_iter().with_min_len(1024).map(of_contact).reduce(|| f64::INFINITY, f64::min);
+    let fastest = scene.turning.iter().map(|&i| state.w[i as usize].norm()).fold(0.0, f64::max);
+    let orbit = shortest_orbit(scene, state) / OF_ORBIT;
+    let wanted = contacts.min(adaptive.travel / fastest).min(orbit) / dt;
+    let wanted = (wanted.min(most) * (1.0 + 1e-12)).floor().max(1.0) as u64;
+    // The way to the next stop in equal parts.
+    let left = to_stop(scene, state).max(1);
+    left.div_ceil(left.div_ceil(wanted))
+}
+
+/// s that a pair near each other allows.
+fn longest(scene: &Scene, state: &State, solved: &SolvedContact) -> f64 {
+    let SolvedContact { contact, velocity, .. } = solved;
+    let adaptive = scene.options.adaptive();
+    let theta = scene.options.theta;
+    let sides = [contact.candidate, contact.antagonist].map(|i| &scene.bodies[i as usize]);
+    let radius = sides.iter().filter(|body| !body.driven).map(|body| body.radius).fold(f64::INFINITY, f64::min);
+    let gap = (contact.gap + theta * state.h * velocity.x).max(0.0);
+    let travel = (adaptive.travel * radius + 0.5 * gap) / velocity.norm();
+    let approach = (-velocity.x).max(0.0) * (1.0 - theta).max(0.1);
+    travel.min((adaptive.penetration * radius + gap) / approach)
+}
+
+/// Period of the fastest orbit there can be outside of bodies, s: in self-gravity, about primaries, of turning axes.
+fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
+    let about = |field: Outside| match field {
+        Outside::Turning { rate, .. } => TAU / rate.norm(),
+        Outside::Primary { strength, centre, .. } => {
+            let nearest =
+                scene.free.iter().map(|&i| (state.x[i as usize] - centre).norm()).fold(f64::INFINITY, f64::min);
+            TAU * (nearest.powi(3) / strength).sqrt()
+        }
+    };
+    let own = scene.surface_gravity().map_or(f64::INFINITY, |(radius, surface)| TAU * (radius / surface).sqrt());
+    scene.outside().into_iter().map(about).fold(own, f64::min)
+}
+
+/// Units up to the next snapshot, event or the end.
+fn to_stop(scene: &Scene, state: &State) -> u64 {
+    let every = scene.options.output_every;
+    let snapshot = every - state.step % every;
+    let end = scene.last_step().saturating_sub(state.step);
+    let event = scene.events.get(state.events_done).map_or(f64::INFINITY, |event| event.time - state.time);
+    // As slack as events themselves.
+    let event = (event / scene.options.dt - 1e-3).ceil().max(1.0) as u64;
+    snapshot.min(end).min(event)
+}
