@@ -227,7 +227,7 @@ fn laws() {
 #[test]
 fn values_of_flags() {
     let case = sound();
-    let refusals: [(&[&str], &str); 14] = [
+    let refusals: [(&[&str], &str); 15] = [
         (&["--dt", "0"], "dt: 0; expected a finite time step > 0 s"),
         (&["--dt", "-1e-3"], "dt: -0.001; expected a finite time step > 0 s"),
         (&["--dt", "nan"], "dt: NaN; expected a finite time step > 0 s"),
