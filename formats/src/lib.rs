@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`bodies`] | `DATBOX/BODIES.DAT`: shapes, materials, reference positions |
 //! | [`surface`] | the closed surfaces in it: faults, mass properties |
+//! | [`mass`] | the mass properties of its contactors, one by one and together |
 //! | [`bulk_behav`] | `DATBOX/BULK_BEHAV.DAT`: densities, uniform gravity |
 //! | [`tact_behav`] | `DATBOX/TACT_BEHAV.DAT`: contact laws, which pair of colours follows which |
 //! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities and forces |
@@ -26,6 +27,7 @@ pub mod drv_dof;
 pub mod error;
 pub mod fc3d;
 pub mod groups;
+pub mod mass;
 pub mod scan;
 pub mod snapshot;
 pub mod surface;

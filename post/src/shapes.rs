@@ -8,7 +8,7 @@ use cd_formats::bodies::{Bodies, Body, Shape};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::groups::Groups;
 use cd_formats::snapshot::{BodyArrays, SHAPE_PARTS};
-use cd_formats::surface::Surface;
+use cd_formats::surface::{MassProperties, Surface};
 use nalgebra::Matrix3;
 
 use crate::frame::Vec3;
@@ -29,12 +29,12 @@ pub struct Solid {
 const SIDES: u32 = 64;
 
 impl Solid {
-    /// A cylinder about the third axis, as a prism whose edges lie on it.
-    fn add_cylinder(&mut self, half_height: f64, radius: f64) {
+    /// A cylinder about the third axis, as a prism whose edges lie on it; `place` puts its points where they are.
+    fn add_cylinder(&mut self, half_height: f64, radius: f64, place: impl Fn(Vec3) -> Vec3) {
         let first = self.vertices.len() as u32;
         for k in 0..SIDES {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(SIDES)).sin_cos();
-            self.vertices.extend([-half_height, half_height].map(|z| Vec3::new(radius * cos, radius * sin, z)));
+            self.vertices.extend([-half_height, half_height].map(|z| place(Vec3::new(radius * cos, radius * sin, z))));
         }
         let lower = |k: u32| first + 2 * (k % SIDES);
         self.faces.extend((0..SIDES).map(|k| vec![lower(k), lower(k + 1), lower(k + 1) + 1, lower(k) + 1]));
@@ -88,30 +88,47 @@ fn read(file: &Path) -> Result<HashMap<u64, Option<Arc<Solid>>>, Faults> {
     faults.into_result(solids)
 }
 
-/// The polyhedra of a body as cd-solve has them: a lone one about its centre of mass, and without I1 I2 I3 in its
-/// principal axes; those of a cluster as they stand.
+/// The polyhedra of a body as cd-solve has them: a lone one about its centre of mass; without I1 I2 I3 all about the
+/// centre of mass of all contactors and in their principal axes; else as they stand.
 pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
+    let is_solid = |shape: &Shape| matches!(shape, Shape::Cylinder { .. } | Shape::Polyhedron { .. });
+    if !body.contactors.iter().any(|contactor| is_solid(&contactor.shape)) {
+        return Ok(None);
+    }
+    let lone = body.contactors.len() == 1;
+    let given = body.inertia.is_some_and(|moments| moments != [0.0; 3]);
+    let simple = lone && !matches!(body.contactors[0].shape, Shape::Polyhedron { .. });
+    let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
+    if !simple && (lone || !given) {
+        let of_each = body.contactors.iter().map(|contactor| contactor.mass_properties());
+        let of_each = of_each.collect::<Result<Vec<_>, _>>().map_err(|faults| faults.join("; "))?;
+        let properties = MassProperties::together(&of_each);
+        centre = properties.centre.into();
+        if !given {
+            axes = Matrix3::from_rows(&properties.principal().1.map(|axis| Vec3::from(axis).transpose()));
+        }
+    }
     let mut solid = Solid::default();
     for contactor in &body.contactors {
-        if let Shape::Cylinder { half_height, radius, .. } = contactor.shape {
-            solid.add_cylinder(half_height, radius);
-        }
-        let Shape::Polyhedron { vertices, triangles } = &contactor.shape else { continue };
-        let surface = Surface::new(vertices, triangles).map_err(|faults| faults.join("; "))?;
-        let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
-        if body.contactors.len() == 1 {
-            let properties = surface.mass_properties();
-            centre = properties.centre.into();
-            if body.inertia.is_none_or(|moments| moments == [0.0; 3]) {
-                axes = Matrix3::from_rows(&properties.principal().1.map(|axis| Vec3::from(axis).transpose()));
+        match &contactor.shape {
+            Shape::Cylinder { half_height, radius, .. } => {
+                // A lone one's frame is the body's.
+                let frame = contactor.local_frame.as_ref().filter(|_| !lone);
+                let turn = frame.map_or(Matrix3::identity(), |frame| Matrix3::from_fn(|i, j| frame.axes[j][i]));
+                let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());
+                solid.add_cylinder(*half_height, *radius, |v| axes * (turn * v + offset - centre));
             }
+            Shape::Polyhedron { vertices, triangles } => {
+                let surface = Surface::new(vertices, triangles).map_err(|faults| faults.join("; "))?;
+                let first = solid.vertices.len() as u32;
+                solid.vertices.extend(surface.vertices().iter().map(|&v| axes * (Vec3::from(v) - centre)));
+                let moved = |face: Vec<u32>| face.into_iter().map(|k| first + k).collect();
+                solid.faces.extend(faces(&surface).into_iter().map(moved));
+            }
+            _ => {}
         }
-        let first = solid.vertices.len() as u32;
-        solid.vertices.extend(surface.vertices().iter().map(|&v| axes * (Vec3::from(v) - centre)));
-        let moved = |face: Vec<u32>| face.into_iter().map(|k| first + k).collect();
-        solid.faces.extend(faces(&surface).into_iter().map(moved));
     }
-    Ok((!solid.faces.is_empty()).then_some(solid))
+    Ok(Some(solid))
 }
 
 /// Triangles that lie in one plane side by side make one polygon, where that has a single rim.
@@ -194,6 +211,26 @@ mod tests {
     fn without_inertia_the_longest_axis_comes_first() {
         let solid = solid(&body(0.0, None)).unwrap().unwrap();
         assert!(solid.vertices.iter().all(|v| (v.abs() - Vec3::new(3.0, 2.0, 1.0)).norm() < 1e-14));
+    }
+
+    #[test]
+    fn a_cluster_without_inertia_is_about_its_centre_in_its_principal_axes() {
+        let mut pair = body(0.0, None);
+        let mut other = pair.contactors[0].clone();
+        let Shape::Polyhedron { vertices, .. } = &mut other.shape else { unreachable!() };
+        vertices.iter_mut().for_each(|v| v[2] += 10.0);
+        pair.contactors.push(other);
+        // The longest axis first, then that of the middle moment.
+        let found = solid(&pair).unwrap().unwrap();
+        let mut along: Vec<f64> = found.vertices.iter().map(|v| v.x).collect();
+        along.sort_by(f64::total_cmp);
+        assert!(
+            along.iter().zip([-8.0, -2.0, 2.0, 8.0].iter().flat_map(|x| [x; 4])).all(|(x, y)| (x - y).abs() < 1e-13)
+        );
+        assert!(found.vertices.iter().all(|v| (v.y.abs() - 2.0).abs() < 1e-13 && (v.z.abs() - 1.0).abs() < 1e-13));
+        // With it, as it stands.
+        pair.inertia = Some([1.0; 3]);
+        assert!(solid(&pair).unwrap().unwrap().vertices.iter().any(|v| v.z == 13.0));
     }
 
     #[test]

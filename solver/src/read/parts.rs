@@ -32,9 +32,8 @@ struct Piece {
     centre: Vec3,
     axes: Quat,
     radius: f64,
-    volume: f64,
-    /// About its own centre, in the frame of the file, m^5.
-    inertia: Matrix3<f64>,
+    /// In the frame of the file.
+    mass: MassProperties,
     colour: u16,
 }
 
@@ -68,21 +67,22 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
     let given = record.inertia.filter(|inertia| !simple && inertia.iter().any(|i| *i != 0.0));
 
     // Where the centre of mass is, in the frame of the file.
-    let own_volume: f64 = pieces.iter().map(|piece| piece.volume).sum();
+    let of_pieces: Vec<MassProperties> = pieces.iter().map(|piece| piece.mass.clone()).collect();
+    let own = MassProperties::together(&of_pieces);
     let off_centre = matches!(record.contactors[0].shape, bodies::Shape::OffsetSphere { .. });
     let shift = match lone {
         true if off_centre => Vec3::zeros(),
         false if given.is_some() => Vec3::zeros(),
-        _ => pieces.iter().map(|piece| piece.centre * piece.volume).sum::<Vec3>() / own_volume,
+        _ => Vec3::from(own.centre),
     };
     pieces.iter_mut().for_each(|piece| piece.centre -= shift);
     let (inertia, axes) = match given {
         Some(inertia) => (inertia, Quat::identity()),
         // Of a lone sphere, plate or cylinder the axes are its own, so that its orientation keeps its meaning.
-        None if simple => (in_axes(&pieces[0].inertia, &pieces[0].axes), pieces[0].axes),
-        None => principal(&pieces.iter().map(about_centre_of_mass).sum()),
+        None if simple => (in_axes(&own.inertia.into(), &pieces[0].axes), pieces[0].axes),
+        None => principal(&own),
     };
-    let volume = if lone && avrd != 0.0 && !simple { 4.0 / 3.0 * PI * avrd.powi(3) } else { own_volume };
+    let volume = if lone && avrd != 0.0 && !simple { 4.0 / 3.0 * PI * avrd.powi(3) } else { own.volume };
     let mass = density * volume;
     let inertia = inertia.map(|i| density * i);
     if !(mass.is_finite() && mass > 0.0 && inertia.iter().all(|i| i.is_finite() && *i > 0.0)) {
@@ -127,7 +127,7 @@ fn piece(contactor: &Contactor, colours: &mut Vec<String>) -> Result<Piece, Refu
     let colour = colours.iter().position(|c| *c == contactor.colour).unwrap_or_else(|| {
         colours.push(contactor.colour.clone());
         colours.len() - 1
-    });
+    }) as u16;
     let (centre, axes) = match &contactor.local_frame {
         Some(LocalFrame { axes, offset }) => {
             let columns = Matrix3::from_fn(|i, j| axes[j][i]);
@@ -137,57 +137,37 @@ fn piece(contactor: &Contactor, colours: &mut Vec<String>) -> Result<Piece, Refu
         }
         None => (Vec3::zeros(), Quat::identity()),
     };
-    let ball = |radius: f64, centre: Vec3| {
-        let volume = 4.0 / 3.0 * PI * radius.powi(3);
-        let inertia = Matrix3::from_diagonal_element(0.4 * volume * radius * radius);
-        (Geometry::Sphere { radius }, centre, radius, volume, inertia)
-    };
-    let turned = |moments: [f64; 3]| {
-        let axes = axes.to_rotation_matrix();
-        axes * Matrix3::from_diagonal(&Vec3::from(moments)) * axes.transpose()
-    };
-    let (geometry, centre, radius, volume, inertia) = match &contactor.shape {
-        bodies::Shape::Sphere { radius } => ball(*radius, centre),
-        bodies::Shape::OffsetSphere { radius, offset } => ball(*radius, Vec3::from(*offset)),
-        bodies::Shape::Plane { half_lengths: [a, b, c] } => {
-            let volume = 8.0 * a * b * c;
-            let inertia = [b * b + c * c, a * a + c * c, a * a + b * b].map(|square| volume / 3.0 * square);
-            let half_lengths = Vec3::new(*a, *b, *c);
+    let refuse = |fault: String| (format!("contactor POLYR: {fault}"), "expected a closed convex surface".into());
+    let (geometry, centre, radius) = match &contactor.shape {
+        bodies::Shape::Sphere { radius } => (Geometry::Sphere { radius: *radius }, centre, *radius),
+        bodies::Shape::OffsetSphere { radius, offset } => {
+            (Geometry::Sphere { radius: *radius }, Vec3::from(*offset), *radius)
+        }
+        bodies::Shape::Plane { half_lengths } => {
+            let half_lengths = Vec3::from(*half_lengths);
             let geometry = Geometry::Plane { half_lengths, cuboid: Polyhedron::cuboid(&half_lengths) };
-            (geometry, centre, half_lengths.norm(), volume, turned(inertia))
+            (geometry, centre, half_lengths.norm())
         }
         bodies::Shape::Cylinder { half_height, radius, hollow } => {
             let (half_height, radius, hollow) = (*half_height, *radius, *hollow);
-            let volume = 2.0 * PI * radius * radius * half_height;
-            let across = volume * (radius * radius / 4.0 + half_height * half_height / 3.0);
-            let inertia = [across, across, volume * radius * radius / 2.0];
-            let geometry = Geometry::Cylinder { half_height, radius, hollow };
-            (geometry, centre, radius.hypot(half_height), volume, turned(inertia))
+            (Geometry::Cylinder { half_height, radius, hollow }, centre, radius.hypot(half_height))
         }
         bodies::Shape::Polyhedron { vertices, triangles } => {
-            let refuse =
-                |fault: String| (format!("contactor POLYR: {fault}"), "expected a closed convex surface".into());
             let surface = Surface::new(vertices, triangles).map_err(|faults| refuse(faults.join("; ")))?;
-            let properties = surface.mass_properties();
-            let centre = Vec3::from(properties.centre);
+            let mass = surface.mass_properties();
+            let centre = Vec3::from(mass.centre);
             let local: Vec<Vec3> = surface.vertices().iter().map(|v| Vec3::from(*v) - centre).collect();
             let shape = Polyhedron::with_flatness(&local, surface.triangles(), Polyhedron::FLATNESS_OF_FILES)
                 .map_err(refuse)?;
             let radius = shape.circumradius();
-            let inertia = Matrix3::from(properties.inertia);
-            (Geometry::Polyhedron(shape), centre, radius, properties.volume, inertia)
+            return Ok(Piece { geometry: Geometry::Polyhedron(shape), centre, axes, radius, mass, colour });
         }
         bodies::Shape::Point { .. } => {
             return Err(("contactor PT3Dx".into(), "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC".into()));
         }
     };
-    Ok(Piece { geometry, centre, axes, radius, volume, inertia, colour: colour as u16 })
-}
-
-/// Huygens' theorem; centres are relative to that of mass.
-fn about_centre_of_mass(piece: &Piece) -> Matrix3<f64> {
-    let d = piece.centre;
-    piece.inertia + (Matrix3::from_diagonal_element(d.norm_squared()) - d * d.transpose()) * piece.volume
+    let mass = contactor.mass_properties().map_err(|faults| refuse(faults.join("; ")))?;
+    Ok(Piece { geometry, centre, axes, radius, mass, colour })
 }
 
 fn in_axes(inertia: &Matrix3<f64>, axes: &Quat) -> [f64; 3] {
@@ -197,9 +177,8 @@ fn in_axes(inertia: &Matrix3<f64>, axes: &Quat) -> [f64; 3] {
 }
 
 /// Principal moments, ascending, and axes.
-fn principal(inertia: &Matrix3<f64>) -> ([f64; 3], Quat) {
-    let inertia = [0, 1, 2].map(|i| [0, 1, 2].map(|j| inertia[(i, j)]));
-    let (moments, axes) = MassProperties { volume: 0.0, centre: [0.0; 3], inertia }.principal();
+fn principal(mass: &MassProperties) -> ([f64; 3], Quat) {
+    let (moments, axes) = mass.principal();
     let columns = Matrix3::from_fn(|i, j| axes[j][i]);
     let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
     (moments, UnitQuaternion::from_rotation_matrix(&turn))

@@ -1,0 +1,103 @@
+//! Volume, centre and inertia of contactors, one by one and together on a body.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::bodies::{Contactor, Shape};
+use crate::surface::{MassProperties, Surface};
+
+impl Contactor {
+    /// In the frame of the file, at density 1; nothing of a point.
+    ///
+    /// Errors: what is wrong with the surface of a polyhedron.
+    pub fn mass_properties(&self) -> Result<MassProperties, Vec<String>> {
+        let (offset, axes) = match &self.local_frame {
+            Some(frame) => (frame.offset, Matrix3::from_fn(|i, j| frame.axes[j][i])),
+            None => ([0.0; 3], Matrix3::identity()),
+        };
+        let ball = |radius: f64, centre: [f64; 3]| {
+            let volume = 4.0 / 3.0 * PI * radius.powi(3);
+            let inertia = Matrix3::from_diagonal_element(0.4 * volume * radius * radius);
+            MassProperties { volume, centre, inertia: inertia.into() }
+        };
+        let turned = |volume: f64, moments: [f64; 3]| {
+            let inertia = axes * Matrix3::from_diagonal(&Vector3::from(moments)) * axes.transpose();
+            MassProperties { volume, centre: offset, inertia: inertia.into() }
+        };
+        Ok(match &self.shape {
+            Shape::Sphere { radius } => ball(*radius, offset),
+            Shape::OffsetSphere { radius, offset } => ball(*radius, *offset),
+            Shape::Plane { half_lengths: [a, b, c] } => {
+                let volume = 8.0 * a * b * c;
+                turned(volume, [b * b + c * c, a * a + c * c, a * a + b * b].map(|square| volume / 3.0 * square))
+            }
+            Shape::Cylinder { half_height, radius, .. } => {
+                let volume = 2.0 * PI * radius * radius * half_height;
+                let across = volume * (radius * radius / 4.0 + half_height * half_height / 3.0);
+                turned(volume, [across, across, volume * radius * radius / 2.0])
+            }
+            Shape::Polyhedron { vertices, triangles } => Surface::new(vertices, triangles)?.mass_properties(),
+            Shape::Point { offset } => MassProperties { volume: 0.0, centre: *offset, inertia: [[0.0; 3]; 3] },
+        })
+    }
+}
+
+impl MassProperties {
+    /// Of several parts as one body, by Huygens' theorem; what parts share counts twice.
+    pub fn together(parts: &[MassProperties]) -> MassProperties {
+        let volume: f64 = parts.iter().map(|part| part.volume).sum();
+        let centre = parts.iter().map(|part| Vector3::from(part.centre) * part.volume).sum::<Vector3<f64>>() / volume;
+        let about = |part: &MassProperties| {
+            let d = Vector3::from(part.centre) - centre;
+            Matrix3::from(part.inertia)
+                + (Matrix3::from_diagonal_element(d.norm_squared()) - d * d.transpose()) * part.volume
+        };
+        let inertia: Matrix3<f64> = parts.iter().map(about).sum();
+        MassProperties { volume, centre: centre.into(), inertia: inertia.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bodies::LocalFrame;
+
+    fn contactor(shape: Shape, local_frame: Option<LocalFrame>) -> Contactor {
+        Contactor { colour: "BLUEx".into(), shape, local_frame }
+    }
+
+    #[test]
+    fn a_dumbbell_of_balls() {
+        let balls = [1.0, -1.0].map(|side| Shape::OffsetSphere { radius: 0.5, offset: [3.0 * side + 1.0, 0.0, 2.0] });
+        let parts = balls.map(|ball| contactor(ball, None).mass_properties().unwrap());
+        let whole = MassProperties::together(&parts);
+        let volume = 4.0 / 3.0 * PI * 0.125;
+        let along = 2.0 * 0.4 * volume * 0.25;
+        let across = along + 2.0 * volume * 9.0;
+        // A few roundings of numbers up to 10.
+        assert!((whole.volume - 2.0 * volume).abs() < 1e-15);
+        assert!((Vector3::from(whole.centre) - Vector3::new(1.0, 0.0, 2.0)).norm() < 1e-15);
+        let expected = Matrix3::from_diagonal(&Vector3::new(along, across, across));
+        assert!((Matrix3::from(whole.inertia) - expected).norm() < 1e-14, "{whole:?}");
+    }
+
+    #[test]
+    fn a_plate_and_a_cylinder_lie_as_their_frames_say() {
+        // Third axis along x.
+        let frame = LocalFrame { axes: [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], offset: [0.0, 5.0, 0.0] };
+        let plate = contactor(Shape::Plane { half_lengths: [1.0, 2.0, 0.5] }, Some(frame.clone()));
+        let plate = plate.mass_properties().unwrap();
+        assert_eq!((plate.volume, plate.centre), (8.0, [0.0, 5.0, 0.0]));
+        let of = |a: f64, b: f64| 8.0 / 3.0 * (a * a + b * b);
+        // Half lengths 0.5 along x, 1 along y, 2 along z.
+        let expected = Matrix3::from_diagonal(&Vector3::new(of(1.0, 2.0), of(0.5, 2.0), of(0.5, 1.0)));
+        assert!((Matrix3::from(plate.inertia) - expected).norm() < 1e-14);
+        let cylinder = Shape::Cylinder { half_height: 3.0, radius: 2.0, hollow: false };
+        let cylinder = contactor(cylinder, Some(frame)).mass_properties().unwrap();
+        let volume = 24.0 * PI;
+        let across = volume * (1.0 + 3.0);
+        let expected = Matrix3::from_diagonal(&Vector3::new(volume * 2.0, across, across));
+        assert!((Matrix3::from(cylinder.inertia) - expected).norm() < 1e-12);
+    }
+}
