@@ -33,6 +33,7 @@ use derive::Row;
 use derive::energy::Summation;
 use frame::Frame;
 use write::display;
+use write::picture::Shade;
 
 /// Measures the snapshots of a case and draws them.
 ///
@@ -211,7 +212,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
 /// The files that name others (`series.csv`, `*.pvd`) are written last: if a snapshot is
 /// refused, they are those of before.
 pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
-    let (rows, last) = series(options)?;
+    let (rows, frames) = series(options)?;
+    let last = frames.last().expect("the last snapshot is taken");
     let postpro = options.dir.join("POSTPRO");
     atomic::write(&postpro.join("series.csv"), write::series::text(&rows).as_bytes())?;
     tell(format_args!("cd-post: {} snapshots of {}", rows.len(), options.dir.join("OUTBOX").display()));
@@ -220,26 +222,31 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
         for plot in &write::plots::PLOTS {
             atomic::write(&postpro.join(plot.file), plot.figure(&rows).svg().as_bytes())?;
         }
-        atomic::write(&postpro.join("aggregate.svg"), write::picture::svg(&last).as_bytes())?;
+        let picture = |shade| write::picture::svg(last, shade);
+        atomic::write(&postpro.join("aggregate.svg"), picture(Shade::Neighbours).as_bytes())?;
+        atomic::write(&postpro.join("aggregate_energy.svg"), picture(Shade::KineticEnergy).as_bytes())?;
+        let frames: Vec<&Frame> = frames.iter().collect();
+        atomic::write(&postpro.join("snapshots.svg"), write::picture::snapshots(&frames).as_bytes())?;
         tell(format_args!("  plots    {}", postpro.join("*.svg").display()));
     }
     if !options.no_vtk {
-        finish_display(&options.dir, &rows, &last)?;
+        finish_display(&options.dir, &rows, last)?;
         tell(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("grains.pvd").display()));
     }
     Ok(notes(&rows))
 }
 
-/// A row for each snapshot that is taken, and the last frame; writes the ParaView files by the way.
+/// A row for each snapshot that is taken, and the frames for pictures, the last one at the end; writes the ParaView files
+/// by the way.
 ///
 /// Snapshots go through in batches of as many as there are threads, so memory holds no more than these.
-fn series(options: &Options) -> Result<(Vec<Row>, Frame), Faults> {
+fn series(options: &Options) -> Result<(Vec<Row>, Vec<Frame>), Faults> {
     let outbox = options.dir.join("OUTBOX");
     let selected = select(&outbox, options.every)?;
     let bar = progress(selected.len());
     let summation = if options.direct_gravity { Summation::Direct } else { Summation::Fast };
     let mut rows = Vec::with_capacity(selected.len());
-    let mut last = None;
+    let mut pictured = Vec::new();
     for batch in selected.chunks(rayon::current_num_threads()) {
         let measured: Vec<Result<(Frame, Row), Faults>> = batch
             .par_iter()
@@ -255,15 +262,22 @@ fn series(options: &Options) -> Result<(Vec<Row>, Frame), Faults> {
         let mut faults = Faults::default();
         for result in measured {
             if let Some((frame, row)) = faults.gather(result) {
+                if in_pictures(rows.len(), selected.len()) {
+                    pictured.push(frame);
+                }
                 rows.push(row);
-                last = Some(frame);
             }
         }
         faults.into_result(())?;
         bar.inc(batch.len() as u64);
     }
     bar.finish_and_clear();
-    Ok((rows, last.expect("select gives at least one")))
+    Ok((rows, pictured))
+}
+
+/// Whether snapshot `k` of `count` is one of those that are drawn: the first, the last and two between.
+fn in_pictures(k: usize, count: usize) -> bool {
+    (0..=3).any(|third| (count - 1) * third / 3 == k)
 }
 
 /// The snapshots to take: every `every`th, and the last.

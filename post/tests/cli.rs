@@ -64,12 +64,14 @@ fn writes_series_plots_picture_and_paraview_files() {
         names(&case.path().join("POSTPRO")),
         [
             "aggregate.svg",
+            "aggregate_energy.svg",
             "coordination.svg",
             "dissipation.svg",
             "energy.svg",
             "pressure.svg",
             "semi_axes.svg",
             "series.csv",
+            "snapshots.svg",
             "solid_fraction.svg"
         ]
     );

@@ -52,9 +52,10 @@ const CAPTIONS: [(&str, &str); 6] = [
 /// Measures the case as cd-post does without ParaView files, and writes `POSTPRO/report.html`.
 pub fn write(dir: &Path, every: u32) -> Result<PathBuf, Faults> {
     let options = Options { dir: dir.to_path_buf(), every, no_plots: true, no_vtk: true, ..Options::default() };
-    let (rows, last) = series(&options)?;
+    let (rows, frames) = series(&options)?;
+    let last = frames.last().expect("the last snapshot is taken");
     let path = dir.join("POSTPRO/report.html");
-    atomic::write(&path, page(dir, &rows, &last).as_bytes())?;
+    atomic::write(&path, page(dir, &rows, last).as_bytes())?;
     Ok(path)
 }
 
@@ -106,7 +107,7 @@ fn page(dir: &Path, rows: &[Row], last: &Frame) -> String {
         }
         // Its gradients have names that only one picture of a page may use.
         put(&figure(
-            &write::picture::svg(last),
+            &write::picture::svg(last, write::picture::Shade::Neighbours),
             "Grains by their contacts, from the front, a little from the right and above.",
         ));
         put("</div>\n");

@@ -5,7 +5,7 @@
 //! | [`series`] | `POSTPRO/series.csv` |
 //! | [`plots`] | `POSTPRO/*.svg`, the main columns against time |
 //! | [`figure`] | none: curves in a plot, as SVG |
-//! | [`picture`] | `POSTPRO/aggregate.svg`, the last state |
+//! | [`picture`] | `POSTPRO/aggregate.svg`, `aggregate_energy.svg`, the last state; `snapshots.svg`, four |
 //! | [`display`] | `DISPLAY/*.vtp` and `*.pvd` |
 //! | [`map`] | `POSTPRO/state-NNNNNN/surface_*.svg` |
 //! | [`scale`] | none: units and round numbers for the eye |

@@ -1,13 +1,16 @@
-//! `POSTPRO/aggregate.svg`: a quick picture of one state, for ParaView is not always at hand.
+//! `POSTPRO/aggregate.svg`, `aggregate_energy.svg`, `snapshots.svg`: quick pictures of states, for ParaView is not always
+//! at hand.
 //!
 //! Spheres as shaded circles, polyhedra by their faces, far ones first, in parallel projection, coloured by the
-//! neighbours that they touch with force. SVG written as text, since gradients make the spheres.
+//! neighbours that they touch with force or by their kinetic energy. SVG written as text, since gradients make the
+//! spheres.
 
 use std::fmt::Write;
 
 use nalgebra::Rotation3;
 
 use crate::derive::coordination::neighbour_counts;
+use crate::derive::energy::kinetic;
 use crate::frame::{Frame, Grain, Vec3};
 use crate::write::scale::{prefixed, round_below, significant};
 
@@ -20,6 +23,100 @@ const ROOM: f64 = 50.0;
 
 /// Counts from here on share a colour.
 const MOST: u32 = 10;
+/// Colours of a picture by energy, each for half a power of ten, down from the largest.
+const STEPS_OF_ENERGY: u32 = 10;
+
+/// What colours the grains.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shade {
+    /// Neighbours that they touch with force.
+    Neighbours,
+    /// Of translation and rotation.
+    KineticEnergy,
+}
+
+/// Classes of colours, from 0, with a label each.
+struct Scale {
+    shade: Shade,
+    /// J
+    largest: f64,
+    labels: Vec<String>,
+}
+
+impl Scale {
+    /// For these states together.
+    fn of(shade: Shade, frames: &[&Frame]) -> Self {
+        let grains = || frames.iter().flat_map(|frame| &frame.grains);
+        match shade {
+            Shade::Neighbours => {
+                let most = frames.iter().flat_map(|frame| neighbour_counts(frame)).max().unwrap_or(0).min(MOST);
+                let label = |count: u32| format!("{count}{}", if count == MOST { "+" } else { "" });
+                Scale { shade, largest: 0.0, labels: (0..=most).map(label).collect() }
+            }
+            Shade::KineticEnergy => {
+                let largest = grains().map(energy).fold(0.0, f64::max);
+                let label = |class: u32| match class {
+                    0 => "less".to_string(),
+                    _ => {
+                        let from = largest * 10f64.powf(-0.5 * f64::from(STEPS_OF_ENERGY + 1 - class));
+                        let (factor, unit) = prefixed(from, "J");
+                        format!("{:.3} {unit}", from / factor)
+                    }
+                };
+                let labels =
+                    if largest > 0.0 { (0..=STEPS_OF_ENERGY).map(label).collect() } else { vec!["0 J".into()] };
+                Scale { shade, largest, labels }
+            }
+        }
+    }
+
+    fn most(&self) -> u32 {
+        self.labels.len() as u32 - 1
+    }
+
+    /// The class of each grain.
+    fn classes(&self, frame: &Frame) -> Vec<u32> {
+        match self.shade {
+            Shade::Neighbours => neighbour_counts(frame).into_iter().map(|count| count.min(self.most())).collect(),
+            Shade::KineticEnergy => {
+                let class = |grain: &Grain| {
+                    let share = energy(grain) / self.largest;
+                    let down = (-2.0 * share.log10()).floor();
+                    // NaN without any energy, infinite without this one's.
+                    if down < f64::from(self.most()) { self.most() - down.max(0.0) as u32 } else { 0 }
+                };
+                frame.grains.iter().map(class).collect()
+            }
+        }
+    }
+
+    /// The colours beside a picture, with their labels.
+    fn draw(&self, left: f64, put: &mut impl FnMut(String)) {
+        let most = self.most();
+        let title = match self.shade {
+            Shade::Neighbours => "neighbours",
+            Shade::KineticEnergy => "kinetic energy",
+        };
+        put(format!("<text x=\"{left}\" y=\"{MARGIN}\">{title}</text>"));
+        if self.shade == Shade::KineticEnergy {
+            put(format!("<text x=\"{left}\" y=\"{}\">from</text>", MARGIN + 18.0));
+        }
+        for (class, label) in (0..).zip(&self.labels) {
+            let y = MARGIN + 25.0 + 22.0 * f64::from(most - class);
+            let [r, g, b] = colour(class, most);
+            put(format!(
+                "<rect x=\"{left}\" y=\"{y}\" width=\"18\" height=\"22\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"/>"
+            ));
+            put(format!("<text x=\"{}\" y=\"{}\">{label}</text>", left + 26.0, y + 16.0));
+        }
+    }
+}
+
+/// Of translation and rotation, J.
+fn energy(grain: &Grain) -> f64 {
+    let (translation, rotation) = kinetic(grain);
+    translation + rotation
+}
 
 /// Viridis at 0, 1/4, 1/2, 3/4, 1 (Smith & van der Walt 2015), a little lighter at its dark end.
 pub(crate) const COLOURS: [[f64; 3]; 5] =
@@ -39,7 +136,7 @@ struct Disc {
     filled: f64,
     /// Larger is farther.
     depth: f64,
-    count: u32,
+    class: u32,
     /// The faces of a polyhedron that can be seen.
     faces: Vec<Face>,
 }
@@ -54,42 +151,81 @@ struct Face {
     light: f64,
 }
 
-/// The text of the SVG file.
+/// The text of the SVG file of one state.
 ///
 /// Seen from the front, a little from the right and from above; z points up. The scale is set by
 /// most of the grains: at most one in twenty, far off the others, are left out, and a line says so.
-pub fn svg(frame: &Frame) -> String {
-    let (discs, scale) = project(frame);
+pub fn svg(frame: &Frame, shade: Shade) -> String {
+    let mut text = head(SIDE + STRIP, SIDE);
+    let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
+    let scale = Scale::of(shade, &[frame]);
+    draw(frame, &scale, 0, &mut put);
+    scale.draw(SIDE + 20.0, &mut put);
+    put("</svg>".into());
+    text
+}
+
+/// The text of the SVG file of several states side by side: above by kinetic energy, below by neighbours, each row on
+/// one scale of colours.
+pub fn snapshots(frames: &[&Frame]) -> String {
+    const SMALL: f64 = 0.5 * SIDE;
+    let wide = SMALL * frames.len() as f64;
+    let mut text = head(wide + STRIP, 2.0 * SMALL);
+    let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
+    for (row, shade) in [Shade::KineticEnergy, Shade::Neighbours].into_iter().enumerate() {
+        let scale = Scale::of(shade, frames);
+        let top = SMALL * row as f64;
+        for (column, frame) in frames.iter().enumerate() {
+            put(format!(
+                "<svg x=\"{}\" y=\"{top}\" width=\"{SMALL}\" height=\"{SMALL}\" viewBox=\"0 0 {SIDE} {SIDE}\" font-size=\"24\">",
+                SMALL * column as f64
+            ));
+            draw(frame, &scale, row * frames.len() + column, &mut put);
+            put("</svg>".into());
+        }
+        put(format!("<g transform=\"translate(0 {top})\">"));
+        scale.draw(wide + 10.0, &mut put);
+        put("</g>".into());
+    }
+    put("</svg>".into());
+    text
+}
+
+fn head(width: f64, height: f64) -> String {
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+         viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"14\" fill=\"#3c3c3c\">\n\
+         <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
+    )
+}
+
+/// One state on a square; `number` tells it from others of the same file.
+fn draw(frame: &Frame, scale: &Scale, number: usize, put: &mut impl FnMut(String)) {
+    let most = scale.most();
+    let (discs, pixels) = project(frame, &scale.classes(frame));
     let (inside, outside): (Vec<Disc>, Vec<Disc>) = discs.into_iter().partition(|disc| {
         let within = |c: f64| c > -disc.radius && c < SIDE + disc.radius;
         within(disc.x) && within(disc.y)
     });
-    let most = inside.iter().map(|disc| disc.count.min(MOST)).max().unwrap_or(0);
-    let mut text = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{SIDE}\" viewBox=\"0 0 {0} {SIDE}\" \
-         font-family=\"sans-serif\" font-size=\"14\" fill=\"#3c3c3c\">\n<rect width=\"{0}\" height=\"{SIDE}\" fill=\"white\"/>\n",
-        SIDE + STRIP
-    );
-    let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
     put("<defs>".into());
-    for count in 0..=most {
-        put(gradient(count, most));
+    for class in 0..=most {
+        put(gradient(number, class, most));
     }
-    put(format!("<clipPath id=\"frame\"><rect width=\"{SIDE}\" height=\"{SIDE}\"/></clipPath>\n</defs>"));
-    put("<g clip-path=\"url(#frame)\" stroke=\"black\" stroke-opacity=\"0.35\" stroke-width=\"0.5\" \
+    put(format!("<clipPath id=\"frame{number}\"><rect width=\"{SIDE}\" height=\"{SIDE}\"/></clipPath>\n</defs>"));
+    put(format!(
+        "<g clip-path=\"url(#frame{number})\" stroke=\"black\" stroke-opacity=\"0.35\" stroke-width=\"0.5\" \
          stroke-linejoin=\"round\">"
-        .into());
+    ));
     // Spheres as a whole and faces by themselves: those of touching polyhedra of any size then come in their order.
     let mut shapes: Vec<(f64, String)> = Vec::new();
     for disc in visible(inside) {
-        let Disc { x, y, radius, count, faces, .. } = disc;
-        let count = count.min(MOST);
+        let Disc { x, y, radius, class, faces, .. } = disc;
         if faces.is_empty() {
-            let circle = format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" fill=\"url(#c{count})\"/>");
-            shapes.push((disc.depth, circle));
+            let fill = format!("fill=\"url(#c{number}-{class})\"");
+            shapes.push((disc.depth, format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" {fill}/>")));
         }
         for Face { corners, depth, light } in faces {
-            let [r, g, b] = lit(colour(count, most), light);
+            let [r, g, b] = lit(colour(class, most), light);
             let corners: Vec<String> = corners.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
             let fill = format!("fill=\"rgb({r:.0},{g:.0},{b:.0})\"");
             shapes.push((depth, format!("<polygon points=\"{}\" {fill}/>", corners.join(" "))));
@@ -98,24 +234,12 @@ pub fn svg(frame: &Frame) -> String {
     shapes.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     shapes.into_iter().for_each(|(_, shape)| put(shape));
     put("</g>".into());
-    // Colour bar.
-    put(format!("<text x=\"{}\" y=\"{MARGIN}\">neighbours</text>", SIDE + 20.0));
-    for count in 0..=most {
-        let y = MARGIN + 15.0 + 22.0 * f64::from(most - count);
-        let [r, g, b] = colour(count, most);
-        put(format!(
-            "<rect x=\"{}\" y=\"{y}\" width=\"18\" height=\"22\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"/>",
-            SIDE + 20.0
-        ));
-        let more = if count == MOST { "+" } else { "" };
-        put(format!("<text x=\"{}\" y=\"{}\">{count}{more}</text>", SIDE + 46.0, y + 16.0));
-    }
     // Scale bar.
-    if scale.is_finite() {
-        let length = round_below(SIDE / 5.0 / scale);
+    if pixels.is_finite() {
+        let length = round_below(SIDE / 5.0 / pixels);
         let (factor, unit) = prefixed(length, "m");
         let (left, bottom) = (MARGIN, SIDE - MARGIN);
-        put(format!("<path d=\"M{left} {bottom}h{:.2}\" stroke=\"black\" stroke-width=\"4\"/>", length * scale));
+        put(format!("<path d=\"M{left} {bottom}h{:.2}\" stroke=\"black\" stroke-width=\"4\"/>", length * pixels));
         put(format!("<text x=\"{left}\" y=\"{}\">{:.0} {unit}</text>", bottom - 10.0, length / factor));
     }
     put(format!(
@@ -126,16 +250,14 @@ pub fn svg(frame: &Frame) -> String {
     if !outside.is_empty() {
         put(format!(
             "<text x=\"{MARGIN}\" y=\"{}\">{} of them outside the picture</text>",
-            MARGIN + 20.0,
+            2.0 * MARGIN,
             outside.len()
         ));
     }
-    put("</svg>".into());
-    text
 }
 
 /// The grains on the picture's plane, and pixels per metre (NaN without grains).
-fn project(frame: &Frame) -> (Vec<Disc>, f64) {
+fn project(frame: &Frame, classes: &[u32]) -> (Vec<Disc>, f64) {
     let view = Rotation3::from_axis_angle(&Vec3::x_axis(), 0.35) * Rotation3::from_axis_angle(&Vec3::z_axis(), -0.5);
     let seen: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
     if seen.is_empty() {
@@ -156,7 +278,7 @@ fn project(frame: &Frame) -> (Vec<Disc>, f64) {
     let half = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95));
     let scale = (SIDE / 2.0 - ROOM) / half;
     let at = |seen: &Vec3| [SIDE / 2.0 + scale * (seen.x - x), SIDE / 2.0 - scale * (seen.z - z)];
-    let disc = |((seen, grain), count): ((&Vec3, &Grain), u32)| {
+    let disc = |((seen, grain), &class): ((&Vec3, &Grain), &u32)| {
         let [x, y] = at(seen);
         let (mut filled, mut faces) = (grain.reach(), Vec::new());
         if let Some(solid) = &grain.solid {
@@ -172,9 +294,9 @@ fn project(frame: &Frame) -> (Vec<Disc>, f64) {
                 }
             }
         }
-        Disc { x, y, radius: scale * grain.reach(), filled: scale * filled, depth: seen.y, count, faces }
+        Disc { x, y, radius: scale * grain.reach(), filled: scale * filled, depth: seen.y, class, faces }
     };
-    (seen.iter().zip(&frame.grains).zip(neighbour_counts(frame)).map(disc).collect(), scale)
+    (seen.iter().zip(&frame.grains).zip(classes).map(disc).collect(), scale)
 }
 
 /// Unit normal of a polygon whose corners are counter-clockwise seen from outside.
@@ -220,23 +342,23 @@ fn visible(mut discs: Vec<Disc>) -> Vec<Disc> {
     discs
 }
 
-/// Red, green, blue of a count among 0 to `most`.
-fn colour(count: u32, most: u32) -> [f64; 3] {
-    let place = f64::from(count) / f64::from(most.max(1)) * (COLOURS.len() - 1) as f64;
+/// Red, green, blue of a class among 0 to `most`.
+fn colour(class: u32, most: u32) -> [f64; 3] {
+    let place = f64::from(class) / f64::from(most.max(1)) * (COLOURS.len() - 1) as f64;
     let low = (place as usize).min(COLOURS.len() - 2);
     let share = place - low as f64;
     std::array::from_fn(|k| (1.0 - share) * COLOURS[low][k] + share * COLOURS[low + 1][k])
 }
 
 /// Light from the upper left: the colour, lighter there and darker at the far rim.
-fn gradient(count: u32, most: u32) -> String {
-    let base = colour(count, most);
+fn gradient(number: usize, class: u32, most: u32) -> String {
+    let base = colour(class, most);
     let mix = |towards: f64, share: f64| {
         let [r, g, b] = base.map(|c| (1.0 - share) * c + share * towards);
         format!("rgb({r:.0},{g:.0},{b:.0})")
     };
     format!(
-        "<radialGradient id=\"c{count}\" cx=\"0.38\" cy=\"0.34\" r=\"0.72\"><stop offset=\"0\" stop-color=\"{}\"/>\
+        "<radialGradient id=\"c{number}-{class}\" cx=\"0.38\" cy=\"0.34\" r=\"0.72\"><stop offset=\"0\" stop-color=\"{}\"/>\
          <stop offset=\"0.5\" stop-color=\"{}\"/><stop offset=\"1\" stop-color=\"{}\"/></radialGradient>",
         mix(255.0, 0.6),
         mix(0.0, 0.0),
@@ -252,8 +374,8 @@ mod tests {
     #[test]
     fn what_is_hidden_is_left_out_and_what_peeps_out_is_not() {
         let disc = |x: f64, radius: f64, depth: f64| {
-            let (y, filled, count, faces) = (400.0, radius, 0, vec![]);
-            Disc { x, y, radius, filled, depth, count, faces }
+            let (y, filled, class, faces) = (400.0, radius, 0, vec![]);
+            Disc { x, y, radius, filled, depth, class, faces }
         };
         let (front, hidden, peeping) = (disc(400.0, 100.0, 0.0), disc(410.0, 50.0, 1.0), disc(480.0, 40.0, 2.0));
         assert_eq!(visible(vec![hidden, front.clone(), peeping.clone()]), [peeping, front]);
@@ -263,13 +385,39 @@ mod tests {
     fn of_a_cube_three_faces_are_seen_and_the_upper_is_the_brightest() {
         let mut scene = Scene::default();
         scene.cube([0.0; 3], 1.0);
-        let (discs, scale) = project(&scene.frame());
+        let (discs, scale) = project(&scene.frame(), &[0]);
         assert_eq!(discs[0].faces.len(), 3);
         assert!((discs[0].filled / scale - 1.0).abs() < 1e-14 && (discs[0].radius / scale - 3f64.sqrt()).abs() < 1e-14);
         let height = |corners: &[[f64; 2]]| corners.iter().map(|[_, y]| y).sum::<f64>() / 4.0;
         let brightest = discs[0].faces.iter().max_by(|a, b| a.light.total_cmp(&b.light)).unwrap();
         assert!(discs[0].faces.iter().all(|face| height(&face.corners) >= height(&brightest.corners)));
-        assert_eq!(svg(&scene.frame()).matches("<polygon").count(), 3);
+        assert_eq!(svg(&scene.frame(), Shade::Neighbours).matches("<polygon").count(), 3);
+    }
+
+    #[test]
+    fn energies_are_told_by_halves_of_powers_of_ten() {
+        let mut scene = Scene::default();
+        for (k, v) in [8.0, 8.0 / 2.0, 8.0 / 90.0, 0.0].into_iter().enumerate() {
+            let grain = scene.grain([3.0 * k as f64, 0.0, 0.0], 1.0);
+            scene.snapshot.bodies.body_mass[grain] = 2.0;
+            scene.snapshot.bodies.body_v[grain] = [v, 0.0, 0.0];
+        }
+        let frame = scene.frame();
+        let scale = Scale::of(Shade::KineticEnergy, &[&frame]);
+        // A quarter is in the second class from above, 1/8100 in the eighth.
+        assert_eq!(scale.classes(&frame), [10, 9, 3, 0]);
+        assert_eq!(scale.labels.last().unwrap(), "20.239 J");
+        let text = svg(&frame, Shade::KineticEnergy);
+        assert!(text.contains("kinetic energy") && text.contains("20.239 J"));
+        // Of several states the fastest sets the scale, and ids are told apart.
+        let mut slower = scene.frame();
+        slower.grains.iter_mut().for_each(|grain| grain.v *= 0.11);
+        let scale = Scale::of(Shade::KineticEnergy, &[&frame, &slower]);
+        assert_eq!(scale.classes(&slower), [7, 5, 0, 0]);
+        let text = snapshots(&[&frame, &slower]);
+        assert_eq!((text.matches("id=\"c3-0\"").count(), text.matches("</svg>").count()), (1, 5));
+        let at_rest = Scale::of(Shade::KineticEnergy, &[&Scene::default().frame()]);
+        assert_eq!((at_rest.most(), at_rest.labels.len()), (0, 1));
     }
 
     #[test]
@@ -277,9 +425,9 @@ mod tests {
         // A sphere of 1 m fills the picture but for the room around.
         let mut scene = Scene::default();
         scene.grain([0.0, 0.0, 0.0], 1.0);
-        let (discs, scale) = project(&scene.frame());
+        let (discs, scale) = project(&scene.frame(), &[0]);
         assert!((discs[0].radius - (SIDE / 2.0 - ROOM)).abs() < 1e-9);
-        let text = svg(&scene.frame());
+        let text = svg(&scene.frame(), Shade::Neighbours);
         let bar = text.split("<path d=\"M30 770h").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
         assert_eq!(bar, format!("{:.2}", 0.2 * scale)); // 160 pixels are 0.46 m
         assert!(text.contains(">200 mm<"));
@@ -292,13 +440,13 @@ mod tests {
             scene.grain([(k % 10) as f64, (k / 10) as f64, 0.0], 0.5);
         }
         scene.grain([1e9, 0.0, 0.0], 0.5);
-        assert!(svg(&scene.frame()).contains("1 of them outside the picture"));
-        assert!(project(&scene.frame()).1 > 20.0);
+        assert!(svg(&scene.frame(), Shade::KineticEnergy).contains("1 of them outside the picture"));
+        assert!(project(&scene.frame(), &[0; 101]).1 > 20.0);
     }
 
     #[test]
     fn nothing_is_drawn_of_nothing() {
-        let text = svg(&Scene::default().frame());
+        let text = svg(&Scene::default().frame(), Shade::KineticEnergy);
         assert!(text.contains("grains: 0") && !text.contains("NaN"));
     }
 }
