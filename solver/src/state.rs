@@ -8,6 +8,10 @@ use crate::laws::Law;
 use crate::math::{Quat, Vec3, local_frame};
 use crate::scene::Scene;
 
+/// First feature of a contact of polyhedra that a text file tells without its features; the second is a running number.
+/// In the next step it is the nearest contact of the same contactors.
+pub const UNKNOWN: u32 = u32::MAX;
+
 /// A contact found in the contact configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {

@@ -11,7 +11,7 @@ use crate::integrate::Configuration;
 use crate::laws::{Approach, Rolling};
 use crate::math::{Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Scene, Shape};
-use crate::state::{Bonding, Contact, SolvedContact, State, Status};
+use crate::state::{Bonding, Contact, SolvedContact, State, Status, UNKNOWN};
 
 /// What a sweep reads and writes of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -202,7 +202,28 @@ fn history(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<u32>> {
             })
             .collect::<Vec<_>>()
     };
-    contacts.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat()
+    let mut found = contacts.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat();
+    if before.iter().any(|old| old.contact.features.0 == UNKNOWN) {
+        by_place(before, contacts, &mut found);
+    }
+    found
+}
+
+/// Gives contacts that were not found the nearest of those of the same contactors whose features are not known, each once.
+fn by_place(before: &[SolvedContact], contacts: &[Contact], found: &mut [Option<u32>]) {
+    let mut taken = vec![false; before.len()];
+    for (contact, found) in contacts.iter().zip(found).filter(|(_, found)| found.is_none()) {
+        let (candidate, antagonist, ranks, _) = contact.key();
+        let from = before.partition_point(|old| old.contact.key() < (candidate, antagonist, ranks, (UNKNOWN, 0)));
+        let same = |old: &SolvedContact| old.contact.key() <= (candidate, antagonist, ranks, (UNKNOWN, u32::MAX));
+        let far = |k: &usize| (before[*k].contact.point - contact.point).norm();
+        let of_pair = (from..before.len()).take_while(|&k| same(&before[k]));
+        let nearest = of_pair.filter(|&k| !taken[k]).min_by(|i, j| far(i).total_cmp(&far(j)));
+        if let Some(k) = nearest {
+            taken[k] = true;
+            *found = Some(k as u32);
+        }
+    }
 }
 
 /// What the rows are made from.

@@ -11,10 +11,13 @@ use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 use crate::laws::{Cohesion, KINDS, Law};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
 use crate::scene::{Body, Geometry, Part, Scene, See, Shape, Visibility};
-use crate::state::{Contact, SolvedContact, Status};
+use crate::state::{Contact, SolvedContact, Status, UNKNOWN};
 
 /// Names of the contactors that are told apart by the visibility table.
 const CONTACTORS: [[&str; 2]; 5] = [["SPHER", "SPHEb"], ["PLANx"; 2], ["POLYR"; 2], ["CYLND"; 2], ["DNLYC"; 2]];
+
+/// By kind of contactor, in the order of [`CONTACTORS`]: the lower is the candidate.
+const CANDIDACY: [u8; 5] = [0, 3, 1, 2, 2];
 
 fn kind_of(geometry: &Geometry) -> usize {
     match geometry {
@@ -107,14 +110,6 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
         let (Some(a), Some(b), Some(law)) = (class_of(&row.candidate), class_of(&row.antagonist), law) else {
             continue;
         };
-        let kinds = [a, b].map(|class| CONTACTORS[class / colours][0]);
-        let cylinder = kinds.contains(&"CYLND");
-        let concerns = |class: usize| scene.parts.iter().any(|part| part.class as usize == class);
-        if kinds.contains(&"POLYR") && cylinder && concerns(a) && concerns(b) {
-            let found = format!("{} and {} see each other", kinds[0], kinds[1]);
-            let expected = "expected no such row: contacts of polyhedra with solid cylinders are not computed";
-            faults.push(Fault::new(&file, Some(row.line), "see", found, expected));
-        }
         let see = See { law, alert: scene.options.alert.unwrap_or(row.alert) };
         table[a * classes + b] = Some(see);
         table[b * classes + a] = Some(see);
@@ -124,6 +119,18 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
     let range = |see: &See| see.alert.max(scene.laws[see.law as usize].range(largest));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
     scene.visibility = Visibility { classes, table };
+}
+
+/// Tells, where the state is also written as text, of contacts for which LMGC90 has no kind.
+pub fn check_text(scene: &mut Scene) {
+    let polyhedra = scene.parts.iter().filter(|part| matches!(part.geometry, Geometry::Polyhedron(_)));
+    let of_polyhedra: Vec<u16> = polyhedra.map(|part| part.class).collect();
+    let cylinders = scene.parts.iter().filter(|part| matches!(part.geometry, Geometry::Cylinder { .. }));
+    let sees = |part: &Part| of_polyhedra.iter().any(|&class| scene.visibility.see(class, part.class).is_some());
+    if scene.options.text && cylinders.into_iter().any(sees) {
+        let note = "Vloc_Rloc.OUT.k: contacts of polyhedra with cylinders are written as PRPRx: LMGC90 has none such";
+        scene.notes.push(note.into());
+    }
 }
 
 /// Refuses events about laws that no contact has, or about a cohesion that a law does not have.
@@ -148,18 +155,19 @@ pub fn check_events(scene: &Scene, faults: &mut Faults) {
     }
 }
 
-/// The contacts of Vloc_Rloc.INI that this scene can have, to start the first step from.
+/// The contacts of Vloc_Rloc.INI that this scene can have, to start the first step from; what it cannot have is told.
 pub fn history(
     datbox: &Path,
     history: &VlocRloc,
-    scene: &Scene,
+    scene: &mut Scene,
     orientations: &[Quat],
     faults: &mut Faults,
 ) -> Vec<SolvedContact> {
     let file = datbox.join("Vloc_Rloc.INI");
     let h = scene.options.dt;
     let mut contacts = Vec::new();
-    for record in &history.contacts {
+    let mut unseen = 0;
+    for (number, record) in (0..).zip(&history.contacts) {
         let sides = [&record.candidate, &record.antagonist];
         if let Some(side) = sides.iter().find(|side| side.body >= scene.bodies.len()) {
             let expected = format!("expected 1 to {}", scene.bodies.len());
@@ -178,7 +186,10 @@ pub fn history(
             faults.push(Fault::new(&file, Some(record.line), "contact", found, expected));
             continue;
         };
-        let Some(see) = scene.visibility.see(class_a, class_b) else { continue };
+        let Some(see) = scene.visibility.see(class_a, class_b) else {
+            unseen += 1;
+            continue;
+        };
         let status = match record.status.as_str() {
             status if status.ends_with("slide") || status.ends_with("slid") => Status::Slide,
             "noctc" | "nknow" => Status::NoContact,
@@ -190,23 +201,33 @@ pub fn history(
             None => false,
         };
         let frame = record.frame.map(Vec3::from);
-        // The file does not name a plate's face; the normal tells.
-        let third_axis = orientations[record.antagonist.body] * Vec3::z();
-        let face = if CONTACTORS[kind_b] != ["PLANx"; 2] || frame[0].dot(&third_axis) >= 0.0 { 0 } else { 1 };
-        // Features of polyhedra are not in the file, so that their contacts could not be found again: the next best
-        // is to start them from nothing.
-        if [kind_a, kind_b].iter().any(|kind| CONTACTORS[*kind] == ["POLYR"; 2]) {
+        let Some(normal) = frame[0].try_normalize(0.0) else {
+            faults.push(Fault::new(&file, Some(record.line), "contact", "a normal of length 0", "expected length 1"));
             continue;
-        }
-        let Some(normal) = frame[0].try_normalize(0.0) else { continue };
+        };
+        // Detection has spheres before polyhedra before cylinders before plates, then the lower number, as candidates.
+        let order = |kind: usize, side: &ContactSide| (CANDIDACY[kind], side.body, side.rank);
+        let turned = order(kind_a, sides[0]) > order(kind_b, sides[1]);
+        let (sign, [candidate, antagonist], kinds) =
+            if turned { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
+        let normal = normal * sign;
+        // Of a plate's faces the normal tells which; of all else the place.
+        let features = match kinds.map(|kind| CONTACTORS[kind][0]) {
+            ["SPHER", "SPHER"] => (0, 0),
+            ["SPHER", "PLANx"] => {
+                let third_axis = orientations[antagonist.body] * Vec3::z();
+                (0, if normal.dot(&third_axis) >= 0.0 { 0 } else { 1 })
+            }
+            _ => (UNKNOWN, number),
+        };
         // Their tangents are not ours.
-        let ours = |v: [f64; 3]| to_local(&local_frame(normal), &to_world(&frame, &v.into()));
+        let ours = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
         contacts.push(SolvedContact {
             contact: Contact {
-                candidate: record.candidate.body as u32,
-                antagonist: record.antagonist.body as u32,
-                ranks: (sides[0].rank as u16, sides[1].rank as u16),
-                features: (0, face),
+                candidate: candidate.body as u32,
+                antagonist: antagonist.body as u32,
+                ranks: (candidate.rank as u16, antagonist.rank as u16),
+                features,
                 point: Vec3::from(record.point),
                 normal,
                 gap: record.gap,
@@ -219,6 +240,10 @@ pub fn history(
             status,
             bond: bonded.then_some(record.gap),
         });
+    }
+    if unseen > 0 {
+        let what = if unseen == 1 { "contact is" } else { "contacts are" };
+        scene.notes.push(format!("Vloc_Rloc.INI: {unseen} {what} left out: TACT_BEHAV.DAT has no row for the pair"));
     }
     contacts.sort_by_key(|solved| solved.contact.key());
     contacts.dedup_by_key(|solved| solved.contact.key());

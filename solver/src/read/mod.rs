@@ -47,8 +47,9 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     scene.start = (dof.step, dof.time);
     behaviour::laws(&datbox, &tact, &mut scene, &mut faults);
     behaviour::check_events(&scene, &mut faults);
+    behaviour::check_text(&mut scene);
     let (x, q, v, w) = bodies::motion(&datbox, &bodies, &dof, &scene, &mut faults);
-    let contacts = behaviour::history(&datbox, &history, &scene, &q, &mut faults);
+    let contacts = behaviour::history(&datbox, &history, &mut scene, &q, &mut faults);
     let spin =
         (scene.turning.iter().map(|&i| i as usize)).map(|i| scene.bodies[i].angular_momentum(&q[i], &w[i])).collect();
     let mut state = State {

@@ -1,5 +1,8 @@
 //! Polyhedra: rotation, resting, sliding, tipping, colliding, and walls of them.
 
+use cd_formats::bodies::Shape;
+use cd_formats::vloc_rloc::VlocRloc;
+
 use crate::case::{Case, Figures, Vec3, equal, near, uniform};
 
 const X: [f64; 3] = [1.0, 0.0, 0.0];
@@ -199,6 +202,56 @@ fn the_same_bytes_again() {
     // Nothing has sunk or jumped: all within the tub, with small overlaps.
     let state = case.last();
     assert!(state.free().iter().all(|&i| state.x(i).z > 0.0 && state.x(i).x.abs() < 1.6 && state.x(i).y.abs() < 1.6));
+}
+
+/// Contacts of polyhedra go through the text files: their impulses are there to start from, whoever stands first.
+#[test]
+fn the_texts_of_a_stack_start_another() {
+    let mut case = scene(0.5, [0.0, 0.0, -10.0]);
+    case.floor();
+    (0..6).for_each(|k| _ = case.block([0.5; 3], [0.0, 0.0, 0.5 + f64::from(k)], [X, Y, Z]));
+    case.sphere(0.25, [0.0, 0.0, 6.25]);
+    let cylinder = case.plate([1.0; 3], [0.75, 0.0, 0.5], [Y, Z, X]);
+    let shape = Shape::Cylinder { half_height: 0.25, radius: 0.25, hollow: false };
+    case.bodies[cylinder].contactors[0].shape = shape;
+    (case.options.dt, case.options.tol, case.options.text, case.options.output_every) = (0.01, 1e-6, true, 60);
+    let settled = case.run(60);
+    let sweeps = |case: &Case| case.column("sweeps")[0];
+    let cold = sweeps(&case);
+    let datbox = case.path().join("DATBOX");
+    for (from, to) in [("DOF.OUT.1", "DOF.INI"), ("Vloc_Rloc.OUT.1", "Vloc_Rloc.INI")] {
+        std::fs::copy(case.path().join("OUTBOX").join(from), datbox.join(to)).unwrap();
+    }
+    let file = datbox.join("Vloc_Rloc.INI");
+    let mut history = VlocRloc::read(&file).unwrap();
+    for kind in ["PRPLx", "PRPRx", "SPPRx"] {
+        assert!(history.contacts.iter().any(|contact| contact.kind == kind), "{kind}");
+    }
+    let again = |case: &Case| {
+        assert_eq!(case.solve(&["--force", "--steps", "61"]), 0);
+        (sweeps(case), case.written().last().unwrap().contacts.clone())
+    };
+    let (warm, contacts) = again(&case);
+    // Seven digits of the forces are enough for the tolerance.
+    assert!(4.0 * warm < cold, "{warm} {cold}");
+    assert_eq!(contacts.contact_body, settled.contacts.contact_body);
+    // The same from files that name the sides the other way round.
+    for contact in &mut history.contacts {
+        if contact.kind == "PRPRx" && contact.antagonist.contactor == "POLYR" {
+            std::mem::swap(&mut contact.candidate, &mut contact.antagonist);
+            // The force on the other, along the other normal; n x t = s as before.
+            contact.frame[0] = contact.frame[0].map(|x| -x);
+            contact.frame[1] = contact.frame[1].map(|x| -x);
+            contact.force[2] = -contact.force[2];
+            contact.velocity[2] = -contact.velocity[2];
+        }
+    }
+    std::fs::write(&file, history.to_text()).unwrap();
+    let (turned, _) = again(&case);
+    assert_eq!(turned, warm);
+    // Without the file the step begins from nothing.
+    std::fs::remove_file(&file).unwrap();
+    assert!(again(&case).0 > 2.0 * warm);
 }
 
 /// Cards of half lengths (thickness, width, length) in three storeys of tents, a roof over each but the last.

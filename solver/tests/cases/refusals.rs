@@ -162,17 +162,6 @@ fn polyhedra_that_are_none() {
     refusal(vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 1]]);
     let pushed_in = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [2, 3, 4], [3, 1, 4]];
     assert!(refusal(pushed_in).contains("convex"));
-    // What nobody would miss: polyhedra that cylinders let through.
-    let mut case = sound();
-    case.law_between("POLYR", "CYLND", "IQS_CLB", &[0.3]);
-    case.bodies[0].contactors[0].shape = Shape::Cylinder { half_height: 1.0, radius: 1.0, hollow: false };
-    case.bodies[1].contactors[0].shape = Shape::Polyhedron {
-        vertices: corners[..4].to_vec(),
-        triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
-    };
-    case.write();
-    let (code, text) = spawn(&case, &[]);
-    assert!(code == 2 && text.contains("contacts of polyhedra with solid cylinders are not computed"), "{text}");
 }
 
 #[test]
