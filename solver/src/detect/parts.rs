@@ -6,7 +6,8 @@ use cd_formats::compute::NarrowPhase;
 
 use crate::detect::{broad, narrow};
 use crate::geometry::{
-    Manifold, Memory, Narrow, Point, Posed, polyhedron_hollow_cylinder, polyhedron_polyhedron, polyhedron_sphere,
+    Manifold, Memory, Narrow, Point, Posed, Range, polyhedron_cylinder, polyhedron_hollow_cylinder,
+    polyhedron_polyhedron, polyhedron_sphere,
 };
 use crate::integrate::Configuration;
 use crate::math::{Quat, Vec3, group};
@@ -53,8 +54,10 @@ pub fn contacts(
             for ((parts, see), memory) in pairs.iter().zip(memories) {
                 let [a, b] = parts.map(|k| (&scene.parts[k as usize], &places[k as usize]));
                 let radius = scene.effective_radius(a.0.body, b.0.body);
-                let range = scene.laws[see.law as usize].range(radius).max(see.alert).max(a.1.travel + b.1.travel);
-                touch(a, b, range, narrow, memory, |found| list(a, b, found, range, see.law, &mut contacts));
+                let law = &scene.laws[see.law as usize];
+                let alert = law.range(radius).max(see.alert).max(a.1.travel + b.1.travel);
+                let range = Range { alert, area: law.range_of_stress(radius) };
+                touch(a, b, range, narrow, memory, |found| list(a, b, found, alert, see.law, &mut contacts));
             }
             contacts
         })
@@ -127,7 +130,7 @@ fn remembered(pairs: &[([u32; 2], See)], order: &[u32], before: &[PairMemory]) -
 fn touch(
     (a, at_a): (&Part, &Place),
     (b, at_b): (&Part, &Place),
-    range: f64,
+    range: Range,
     narrow: Narrow,
     memory: &mut Memory,
     mut take: impl FnMut(&Manifold),
@@ -150,7 +153,7 @@ fn touch(
             Some(one(narrow::sphere_plane(&zero, *radius, &c, &at_b.axes, half_lengths)))
         }
         (Geometry::Sphere { radius }, Geometry::Polyhedron(q)) => {
-            let found = polyhedron_sphere((q, &at_b.posed), &-c, *radius, range);
+            let found = polyhedron_sphere((q, &at_b.posed), &-c, *radius, range.alert);
             found.map(|found| seen_from_sphere(&found, &c))
         }
         (Geometry::Sphere { radius: r }, Geometry::Cylinder { half_height, radius, hollow }) => {
@@ -160,10 +163,13 @@ fn touch(
         }
         (Geometry::Polyhedron(p), Geometry::Cylinder { half_height, radius, hollow: true }) => {
             let size = [*half_height, *radius];
-            let found = polyhedron_hollow_cylinder((p, &at_a.posed), &c, &at_b.axes, size, range);
+            let found = polyhedron_hollow_cylinder((p, &at_a.posed), &c, &at_b.axes, size, range.alert);
             return found.iter().for_each(take);
         }
-        // Cylinders and plates are walls, which do not meet; polyhedra do not see solid cylinders.
+        (Geometry::Polyhedron(p), Geometry::Cylinder { half_height, radius, hollow: false }) => {
+            polyhedron_cylinder((p, &at_a.posed), &c, &at_b.axes, [*half_height, *radius], range)
+        }
+        // Cylinders and plates are walls, which do not meet.
         _ => None,
     };
     if let Some(found) = found {

@@ -1,52 +1,419 @@
-//! A polyhedron inside a hollow cylinder, as in a drum.
+//! A polyhedron against a solid cylinder.
+//!
+//! s(m) = min_A m·a - max_B m·b for a unit m from the cylinder B to the polyhedron A is a lower bound of their distance,
+//! and -s a translation that parts them where they overlap. Its maximum is at the normal of a face of A or of an end of
+//! B; square to an edge of A and to the axis; from the axis, or the rim, to a vertex; or from the rim to an edge: seen
+//! along the edge the rim is an ellipse, and m its normal through the edge. All of them are tried.
 
-use super::{Manifold, Point, Polyhedron, Posed, vertex};
+use smallvec::SmallVec;
+
+use super::patch::{Corner, EDGE_ON, ON_SIDE, Patch, Polygon, nearer_than};
+use super::search::{aligned, ends, seen};
+use super::{Manifold, Point, Polyhedron, Posed, Range, edge, face, vertex};
+use crate::math::lanes::Scalar;
 use crate::math::{Quat, Vec3};
 
-/// Polyhedron A in a hollow cylinder at `c` = x_B - x_A (m) with the orientation `q`, its axis the third, of
-/// `[half height, radius]` (m).
+/// What of a cylinder is touched: its round side, the end along its axis, the other, or from this number on a rim.
+pub const SIDE: u32 = 0;
+pub const END: u32 = 1;
+pub const OTHER_END: u32 = 2;
+pub const RIM: u32 = 3;
+
+/// Polyhedron A against a solid cylinder at `c` = x_B - x_A (m) with the orientation `q`, its axis the third, of
+/// `[half height, radius]` (m); `None` where they are farther apart than `range` lists.
 ///
-/// The cylinder is closed at its ends. As it is convex, only vertices touch it: each the side and the nearer end, as seen
-/// from within, one manifold of one point for each within `alert` (m) of the wall. A vertex on the axis touches the side
-/// along no direction. The cylinder's feature is 0 for the side, 1 for the end along its axis, 2 for the other.
+/// A face of A on an end of B gives the corners of what they share, at most four, and its area; a face or an edge along
+/// the round side the ends of their common line. The normal is the direction of least distance, or of the least
+/// translation that parts what overlaps. The cylinder's feature is 0 for the side, 1 for the end along its axis, 2 for
+/// the other, more for points on a rim.
 ///
 /// ```
-/// # use cd_solve::geometry::{Polyhedron, Posed, polyhedron_hollow_cylinder};
+/// # use cd_solve::geometry::{Polyhedron, Posed, polyhedron_cylinder};
 /// # use cd_solve::math::{Quat, Vec3};
-/// let cube = Polyhedron::cuboid(&Vec3::repeat(3.0));
+/// let cube = Polyhedron::cuboid(&Vec3::repeat(1.0));
 /// let mut posed = Posed::default();
 /// posed.pose(&cube, &Quat::identity());
-/// // The corners at x = 3 are at 5 from the axis.
-/// let c = Vec3::new(-1.0, 0.0, 0.0);
-/// let found = polyhedron_hollow_cylinder((&cube, &posed), &c, &Quat::identity(), [9.0, 5.5], 1.0);
-/// assert_eq!(found.len(), 4);
-/// assert!(found.iter().all(|manifold| (manifold.gap() - 0.5).abs() < 1e-15));
+/// // The cube stands on the end of a pillar.
+/// let c = Vec3::new(0.0, 0.0, -3.5);
+/// let found = polyhedron_cylinder((&cube, &posed), &c, &Quat::identity(), [2.25, 4.0], 0.5).unwrap();
+/// assert_eq!((found.normal, found.gap(), found.points.len(), found.area), (Vec3::z(), 0.25, 4, 4.0));
 /// ```
-pub fn polyhedron_hollow_cylinder(
+pub fn polyhedron_cylinder(
     a: (&Polyhedron, &Posed),
     c: &Vec3,
     q: &Quat,
     [half_height, radius]: [f64; 2],
-    alert: f64,
-) -> Vec<Manifold> {
-    let (shape, posed) = a;
-    let mut found = Vec::new();
-    let mut touch = |v: Vec3, outward: Vec3, gap: f64, features: (u32, u32)| {
-        if gap <= alert {
-            let outward = q * outward;
-            let points = [Point { position: v + outward * (0.5 * gap), gap, features }].into_iter().collect();
-            found.push(Manifold { normal: -outward, points, area: 0.0 });
-        }
-    };
-    for k in 0..shape.vertices().len() as u32 {
-        let v = posed.vertex(k);
-        let at = q.inverse_transform_vector(&(v - c));
-        let distance = at.xy().norm();
-        if distance > 0.0 {
-            touch(v, Vec3::new(at.x, at.y, 0.0) / distance, radius - distance, (vertex(k), 0));
-        }
-        let end = if at.z >= 0.0 { 1 } else { 2 };
-        touch(v, Vec3::z() * 1f64.copysign(at.z), half_height - at.z.abs(), (vertex(k), end));
+    range: impl Into<Range>,
+) -> Option<Manifold> {
+    let range = range.into();
+    let centre = q.inverse_transform_vector(&-c);
+    let away = (centre.xy().norm() - radius).max(centre.z.abs() - half_height);
+    if away - a.0.circumradius() > range.alert {
+        return None;
     }
-    found
+    let size = radius.hypot(half_height);
+    let (sum, small) = (a.0.circumradius() + size, a.0.circumradius().min(size));
+    let local = |v: Vec3| q.inverse_transform_vector(&(v - c));
+    let vertices = (0..a.0.vertices().len() as u32).map(|k| local(a.1.vertex(k))).collect();
+    let tie = 4e-12 * small + 32.0 * f64::EPSILON * sum;
+    let pair = Pair { a, c, q, half_height, radius, vertices, small, tie };
+    let axis = pair.axis();
+    if axis.s > range.alert {
+        return None;
+    }
+    let mut patch = Patch { normal: -(q * axis.m), ..Patch::default() };
+    let f = pair.face(&axis);
+    if axis.m.z.abs() >= axis.m.xy().norm() {
+        pair.see_end(&axis.m, f, range.area, &mut patch);
+    } else {
+        pair.see_side(&axis.m, f, &mut patch);
+    }
+    for corner in &mut patch.corners {
+        corner.gap = corner.gap.max(axis.s); // as deep as rounding allows
+    }
+    if patch.holds(axis.s, tie) {
+        return patch.manifold(small, range);
+    }
+    let point = pair.own_point(&axis);
+    Some(Manifold { normal: -patch.normal, points: [point].into_iter().collect(), area: 0.0 })
+}
+
+struct Pair<'a> {
+    a: (&'a Polyhedron, &'a Posed),
+    c: &'a Vec3,
+    q: &'a Quat,
+    half_height: f64,
+    radius: f64,
+    /// Of A, from the cylinder's centre along its axes, m; so are all vectors here that are not told otherwise.
+    vertices: SmallVec<[Vec3; 32]>,
+    /// The smaller circumradius, m.
+    small: f64,
+    /// A direction must be better by this to be preferred to an earlier one, m.
+    tie: f64,
+}
+
+/// What of A decides a direction.
+#[derive(Debug, Clone, Copy)]
+enum Feature {
+    Face(u32),
+    Edge(u32),
+    Vertex,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    /// Unit, from the cylinder to A.
+    m: Vec3,
+    s: f64,
+    feature: Feature,
+}
+
+impl Pair<'_> {
+    /// The best direction.
+    fn axis(&self) -> Axis {
+        let (shape, posed) = self.a;
+        let mut best = Axis { m: Vec3::z(), s: f64::NEG_INFINITY, feature: Feature::Vertex };
+        for f in 0..shape.planes.len() as u32 {
+            let m = -self.q.inverse_transform_vector(&posed.normal(f));
+            self.attempt(&mut best, m, Feature::Face(f));
+        }
+        self.attempt(&mut best, Vec3::z(), Feature::Vertex);
+        self.attempt(&mut best, -Vec3::z(), Feature::Vertex);
+        for (e, one) in shape.edges.iter().enumerate() {
+            let feature = Feature::Edge(e as u32);
+            // Square to the axis, between the normals on its two sides: exact where the edge is nearly parallel to it.
+            let [n0, n1] = one.faces.map(|f| self.q.inverse_transform_vector(&posed.normal(f)));
+            if n0.z * n1.z < 0.0 {
+                let across = n0 * n1.z.abs() + n1 * n0.z.abs();
+                self.attempt(&mut best, -Vec3::new(across.x, across.y, 0.0).normalize(), feature);
+            }
+            for m in self.rim_to_edge(one.ends, best.s + self.tie).into_iter().flatten() {
+                self.attempt(&mut best, m, feature);
+            }
+        }
+        for v in &self.vertices {
+            let wide = v.xy().norm();
+            if wide > 0.0 {
+                self.attempt(&mut best, Vec3::new(v.x, v.y, 0.0) / wide, Feature::Vertex);
+            }
+            let (beside, beyond) = (wide - self.radius, v.z.abs() - self.half_height);
+            if beside > 0.0 && beyond > 0.0 {
+                let out = Vec3::new(v.x * beside / wide, v.y * beside / wide, beyond.copysign(v.z));
+                self.attempt(&mut best, out.normalize(), Feature::Vertex);
+            }
+        }
+        best
+    }
+
+    /// Takes a direction that is clearly better.
+    fn attempt(&self, best: &mut Axis, m: Vec3, feature: Feature) {
+        let reach = self.radius * m.xy().norm() + self.half_height * m.z.abs();
+        let s = m.dot(&self.vertices[self.lowest(&m)]) - reach;
+        if s > best.s + self.tie {
+            *best = Axis { m, s, feature };
+        }
+    }
+
+    /// The first vertex that is least along `m`.
+    fn lowest(&self, m: &Vec3) -> usize {
+        let (mut lowest, mut least) = (0, f64::INFINITY);
+        for (k, v) in self.vertices.iter().enumerate() {
+            let height = m.dot(v);
+            if height < least {
+                (lowest, least) = (k, height);
+            }
+        }
+        lowest
+    }
+
+    /// The directions from the rim of either end to the line through two vertices in which it is farthest, if that is
+    /// farther than `known` (m).
+    ///
+    /// With u and w across the edge, u level, a rim seen along the edge is an ellipse with the semi-axes R and R k. On
+    /// m = x u + y w, f = a x + b y - R sqrt(x^2 + k^2 y^2) has one maximum with y on each side, where x has a's sign.
+    fn rim_to_edge(&self, [from, to]: [u32; 2], known: f64) -> [Option<Vec3>; 2] {
+        let [p, to] = [from, to].map(|v| self.vertices[v as usize]);
+        let along = (to - p).normalize();
+        let level = along.x.hypot(along.y);
+        if level == 0.0 {
+            return [None; 2];
+        }
+        let u = Vec3::new(-along.y, along.x, 0.0) / level;
+        let w = along.cross(&u);
+        let (a, k) = (u.dot(&p), along.z.abs());
+        [1.0, -1.0].map(|side| {
+            let b = side * w.dot(&p) - self.half_height * w.z.abs();
+            if a.hypot(b.max(0.0)) - self.radius * k <= known {
+                return None;
+            }
+            let (x, y) = steepest(a.abs(), b, self.radius, k)?;
+            Some((u * x.copysign(a) + w * (side * y)).normalize())
+        })
+    }
+
+    /// The face of A that looks at the cylinder.
+    fn face(&self, axis: &Axis) -> u32 {
+        let towards = -(self.q * axis.m);
+        match axis.feature {
+            Feature::Face(f) => f,
+            Feature::Edge(e) => aligned(self.a, e, &towards),
+            Feature::Vertex => seen(Scalar, self.a, &towards),
+        }
+    }
+
+    /// Relative to the centre of A, along the world's axes.
+    fn to_world(&self, x: &Vec3) -> Vec3 {
+        self.q * x + self.c
+    }
+
+    /// A corner over a point of the cylinder.
+    fn corner(&self, on_b: Vec3, m: &Vec3, gap: f64, flat: [f64; 2], features: (u32, u32)) -> Corner {
+        Corner { point: self.to_world(&(on_b + m * (0.5 * gap))).into(), flat, gap, features }
+    }
+
+    /// What a face of A and the end of the cylinder along `m` share, seen along `m` in the plane of the end.
+    fn see_end(&self, m: &Vec3, f: u32, area_within: f64, patch: &mut Patch) {
+        let (shape, posed) = self.a;
+        let height = self.half_height.copysign(m.z);
+        let end = if m.z > 0.0 { END } else { OTHER_END };
+        let tiny = ON_SIDE * self.small;
+        let (corners, sides) = (shape.corners(f as usize), shape.sides(f as usize));
+        let over = |&v: &u32| {
+            let v = self.vertices[v as usize];
+            let gap = (v.z - height) / m.z;
+            let foot = v - m * gap;
+            [foot.x, foot.y, gap]
+        };
+        let outline: Polygon = corners.iter().map(over).collect();
+        let next = |k: usize| if k + 1 == outline.len() { 0 } else { k + 1 };
+        let on_end = |x: f64, y: f64| Vec3::new(x, y, height);
+        for (k, [x, y, gap]) in outline.iter().enumerate() {
+            if x.hypot(*y) <= self.radius + tiny {
+                patch.corners.push(self.corner(on_end(*x, *y), m, *gap, [*x, *y], (vertex(corners[k]), end)));
+            }
+        }
+        let of_vertices = patch.corners.len();
+        for (k, p) in outline.iter().enumerate() {
+            let along = [0, 1, 2].map(|i| outline[next(k)][i] - p[i]);
+            let square = along[0] * along[0] + along[1] * along[1];
+            let half = p[0] * along[0] + p[1] * along[1];
+            let root = half * half - square * (p[0] * p[0] + p[1] * p[1] - self.radius * self.radius);
+            if root <= 0.0 || square <= tiny * tiny {
+                continue;
+            }
+            for (enters, root) in [(0, -root.sqrt()), (1, root.sqrt())] {
+                let share = (root - half) / square;
+                if !(0.0..=1.0).contains(&share) {
+                    continue;
+                }
+                let [x, y, gap] = [0, 1, 2].map(|i| p[i] + along[i] * share);
+                if !patch.corners[..of_vertices].iter().any(|corner| corner.is_near([x, y], self.small)) {
+                    patch.corners.push(self.corner(on_end(x, y), m, gap, [x, y], (edge(sides[k]), RIM + enters)));
+                }
+            }
+        }
+        let doubled: f64 =
+            (0..outline.len()).map(|k| outline[k][0] * outline[next(k)][1] - outline[k][1] * outline[next(k)][0]).sum();
+        let normal = self.q.inverse_transform_vector(&posed.normal(f));
+        let rise = normal.dot(m);
+        if rise.abs() < EDGE_ON || doubled.abs() <= tiny * self.small {
+            return; // seen as a line
+        }
+        // Where the rim goes farthest: four places of its own, and the one over which the face is lowest.
+        let fall = normal.xy() / rise;
+        let mut rim: SmallVec<[[f64; 2]; 5]> =
+            SmallVec::from_slice(&[[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]);
+        if fall.norm() > 0.0 {
+            rim.push((fall / fall.norm()).into());
+        }
+        let offset = normal.dot(&self.vertices[corners[0] as usize]);
+        for (k, at) in rim.iter().enumerate() {
+            let [x, y] = at.map(|x| x * self.radius);
+            let inside = |k: usize| {
+                let (p, q) = (outline[k], outline[next(k)]);
+                ((q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0])) * doubled > 0.0
+            };
+            if (0..outline.len()).all(inside) {
+                let gap = (offset - normal.dot(&on_end(x, y))) / rise;
+                patch.corners.push(self.corner(on_end(x, y), m, gap, [x, y], (face(f), RIM + 2 + k as u32)));
+            }
+        }
+        patch.area = area_in_disc(&nearer_than(&outline, area_within), self.radius) * m.z.abs();
+    }
+
+    /// What a face of A and the line of the round side along `m` share, seen along `m` in the plane that touches there.
+    fn see_side(&self, m: &Vec3, f: u32, patch: &mut Patch) {
+        let shape = self.a.0;
+        let out = Vec3::new(m.x, m.y, 0.0) / m.xy().norm();
+        let across = Vec3::z().cross(&out);
+        let tiny = ON_SIDE * self.small;
+        let (corners, sides) = (shape.corners(f as usize), shape.sides(f as usize));
+        let over = |v: u32| {
+            let v = self.vertices[v as usize];
+            let gap = (v.dot(&out) - self.radius) / m.dot(&out);
+            let foot = v - m * gap;
+            [across.dot(&foot), foot.z, gap]
+        };
+        // Height along the axis, gap and feature of A where the face's outline meets the line.
+        let mut met: SmallVec<[(f64, f64, u32); 4]> = SmallVec::new();
+        for (k, &v) in corners.iter().enumerate() {
+            let p = over(v);
+            let q = over(corners[if k + 1 == corners.len() { 0 } else { k + 1 }]);
+            if p[0].abs() <= tiny {
+                met.push((p[1], p[2], vertex(v)));
+            } else if (p[0] > tiny && q[0] < -tiny) || (p[0] < -tiny && q[0] > tiny) {
+                let share = p[0] / (p[0] - q[0]);
+                met.push((p[1] + (q[1] - p[1]) * share, p[2] + (q[2] - p[2]) * share, edge(sides[k])));
+            }
+        }
+        let mut list = |z: f64, gap: f64, features: (u32, u32)| {
+            let on_side = out * self.radius + Vec3::z() * z;
+            patch.corners.push(self.corner(on_side, m, gap, [0.0, z], features));
+        };
+        let mut between = [(f64::INFINITY, 0.0), (f64::NEG_INFINITY, 0.0)];
+        for &(z, gap, of_a) in &met {
+            if z.abs() <= self.half_height + tiny {
+                list(z, gap, (of_a, SIDE));
+            }
+            between[0] = if z < between[0].0 { (z, gap) } else { between[0] };
+            between[1] = if z > between[1].0 { (z, gap) } else { between[1] };
+        }
+        let [(low, gap_low), (high, gap_high)] = between;
+        for (end, z) in [(END, self.half_height), (OTHER_END, -self.half_height)] {
+            if low < z - tiny && z + tiny < high {
+                list(z, gap_low + (gap_high - gap_low) * ((z - low) / (high - low)), (face(f), end));
+            }
+        }
+    }
+
+    /// The point of the direction itself.
+    fn own_point(&self, axis: &Axis) -> Point {
+        let m = &axis.m;
+        let lowest = self.lowest(m);
+        let mut on_b = Vec3::z() * self.half_height.copysign(m.z);
+        if m.xy().norm() > 0.0 {
+            on_b += Vec3::new(m.x, m.y, 0.0) * (self.radius / m.xy().norm());
+        }
+        let (on_a, feature) = match axis.feature {
+            Feature::Edge(e) => {
+                let [from, to] = ends(self.a.0, self.a.1, e).map(|v| self.q.inverse_transform_vector(&(v - self.c)));
+                let share = (on_b - from).dot(&(to - from)) / (to - from).norm_squared();
+                (from + (to - from) * share.clamp(0.0, 1.0), edge(e))
+            }
+            Feature::Face(f) => (self.vertices[lowest], face(f)),
+            Feature::Vertex => (self.vertices[lowest], vertex(lowest as u32)),
+        };
+        Point { position: self.to_world(&(on_a - m * (0.5 * axis.s))), gap: axis.s, features: (feature, RIM) }
+    }
+}
+
+/// The unit (x, y) in the first quarter at which f = a x + b y - r sqrt(x^2 + k^2 y^2) has its maximum within it; a >= 0,
+/// k <= 1. None where f is greatest at an end of the quarter.
+///
+/// By Newton's method in a bracket, on t = tan(angle / 2).
+fn steepest(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> {
+    let flat = 1.0 - k * k;
+    let at = |t: f64| ((1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t));
+    // First and second derivative by the angle.
+    let derivatives = |t: f64| {
+        let (x, y) = at(t);
+        let g = x.hypot(k * y);
+        let (share, curvature) =
+            if g > 0.0 { (x / g, (x * x - y * y) / g + flat * (x * y / g).powi(2) / g) } else { (1.0, 0.0) };
+        (b * x - a * y + r * flat * y * share, r * flat * curvature - a * x - b * y)
+    };
+    let (mut low, mut high) = (0.0, 1.0);
+    if b <= 0.0 {
+        // Past the middle of the ellipse f falls first: from where it rises to where it falls again, if it rises.
+        let rises = |i: &usize| derivatives(*i as f64 / SAMPLES as f64).0 > 0.0;
+        let rising = (1..SAMPLES).find(rises)?;
+        low = rising as f64 / SAMPLES as f64;
+        high = (rising + 1..SAMPLES).find(|i| !rises(i)).map_or(1.0, |i| i as f64 / SAMPLES as f64);
+    }
+    let mut t = if b > 0.0 { b / (a + a.hypot(b)) } else { low };
+    for _ in 0..100 {
+        let (slope, bend) = derivatives(t);
+        if slope > 0.0 {
+            low = t;
+        } else {
+            high = t;
+        }
+        let newton = t - slope / bend * (1.0 + t * t) / 2.0;
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        if (next - t).abs() <= f64::EPSILON {
+            break;
+        }
+        t = next;
+    }
+    Some(at(t))
+}
+
+/// Places at which a maximum past the middle is looked for.
+const SAMPLES: usize = 32;
+
+/// Of what a convex polygon and a disc about the origin share, m^2.
+fn area_in_disc(polygon: &[[f64; 3]], radius: f64) -> f64 {
+    let cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
+    let sector = |p: [f64; 2], q: [f64; 2]| radius * radius * cross(p, q).atan2(p[0] * q[0] + p[1] * q[1]);
+    let mut doubled = 0.0;
+    for (k, &[x, y, _]) in polygon.iter().enumerate() {
+        let [u, v, _] = polygon[if k + 1 == polygon.len() { 0 } else { k + 1 }];
+        let (p, q, along) = ([x, y], [u, v], [u - x, v - y]);
+        let square = along[0] * along[0] + along[1] * along[1];
+        let half = x * along[0] + y * along[1];
+        let root = half * half - square * (x * x + y * y - radius * radius);
+        if root <= 0.0 || square == 0.0 {
+            doubled += sector(p, q);
+            continue;
+        }
+        // Inside from one share of the side to another.
+        let [enter, leave] = [-root.sqrt(), root.sqrt()].map(|root| ((root - half) / square).clamp(0.0, 1.0));
+        let at = |share: f64| [x + along[0] * share, y + along[1] * share];
+        if enter >= leave {
+            doubled += sector(p, q);
+        } else {
+            doubled += sector(p, at(enter)) + cross(at(enter), at(leave)) + sector(at(leave), q);
+        }
+    }
+    (0.5 * doubled).abs()
 }

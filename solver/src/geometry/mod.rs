@@ -1,4 +1,4 @@
-//! Bench: contact geometry of convex polyhedra - with each other, with spheres and plates, in hollow cylinders.
+//! Bench: contact geometry of convex polyhedra - with each other, with spheres, plates and cylinders.
 //!
 //! All lengths are relative to the centre of body A, so that precision does not depend on the distance from the origin:
 //! `c` is x_B - x_A. Normals point from B, the antagonist, to A, the candidate.
@@ -8,18 +8,20 @@
 //! | `polyhedron` | the shape: polygon faces, edges, neighbours; turned as its body is |
 //! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
-//! | `sphere`, `plate`, `cylinder` | against other shapes |
+//! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | against other shapes |
 //! | `patch` | the common part of two faces seen along the normal: points of contact and area |
 
 mod cylinder;
 mod gjk;
+mod hollow_cylinder;
 mod patch;
 mod plate;
 mod polyhedron;
 mod search;
 mod sphere;
 
-pub use cylinder::polyhedron_hollow_cylinder;
+pub use cylinder::polyhedron_cylinder;
+pub use hollow_cylinder::polyhedron_hollow_cylinder;
 pub use plate::polyhedron_plane;
 pub use polyhedron::{Polyhedron, Posed};
 pub use sphere::polyhedron_sphere;
@@ -92,7 +94,8 @@ pub struct Manifold {
     pub normal: Vec3,
     /// With gaps up to the alert distance, in the order of their features.
     pub points: Points,
-    /// Of the two faces' overlap seen along the normal, m^2; 0 where vertices or edges are nearest.
+    /// Of the two faces' overlap seen along the normal, where its gap is within [`Range::area`], m^2; 0 where vertices
+    /// or edges are nearest.
     pub area: f64,
 }
 
@@ -100,6 +103,22 @@ impl Manifold {
     /// The least gap, m.
     pub fn gap(&self) -> f64 {
         self.points.iter().map(|point| point.gap).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Up to which gaps something is listed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    /// Points of contact, m.
+    pub alert: f64,
+    /// The part of a patch that counts for its area, m: the range of a cohesion that is a stress.
+    pub area: f64,
+}
+
+impl From<f64> for Range {
+    /// Points up to this, the area of the whole patch.
+    fn from(alert: f64) -> Self {
+        Range { alert, area: f64::INFINITY }
     }
 }
 
@@ -159,7 +178,7 @@ pub enum Narrow {
     Accurate,
 }
 
-/// Polyhedron A against polyhedron B at `c` = x_B - x_A, m; `None` where they are more than `alert` (m) apart.
+/// Polyhedron A against polyhedron B at `c` = x_B - x_A, m; `None` where they are farther apart than `range` lists.
 ///
 /// The normal is the direction of least distance, or of the least translation that parts what overlaps. Where vertices
 /// or edges meet in a point and overlap by nothing, or where several directions are equal to 1e-11 of the size, it is a
@@ -168,18 +187,19 @@ pub fn polyhedron_polyhedron(
     a: (&Polyhedron, &Posed),
     b: (&Polyhedron, &Posed),
     c: &Vec3,
-    alert: f64,
+    range: impl Into<Range>,
     narrow: Narrow,
     memory: &mut Memory,
 ) -> Option<Manifold> {
     let pair = Pair::new(a, b, *c, Width::detect());
-    let (kept, manifold) = contact(&pair, memory.start(&pair), narrow, alert);
+    let (kept, manifold) = contact(&pair, memory.start(&pair), narrow, range.into());
     *memory = Memory::of(&kept);
     manifold
 }
 
 /// The direction to be remembered, and the contact along it.
-fn contact(pair: &Pair, start: Start, narrow: Narrow, alert: f64) -> (Axis, Option<Manifold>) {
+fn contact(pair: &Pair, start: Start, narrow: Narrow, range: Range) -> (Axis, Option<Manifold>) {
+    let alert = range.alert;
     let search::Found { axis, faces, .. } = search::search(pair, start, narrow, alert);
     if axis.s > alert {
         return (axis, None);
@@ -193,9 +213,9 @@ fn contact(pair: &Pair, start: Start, narrow: Narrow, alert: f64) -> (Axis, Opti
     }
     if axis.feature != Feature::None {
         let mut patch = patch::Patch::default();
-        patch.see(pair, &axis, faces);
-        if patch.holds(axis.s, pair) {
-            return (axis, patch.manifold(pair, alert));
+        patch.see(pair, &axis, faces, range.area);
+        if patch.holds(axis.s, pair.tie()) {
+            return (axis, patch.manifold(pair.small, range));
         }
         if axis.s <= 0.0 {
             // Not at a proven least overlap: the axis's own features are one point of it.
@@ -205,7 +225,7 @@ fn contact(pair: &Pair, start: Start, narrow: Narrow, alert: f64) -> (Axis, Opti
     }
     let nearest = gjk::nearest(pair, axis.n, alert);
     if nearest.on_faces && matches!(start, Start::Direction(_)) {
-        return contact(pair, Start::Nothing, narrow, alert);
+        return contact(pair, Start::Nothing, narrow, range);
     }
     (Axis { n: nearest.n, s: axis.s, feature: Feature::None }, nearest.manifold)
 }
@@ -239,7 +259,8 @@ pub(super) mod tests {
             pb.pose(&b, &Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
             let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * (1.2 + 0.002 * k);
             for start in [Start::Nothing, Start::Feature(Feature::FaceOfA(3)), Start::Direction(Vec3::x())] {
-                let of = |width| contact(&Pair::new((&a, &pa), (&b, &pb), c, width), start, Narrow::Accurate, 0.05);
+                let of =
+                    |width| contact(&Pair::new((&a, &pa), (&b, &pb), c, width), start, Narrow::Accurate, 0.05.into());
                 let found: Vec<_> = Width::all().into_iter().map(of).collect();
                 assert!(found.iter().all(|one| *one == found[0]), "{k}: {found:?}");
                 contacts += usize::from(found[0].1.is_some());

@@ -6,33 +6,35 @@
 use smallvec::SmallVec;
 
 use super::search::{Axis, Pair};
-use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
+use super::{Manifold, Point, Polyhedron, Posed, Range, edge, face, vertex};
 use crate::math::{Vec3, local_frame};
 
 /// Distance from a side, over the smaller circumradius, up to which a vertex is on it: so that aligned faces keep
 /// their vertices and have no crossings beside them.
-const ON_SIDE: f64 = 1e-11;
+pub(super) const ON_SIDE: f64 = 1e-11;
 /// Distance up to which two corners are one.
 pub(super) const SAME: f64 = 1e-9;
 /// Cosine between a face's normal and the direction of view below which it is seen as a line.
-const EDGE_ON: f64 = 1e-9;
+pub(super) const EDGE_ON: f64 = 1e-9;
 /// A corner must be deeper, farther or span more by this, to be preferred to one before it.
 const CLEARLY: f64 = 1e-9;
 
 #[derive(Default)]
 pub(super) struct Patch {
-    corners: SmallVec<[Corner; 12]>,
-    normal: Vec3,
-    /// Of the whole common part, m^2.
+    pub corners: SmallVec<[Corner; 12]>,
+    /// From A to B.
+    pub normal: Vec3,
+    /// Of the common part as far as area counts, m^2.
     pub area: f64,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Corner {
-    point: [f64; 3],
-    flat: [f64; 2],
-    gap: f64,
-    features: (u32, u32),
+    pub point: [f64; 3],
+    /// Seen along the normal.
+    pub flat: [f64; 2],
+    pub gap: f64,
+    pub features: (u32, u32),
 }
 
 /// A face seen along the normal, counter-clockwise.
@@ -118,8 +120,8 @@ struct View {
 }
 
 impl Patch {
-    /// Faces of A and of B seen along an axis.
-    pub fn see(&mut self, pair: &Pair, axis: &Axis, (face_a, face_b): (u32, u32)) {
+    /// Faces of A and of B seen along an axis; area counts up to the gap `area_within`, m.
+    pub fn see(&mut self, pair: &Pair, axis: &Axis, (face_a, face_b): (u32, u32), area_within: f64) {
         let n = &axis.n;
         let tiny = ON_SIDE * pair.small;
         let view = View { frame: local_frame(*n), tiny };
@@ -210,7 +212,7 @@ impl Patch {
                 patch.corners.push(Corner { point: point.into(), flat, gap, features });
             }
         }
-        patch.area = area(&patch.corners);
+        patch.area = area(&patch.corners, area_within);
         for corner in &mut patch.corners {
             // Steep planes reach too far where a vertex on a side is outside by rounding.
             corner.gap = corner.gap.max(axis.s);
@@ -218,16 +220,16 @@ impl Patch {
     }
 
     /// Whether a corner has the gap of the axis: then two points of A and B are as near as the axis allows.
-    pub fn holds(&self, s: f64, pair: &Pair) -> bool {
-        self.corners.iter().any(|corner| corner.gap <= s + pair.tie())
+    pub fn holds(&self, s: f64, tie: f64) -> bool {
+        self.corners.iter().any(|corner| corner.gap <= s + tie)
     }
 
-    /// The corners with gaps up to `alert`, at most four of them.
-    pub fn manifold(&mut self, pair: &Pair, alert: f64) -> Option<Manifold> {
-        self.corners.retain(|corner| corner.gap <= alert);
+    /// The corners that are listed, at most four of them; `small` is the smaller body's circumradius, m.
+    pub fn manifold(&mut self, small: f64, range: Range) -> Option<Manifold> {
+        self.corners.retain(|corner| corner.gap <= range.alert);
         self.corners.sort_unstable_by_key(|corner| corner.features);
         if self.corners.len() > 4 {
-            let mut kept = reduce(&self.corners, pair.small);
+            let mut kept = reduce(&self.corners, small);
             kept.sort_unstable();
             self.corners = kept.iter().map(|&k| self.corners[k]).collect();
         }
@@ -238,7 +240,7 @@ impl Patch {
 }
 
 impl Corner {
-    fn is_near(&self, [x, y]: [f64; 2], small: f64) -> bool {
+    pub fn is_near(&self, [x, y]: [f64; 2], small: f64) -> bool {
         let same = SAME * small;
         (self.flat[0] - x).abs() <= same && (self.flat[1] - y).abs() <= same
     }
@@ -266,28 +268,51 @@ fn distances(of: &Outline, other: &Outline, all: &mut [f64]) {
     }
 }
 
-/// Of the convex polygon of the corners, m^2.
-fn area(corners: &[Corner]) -> f64 {
+/// Of the convex polygon of the corners as far as its gap, which is linear on it, is at most `within` (m), m^2.
+fn area(corners: &[Corner], within: f64) -> f64 {
     if corners.len() < 3 {
         return 0.0;
     }
     let count = corners.len() as f64;
     let mean = corners.iter().fold([0.0; 2], |m, c| [m[0] + c.flat[0] / count, m[1] + c.flat[1] / count]);
     // By a number that grows with the angle.
-    let mut around: SmallVec<[(f64, f64, f64); 12]> = SmallVec::new();
+    let mut around: SmallVec<[(f64, [f64; 3]); 12]> = SmallVec::new();
     for corner in corners {
         let (x, y) = (corner.flat[0] - mean[0], corner.flat[1] - mean[1]);
         let reach = x.abs() + y.abs();
         let turn = if reach == 0.0 { 0.0 } else { (1.0 - x / reach).copysign(y) };
-        around.push((turn, x, y));
+        around.push((turn, [x, y, corner.gap]));
     }
     around.sort_unstable_by(|p, q| p.0.total_cmp(&q.0));
+    let mut polygon: Polygon = around.into_iter().map(|(_, corner)| corner).collect();
+    if polygon.iter().any(|corner| corner[2] > within) {
+        polygon = nearer_than(&polygon, within);
+    }
     let mut doubled = 0.0;
-    for (k, &(_, x, y)) in around.iter().enumerate() {
-        let (_, next_x, next_y) = around[if k + 1 == around.len() { 0 } else { k + 1 }];
+    for (k, &[x, y, _]) in polygon.iter().enumerate() {
+        let [next_x, next_y, _] = polygon[if k + 1 == polygon.len() { 0 } else { k + 1 }];
         doubled += x * next_y - y * next_x;
     }
     (0.5 * doubled).max(0.0)
+}
+
+/// Corners x, y and gap, m.
+pub(super) type Polygon = SmallVec<[[f64; 3]; 12]>;
+
+/// What of a convex polygon has gaps up to `within`, m: one side of a straight line.
+pub(super) fn nearer_than(polygon: &[[f64; 3]], within: f64) -> Polygon {
+    let mut nearer = Polygon::new();
+    for (k, p) in polygon.iter().enumerate() {
+        let q = &polygon[if k + 1 == polygon.len() { 0 } else { k + 1 }];
+        if p[2] <= within {
+            nearer.push(*p);
+        }
+        if (p[2] <= within) != (q[2] <= within) {
+            let share = (within - p[2]) / (q[2] - p[2]);
+            nearer.push([0, 1, 2].map(|i| p[i] + (q[i] - p[i]) * share));
+        }
+    }
+    nearer
 }
 
 /// Four of many corners: the deepest, the farthest from it, and on each side of their line the one that spans most.
@@ -365,7 +390,7 @@ mod tests {
                 continue;
             }
             let mut patch = Patch::default();
-            patch.see(&pair, &found.axis, found.faces);
+            patch.see(&pair, &found.axis, found.faces, f64::INFINITY);
             let frame = local_frame(found.axis.n);
             let outline = |shape: &Polyhedron, posed: &Posed, f: u32, moved: Vec3, turned: bool| -> Vec<[f64; 2]> {
                 let at = |&v: &u32| posed.vertex(v) + moved;

@@ -743,7 +743,7 @@ fn support_faces<L: Lanes>(l: L, pair: &Pair, axis: &Axis) -> (u32, u32) {
 
 /// The face that looks along `n` where the body reaches farthest that way.
 #[inline(always)]
-fn seen<L: Lanes>(l: L, (shape, posed): (&Polyhedron, &Posed), n: &Vec3) -> u32 {
+pub(super) fn seen<L: Lanes>(l: L, (shape, posed): (&Polyhedron, &Posed), n: &Vec3) -> u32 {
     let (top, _) = lowest(l, posed, shape.vertices().len(), &-n);
     // The edge that falls least from there; a face along it has the next vertex.
     let (mut best, mut least) = (0, f64::INFINITY);
@@ -760,7 +760,7 @@ fn seen<L: Lanes>(l: L, (shape, posed): (&Polyhedron, &Posed), n: &Vec3) -> u32 
 
 /// The face of an edge that looks more along `n`; of two alike the first.
 #[inline(always)]
-fn aligned((shape, posed): (&Polyhedron, &Posed), e: u32, n: &Vec3) -> u32 {
+pub(super) fn aligned((shape, posed): (&Polyhedron, &Posed), e: u32, n: &Vec3) -> u32 {
     let [f, g] = shape.edges[e as usize].faces;
     let (first, second) = (f.min(g), f.max(g));
     if posed.normal(second).dot(n) > posed.normal(first).dot(n) + ALIGNED { second } else { first }

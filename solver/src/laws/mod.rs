@@ -248,6 +248,14 @@ impl Law {
         }
     }
 
+    /// Greatest gap at which an area of contact counts, m: beyond it nothing carries a cohesion that is a stress.
+    pub fn range_of_stress(&self, radius: f64) -> f64 {
+        match self.cohesion {
+            Some(Cohesion::Bond { .. }) => self.range(radius),
+            _ => f64::INFINITY,
+        }
+    }
+
     /// Gives friction, static and dynamic, a new value.
     pub fn set_friction(&mut self, friction: f64) {
         (self.friction_static, self.friction_dynamic) = (friction, friction);

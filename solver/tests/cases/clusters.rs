@@ -99,15 +99,42 @@ fn a_cube_in_a_drum() {
     let state = case.run(50);
     near(state.x(cube), [0.0, 1.5, -0.25], 1e-9);
     let contacts = &state.contacts;
-    let on_cube = |k: usize| {
+    let total = on_candidates(&state);
+    near(total, [0.0, 0.0, 10.0 * state.mass(cube)], 1e-8);
+    // Four corners on the side, two upper ones at the end and two lower ones that touch both.
+    assert_eq!(contacts.contact_body.len(), 8);
+}
+
+/// The sum of the forces on candidates, world frame.
+fn on_candidates(state: &cd_formats::snapshot::Snapshot) -> Vec3 {
+    let contacts = &state.contacts;
+    let of = |k: usize| {
         let force = Vec3::from(contacts.contact_force[k]);
         let frame = contacts.contact_frame[k].map(Vec3::from);
         frame[0] * force.x + frame[1] * force.y + frame[2] * force.z
     };
-    let total: Vec3 = (0..contacts.contact_body.len()).map(on_cube).sum();
-    near(total, [0.0, 0.0, 10.0 * state.mass(cube)], 1e-8);
-    // Four corners on the side, two upper ones at the end and two lower ones that touch both.
-    assert_eq!(contacts.contact_body.len(), 8);
+    (0..contacts.contact_body.len()).map(of).sum()
+}
+
+/// A slab on the end of a pillar and one across a roller: the wall carries the weight, on four points and on two.
+#[test]
+fn slabs_on_a_pillar_and_on_a_roller() {
+    for (axes, top, points) in [([X, Y, Z], 2.0, 4), ([Z, X, Y], 0.5, 2)] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        case.gravity = [0.0, 0.0, -10.0];
+        let wall = case.plate([1.0; 3], [0.0; 3], [X, Y, Z]);
+        let shape = Shape::Cylinder { half_height: 2.0, radius: 0.5, hollow: false };
+        case.bodies[wall].contactors[0] = Contactor { colour: "WALLx".into(), shape, local_frame: None };
+        case.dof[wall].axes = axes;
+        let slab = case.block([1.0, 1.5, 0.25], [0.0, 0.0, top + 0.25], [X, Y, Z]);
+        case.options.dt = 0.01;
+        let state = case.run(50);
+        near(state.x(slab), [0.0, 0.0, top + 0.25], 1e-9);
+        // Sums of a few forces, each solved to 1e-12 of the whole.
+        near(on_candidates(&state), [0.0, 0.0, 10.0 * state.mass(slab)], 1e-8);
+        assert_eq!(state.contacts.contact_body.len(), points);
+    }
 }
 
 /// A plate with a frame of its own stands where the frame says.

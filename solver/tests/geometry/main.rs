@@ -1,5 +1,6 @@
 //! Contact geometry against trying everything: random pairs, degenerate ones, symmetry, continuity.
 
+mod cylinder;
 mod degenerate;
 mod oracle;
 mod other;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, SQRT_2};
 
-use cd_solve::geometry::Manifold;
+use cd_solve::geometry::{Manifold, Memory, Narrow, Posed, Range, polyhedron_polyhedron};
 use cd_solve::math::{Quat, Vec3};
 
 use crate::oracle::{Solid, common_area, hull, separation};
@@ -185,5 +185,32 @@ fn slivers_of_a_thousandth_are_met() {
         let on_sliver = found(&sliver, level, &sliver, about(Vec3::z(), 2.0), Vec3::new(0.1, 0.1, 1e-3 + g));
         vertical(&on_sliver);
         assert_eq!(on_sliver.points.len(), 4, "{on_sliver:?}");
+    }
+}
+
+/// A tilted face: the part of the patch that is within the range of a stress.
+#[test]
+fn area_counts_as_far_as_it_is_near() {
+    let (cube, table) = (cuboid(1.0, 1.0, 1.0), cuboid(10.0, 10.0, 1.0));
+    let tilt: f64 = 0.01;
+    let within = 0.004;
+    // Along the table's normal, which is the direction of contact: a strip of the face.
+    for turn in [about(Vec3::y(), tilt), about(Vec3::x(), -tilt)] {
+        let low = cube.turned(&turn).iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
+        let c = Vec3::z() * (low - 1.0);
+        let area = |range: Range| {
+            let (mut pa, mut pb) = (Posed::default(), Posed::default());
+            pa.pose(&cube.shape, &turn);
+            pb.pose(&table.shape, &Quat::identity());
+            let (a, b) = ((&cube.shape, &pa), (&table.shape, &pb));
+            let found = polyhedron_polyhedron(a, b, &c, range, Narrow::Accurate, &mut Memory::default()).unwrap();
+            assert!((found.normal - Vec3::z()).norm() < ROUNDING, "{found:?}");
+            found.area
+        };
+        let expected = 2.0 * within / tilt.tan();
+        // The gap has lost two digits of what the tilt makes of it.
+        assert!((area(Range { alert: 1.0, area: within }) - expected).abs() < 1e-12);
+        assert!((area(1.0.into()) - 4.0 * tilt.cos()).abs() < 1e-12);
+        assert_eq!(area(Range { alert: 1.0, area: -1e-6 }), 0.0);
     }
 }
