@@ -67,7 +67,7 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
     let given = record.inertia.filter(|inertia| !simple && inertia.iter().any(|i| *i != 0.0));
 
     // Where the centre of mass is, in the frame of the file.
-    let of_pieces: Vec<MassProperties> = pieces.iter().map(|piece| piece.mass.clone()).collect();
+    let of_pieces: Vec<MassProperties> = pieces.iter().map(|piece| piece.mass).collect();
     let own = MassProperties::together(&of_pieces);
     let off_centre = matches!(record.contactors[0].shape, bodies::Shape::OffsetSphere { .. });
     let shift = match lone {
