@@ -69,7 +69,8 @@ pub fn polyhedron_cylinder(
         pair.see_side(&axis.m, f, &mut patch);
     }
     for corner in &mut patch.corners {
-        corner.gap = corner.gap.max(axis.s); // as deep as rounding allows
+        // The gap of the direction itself, where rounding is all that is between them.
+        corner.gap = if corner.gap <= axis.s + tie { axis.s } else { corner.gap };
     }
     if patch.holds(axis.s, tie) {
         return patch.manifold(small, range);
