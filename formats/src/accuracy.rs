@@ -101,8 +101,8 @@ const FIXED: Adaptive = up_to(1, 0.1, 1e-3);
 knobs! {
     // draft, standard, fine, reference
     adaptive: Adaptive = [up_to(16, 0.3, 1e-2), FIXED, FIXED, FIXED];
-    tol: f64 = [5e-2, 1e-2, 1e-3, 1e-5];
-    max_sweeps: u64 = [200, 10_000, 10_000, 100_000];
+    tol: f64 = [5e-2, 1e-2, 1e-3, 1e-4];
+    max_sweeps: u64 = [200, 10_000, 10_000, 10_000];
     narrow_phase: NarrowPhase = [NarrowPhase::Fast, NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate];
     gravity_error: f64 = [1e-2, 1e-3, 1e-4, 1e-6];
     gravity_refresh: u64 = [8, 1, 1, 1];

@@ -12,8 +12,8 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::state::State;
 use crate::step::{Clock, Motion, next_problem, step};
-use crate::write::Results;
 use crate::write::summary::{Course, text};
+use crate::write::{Results, errors};
 
 /// Unconverged steps that are told one by one; the summary counts them all.
 const TOLD: u64 = 5;
@@ -77,15 +77,16 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         }
         progress.step(&state, &report);
         results.step(scene, &state, &report, &lap)?;
-        course.clock.add(&lap);
+        course.tally.step(scene, &report, &lap);
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last {
             writing = output(&mut results, scene, &state)?;
             progress.output(&state, &report);
         }
     }
-    course.clock.writing += writing;
+    course.tally.wrote(&Clock { writing, ..Clock::default() });
     progress.finish();
     course.wall = start.elapsed();
+    errors::write(case, &course.tally.sources(scene, &state))?;
     Ok(text(scene, &state, &course))
 }
 

@@ -58,6 +58,8 @@ pub struct StepReport {
     /// Largest penetration in the contact configuration, and the sum of all over `contacts_active`, m.
     pub penetration_largest: f64,
     pub penetration_mean: f64,
+    /// Σ f·l, forces and branches of the contacts: pressure times three volumes, J.
+    pub virial: f64,
     /// Translation and rotation of the free bodies at the step's end, J.
     pub kinetic: f64,
     pub rotational: f64,
@@ -230,6 +232,7 @@ fn book(
         worst_pair: solution.worst.map(pair),
         penetration_largest,
         penetration_mean: penetration_sum / contacts_active.max(1) as f64,
+        virial: given.virial / h,
         kinetic: motion.kinetic,
         rotational: motion.rotational,
         potential: free.potential,
@@ -247,6 +250,8 @@ struct Given {
     /// J
     contact_work: f64,
     friction_work: f64,
+    /// Of impulses and branches, N m s.
+    virial: f64,
     /// Of driven bodies on free ones: work, impulse and its moment about the origin.
     outside_work: f64,
     momentum: Vec3,
@@ -260,6 +265,7 @@ impl Add for Given {
         Given {
             contact_work: self.contact_work + other.contact_work,
             friction_work: self.friction_work + other.friction_work,
+            virial: self.virial + other.virial,
             outside_work: self.outside_work + other.outside_work,
             momentum: self.momentum + other.momentum,
             angular_momentum: self.angular_momentum + other.angular_momentum,
@@ -283,8 +289,11 @@ fn at_contact(
     let moment = to_world(&frame, moment);
     let turned = |body: usize| solved.w[body] + q_c.w[body];
     let turning_work = 0.5 * moment.dot(&(turned(candidate) - turned(antagonist)));
+    // A wall's centre has no meaning for the stress of the grains.
+    let away = if scene.bodies[antagonist].driven { contact.point } else { q_c.x[antagonist] };
     let mut given = Given {
         contact_work: impulse.dot(&mean) + turning_work,
+        virial: to_world(&frame, impulse).dot(&(q_c.x[candidate] - away)),
         friction_work: impulse.y * mean.y + impulse.z * mean.z + turning_work,
         ..Given::default()
     };

@@ -13,20 +13,28 @@ pub struct Sampled {
     pub rms: f64,
     /// Largest |da|/|a|.
     pub largest: f64,
+    /// sum m x·da / |sum m x·a|, x from the centre of mass: the error of the virial, which the pressure balances.
+    pub virial: f64,
 }
 
 /// Compares accelerations with the direct sum on bodies that `seed` picks, the same ones on every machine.
 pub fn error(positions: &[Vec3], masses: &[f64], constant: f64, acceleration: &[Vec3], seed: u64) -> Sampled {
     if positions.is_empty() {
-        return Sampled { rms: 0.0, largest: 0.0 };
+        return Sampled { rms: 0.0, largest: 0.0, virial: 0.0 };
     }
     let picked: Vec<usize> = (0..BODIES.min(positions.len() as u64))
         .map(|k| (scrambled(seed.wrapping_mul(BODIES).wrapping_add(k)) % positions.len() as u64) as usize)
         .collect();
     let places: Vec<Vec3> = picked.iter().map(|&i| positions[i]).collect();
     let (exact, _) = direct::at(&places, positions, masses, constant);
+    let mass: f64 = masses.iter().sum();
+    let centre: Vec3 = positions.iter().zip(masses).map(|(x, m)| x * (m / mass)).sum();
     let (mut error, mut scale, mut largest) = (0.0, 0.0, 0.0f64);
+    let (mut virial, mut virial_error) = (0.0, 0.0);
     for (&i, exact) in picked.iter().zip(&exact) {
+        let arm = (positions[i] - centre) * masses[i];
+        virial += arm.dot(exact);
+        virial_error += arm.dot(&(acceleration[i] - exact));
         let away = (acceleration[i] - exact).norm_squared();
         error += away;
         scale += exact.norm_squared();
@@ -34,7 +42,8 @@ pub fn error(positions: &[Vec3], masses: &[f64], constant: f64, acceleration: &[
             largest = largest.max((away / exact.norm_squared()).sqrt());
         }
     }
-    Sampled { rms: if scale > 0.0 { (error / scale).sqrt() } else { 0.0 }, largest }
+    let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
+    Sampled { rms: over(error, scale).sqrt(), largest, virial: over(virial_error, virial.abs()) }
 }
 
 /// Source: S. Vigna, splitmix64 (2015), public domain.
@@ -58,8 +67,9 @@ mod tests {
         let wrong: Vec<Vec3> = exact.iter().map(|a| a * 1.001).collect();
         for seed in 0..3 {
             let found = error(&positions, &masses, 2.0, &wrong, seed);
+            assert!((found.virial + 1e-3).abs() < 1e-12, "{found:?}"); // pulls inwards
             assert!((found.rms - 1e-3).abs() < 1e-12 && (found.largest - 1e-3).abs() < 1e-12, "{found:?}");
-            assert_eq!(error(&positions, &masses, 2.0, &exact, seed), Sampled { rms: 0.0, largest: 0.0 });
+            assert_eq!(error(&positions, &masses, 2.0, &exact, seed), Sampled { rms: 0.0, largest: 0.0, virial: 0.0 });
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Room: state and reports to the files of OUTBOX.
 
+pub mod errors;
 mod log;
 mod problem;
 mod snapshot;
@@ -52,7 +53,7 @@ pub fn remove(case: &Path) -> Result<(), Faults> {
             || name.starts_with("DOF.OUT.")
             || name.starts_with("Vloc_Rloc.OUT.")
     };
-    let mut doomed = vec![case.join(log::TIMER)];
+    let mut doomed = vec![case.join(log::TIMER), case.join(errors::ERRORS)];
     for entry in std::fs::read_dir(&outbox).into_iter().flatten().flatten() {
         if entry.file_name().to_str().is_some_and(ours) {
             doomed.push(entry.path());

@@ -10,6 +10,8 @@ use crate::scene::Scene;
 use crate::state::State;
 use crate::step::{Clock, Motion};
 
+use super::errors::{self, Tally};
+
 /// Figures of this run's steps that the state does not hold.
 #[derive(Debug, Clone, Default)]
 pub struct Course {
@@ -25,7 +27,7 @@ pub struct Course {
     pub taken_over: u64,
     pub threads: usize,
     pub wall: Duration,
-    pub clock: Clock,
+    pub tally: Tally,
 }
 
 /// Energy that is not accounted for, over the largest of the energies at play:
@@ -83,12 +85,15 @@ pub fn text(scene: &Scene, state: &State, course: &Course) -> String {
     }
     line("largest penetration", format!("{:.2e} of the mean radius", ledger.penetration_largest));
     line("energy drift", format!("{:.2e}", energy_drift(scene, state)));
-    if let Some(Sampled { rms, largest }) = course.gravity {
+    if let Some(Sampled { rms, largest, .. }) = course.gravity {
         let asked = scene.options.gravity_error();
         line("gravity error", format!("{rms:.1e} RMS, {largest:.1e} at most of 64 bodies; {asked:.0e} asked for"));
     }
     line("momentum drift", format!("{linear:.2e} linear, {angular:.2e} angular"));
-    let Clock { gravity, detection, assembly, solve, integration, writing } = course.clock;
+    for (name, value) in errors::lines(&course.tally.sources(scene, state)) {
+        line(name, value);
+    }
+    let &Clock { gravity, detection, assembly, solve, integration, writing } = course.tally.clock();
     let rooms = [
         ("gravity", gravity),
         ("detection", detection),

@@ -1,0 +1,140 @@
+//! What a run says of its own errors, and of what they cost.
+//!
+//! Every estimate is a share of the pressure, or of the energy that goes with it, so that they can be compared and added. From the
+//! steps of this run in which contacts carry force, the second half of them:
+//!
+//! | source | estimate | option |
+//! |---|---|---|
+//! | contacts | RMS change of Σ f·l, three volumes times the pressure, from one step to the next, over √2 and the mean: what the residuals of steps leave, which know nothing of each other, and collisions | `tol` |
+//! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, pressure going as its -4th power | `dt` |
+//! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean of the looks | `gravity_error` |
+//! | energy | what the ledger does not explain over the largest of the energies at play | `theta` |
+//! | momentum | its drift over the largest Σ m\|v\| | none: rounding |
+
+use std::path::Path;
+
+use cd_formats::atomic;
+use cd_formats::error::Faults;
+
+use crate::scene::Scene;
+use crate::state::State;
+use crate::step::{Clock, StepReport};
+
+use super::summary;
+
+/// File beside OUTBOX, as durations are.
+pub const ERRORS: &str = "ERRORS.csv";
+
+/// Figures of the steps so far.
+#[derive(Debug, Clone, Default)]
+pub struct Tally {
+    /// Of the steps in which contacts carry force, one after the other: Σ f·l (J), mean penetration over the mean radius.
+    loaded: Vec<[f64; 2]>,
+    /// Relative errors of the virial at the looks at self-gravity.
+    virials: Vec<f64>,
+    clock: Clock,
+}
+
+/// An estimate and the seconds spent on making it as small as it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Source {
+    pub name: &'static str,
+    /// The option that decides it.
+    pub option: &'static str,
+    pub error: f64,
+    pub seconds: f64,
+}
+
+impl Tally {
+    /// Enters a step.
+    pub fn step(&mut self, scene: &Scene, report: &StepReport, lap: &Clock) {
+        if report.contacts_active > 0 {
+            self.loaded.push([report.virial, report.penetration_mean / scene.mean_radius]);
+        }
+        self.virials.extend(report.gravity.sampled.map(|sampled| sampled.virial));
+        self.clock.add(lap);
+    }
+
+    /// Seconds that belong to no step.
+    pub fn wrote(&mut self, lap: &Clock) {
+        self.clock.add(lap);
+    }
+
+    pub fn clock(&self) -> &Clock {
+        &self.clock
+    }
+
+    /// The sources of error, each with its cost.
+    pub fn sources(&self, scene: &Scene, state: &State) -> Vec<Source> {
+        let recent = &self.loaded[self.loaded.len() / 2..];
+        let mean = |k: usize| recent.iter().map(|figures| figures[k]).sum::<f64>() / recent.len().max(1) as f64;
+        let squares: f64 = recent.windows(2).map(|pair| (pair[1][0] - pair[0][0]).powi(2)).sum();
+        let scatter = (0.5 * squares / (recent.len().max(2) - 1) as f64).sqrt() / mean(0).abs();
+        let scatter = if scatter.is_finite() { scatter } else { 0.0 };
+        let virial = self.virials.iter().sum::<f64>().abs() / self.virials.len().max(1) as f64;
+        let (linear, angular) = summary::momentum_drift(scene, state);
+        let Clock { gravity, detection, assembly, solve, integration, writing } = self.clock;
+        let of = |name, option, error, seconds: std::time::Duration| Source {
+            name,
+            option,
+            error,
+            seconds: seconds.as_secs_f64(),
+        };
+        let none = std::time::Duration::ZERO;
+        vec![
+            of("contacts", "tol", scatter, assembly + solve),
+            of("step", "dt", 2.0 * mean(1), detection + integration),
+            of("gravity", "gravity_error", virial, gravity),
+            of("energy", "theta", summary::energy_drift(scene, state).abs(), none),
+            of("momentum", "", linear.max(angular), none),
+            of("writing", "output_every", 0.0, writing),
+        ]
+    }
+}
+
+/// Lines of the summary: what the error is and mostly from, and what the cost.
+pub fn lines(sources: &[Source]) -> [(&'static str, String); 2] {
+    let all: f64 = sources.iter().map(|source| source.error).sum();
+    let seconds: f64 = sources.iter().map(|source| source.seconds).sum();
+    let most = |of: fn(&Source) -> f64| {
+        let largest = sources.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
+        largest.map_or(String::new(), |source| format!("{} ({})", source.name, source.option))
+    };
+    let each: Vec<String> = sources
+        .iter()
+        .filter(|source| source.error > 0.0)
+        .map(|source| format!("{} {:.1e}", source.name, source.error))
+        .collect();
+    let error = match each.len() {
+        0 => "none seen".into(),
+        _ => format!("{all:.1e} of the pressure, mostly {}: {}", most(|source| source.error), each.join(", ")),
+    };
+    let share = |source: &Source| format!("{} {:.0} %", source.name, 100.0 * source.seconds / seconds);
+    let shares: Vec<String> = sources.iter().filter(|source| source.seconds > 0.005 * seconds).map(share).collect();
+    [("error, estimated", error), ("cost", format!("mostly {}: {}", most(|source| source.seconds), shares.join(", ")))]
+}
+
+/// Writes [`ERRORS`].
+pub fn write(case: &Path, sources: &[Source]) -> Result<(), Faults> {
+    let row = |source: &Source| format!("{},{},{:e},{:e}\n", source.name, source.option, source.error, source.seconds);
+    let text = format!("source,option,error,seconds\n{}", sources.iter().map(row).collect::<String>());
+    atomic::write(&case.join(ERRORS), text.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_dominates_is_named() {
+        let source = |name, option, error, seconds| Source { name, option, error, seconds };
+        let sources = [
+            source("contacts", "tol", 1e-2, 1.0),
+            source("step", "dt", 4e-2, 0.5),
+            source("gravity", "gravity_error", 0.0, 8.5),
+        ];
+        let [(_, error), (_, cost)] = lines(&sources);
+        assert_eq!(error, "5.0e-2 of the pressure, mostly step (dt): contacts 1.0e-2, step 4.0e-2");
+        assert_eq!(cost, "mostly gravity (gravity_error): contacts 10 %, step 5 %, gravity 85 %");
+    }
+}
