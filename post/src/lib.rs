@@ -3,7 +3,7 @@
 //! `read` ([`frame`]) -> `derive` ([`mod@derive`]) -> `write` ([`mod@write`]): each snapshot of
 //! `DIR/OUTBOX` becomes a [`Frame`], a [`Row`] of `POSTPRO/series.csv` and the files of
 //! `DISPLAY/`; the rows together become plots, the last frame a picture. [`mod@state`] measures one
-//! snapshot in depth, [`compare`] several runs, [`study`] many, [`track`] follows one
+//! snapshot in depth, [`compare`] several runs, [`study`] many, [`trade`] what accuracy costs, [`track`] follows one
 //! body, [`report`] makes a page of a run.
 
 use std::collections::HashSet;
@@ -27,6 +27,7 @@ pub mod shapes;
 pub mod state;
 pub mod study;
 pub mod track;
+pub mod trade;
 pub mod write;
 
 use derive::Row;
@@ -102,6 +103,26 @@ enum Command {
         /// Time up to which they count, s; without it the end
         #[arg(long, value_name = "S")]
         until: Option<f64>,
+    },
+    /// Runs of one scene against the finest: errors of what is observed, and the time that they took.
+    ///
+    /// Reads of each POSTPRO/series.csv, TIMER.csv, ERRORS.csv and snapshots.
+    Trade {
+        /// The case directories; errors are against that of `accuracy: reference`, else against the last
+        #[arg(required = true, num_args = 2..)]
+        dirs: Vec<PathBuf>,
+        /// Folder in which trade.csv, orders.csv and trade.svg are written
+        #[arg(short, long, default_value = "trade")]
+        output: PathBuf,
+        /// One name a run, of the option that it is about
+        #[arg(long, value_delimiter = ',')]
+        groups: Vec<String>,
+        /// One number a run, the value of that option
+        #[arg(long, value_delimiter = ',')]
+        values: Vec<f64>,
+        /// Time from which snapshots count, s; without it the last alone
+        #[arg(long, value_name = "S")]
+        from: Option<f64>,
     },
     /// One body in a bed of grains, such as a lander: its way, depth, force, bounce and crater.
     ///
@@ -186,6 +207,12 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
                 tell(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
                 Vec::new()
             }),
+        Some(Command::Trade { dirs, output, groups, values, from }) => {
+            trade::write(dirs, groups, values, *from, output).map(|table| {
+                tell(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
+                Vec::new()
+            })
+        }
         Some(Command::Track { dir, body }) => track::write(dir, *body).map(|folder| {
             tell(format_args!("cd-post: {}", folder.display()));
             Vec::new()

@@ -52,16 +52,16 @@ impl Run {
 
 /// A straight line by least squares.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Line {
-    slope: f64,
-    intercept: f64,
+pub struct Line {
+    pub slope: f64,
+    pub intercept: f64,
     /// Square of the correlation.
-    r2: f64,
+    pub r2: f64,
 }
 
 impl Line {
     /// Through points of which at least two have different x.
-    fn through(points: &[(f64, f64)]) -> Option<Line> {
+    pub fn through(points: &[(f64, f64)]) -> Option<Line> {
         let points: Vec<(f64, f64)> = points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
         let n = points.len() as f64;
         let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), p| (x + p.0 / n, y + p.1 / n));

@@ -258,6 +258,38 @@ fn runs_are_compared_in_one_figure() {
 }
 
 #[test]
+fn runs_are_measured_by_the_finest() {
+    let cases = [case(&[0, 4]), case(&[0, 4]), case(&[0, 4])];
+    let output = tempfile::tempdir().unwrap();
+    let trade = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+        command.arg("trade").args(cases.iter().map(|case| case.path())).arg("-o").arg(output.path()).args(more);
+        command.output().unwrap()
+    };
+    for case in &cases {
+        assert_eq!(cd_post(&["--no-plots", "--no-vtk"], case.path()).status.code(), Some(0));
+        let timer = "step,gravity,detection,assembly,solve,integration,writing\n1,1,2,3,4,5,6\n2,1,2,3,4,5,6\n";
+        fs::write(case.path().join("TIMER.csv"), timer).unwrap();
+    }
+    assert_eq!(trade(&[]).status.code(), Some(2)); // without what the runs say of their errors
+    for case in &cases {
+        let errors = "source,option,error,seconds\ncontacts,tol,1e-2,1\nstep,dt,2e-2,1\n";
+        fs::write(case.path().join("ERRORS.csv"), errors).unwrap();
+    }
+    let done = trade(&["--groups", "dt,dt,finest", "--values", "2,1,0.5"]);
+    assert_eq!(done.status.code(), Some(0), "{done:?}");
+    assert_eq!(names(output.path()), ["orders.csv", "trade.csv", "trade.svg"]);
+    let table = fs::read_to_string(output.path().join("trade.csv")).unwrap();
+    let row: Vec<&str> = table.lines().nth(1).unwrap().split(',').collect();
+    let of = |name: &str| row[table.lines().next().unwrap().split(',').position(|column| column == name).unwrap()];
+    // Equal runs.
+    assert_eq!((of("group"), of("value"), of("seconds")), ("dt", "2.0", "30.0"));
+    assert_eq!((of("Z"), of("worst"), of("positions"), of("positions_early")), ("0.0", "0.0", "0.0", "0.0"));
+    assert_eq!(of("estimated").parse::<f64>().unwrap(), 1e-2 + 2e-2);
+    assert_eq!(trade(&["--values", "1"]).status.code(), Some(2));
+}
+
+#[test]
 fn many_runs_are_points_of_one_study() {
     let cases = [case(&[0, 4]), case(&[0, 4])];
     for case in &cases {

@@ -47,6 +47,17 @@ fn columns_of_a_study() {
 }
 
 #[test]
+fn columns_of_a_trade() {
+    let documented: Vec<[String; 3]> = table("## Speed against accuracy")
+        .into_iter()
+        .filter(|row| !row[0].contains('.'))
+        .map(|row| [row[0].clone(), row[1].clone(), row[2].clone()])
+        .collect();
+    let written = cd_post::trade::COLUMNS.map(|(name, unit, help)| [name, unit, help].map(str::to_string));
+    assert_eq!(documented, written);
+}
+
+#[test]
 fn arrays_of_the_paraview_files() {
     let mut scene = Scene::default();
     scene.grain([0.0; 3], 1.0);

@@ -1,0 +1,357 @@
+//! `cd-post trade`: runs of one scene against the finest of them; what accuracy costs.
+
+use std::path::{Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::compute::Accuracy;
+use cd_formats::error::{Fault, Faults};
+use cd_formats::snapshot::{self, Snapshot};
+
+use crate::compare;
+use crate::derive::Field;
+use crate::study::Line;
+use crate::write::figure::{Axis, Curve, Figure, Marks};
+
+/// Columns of trade.csv behind the names: name, unit, meaning.
+pub const COLUMNS: [(&str, &str, &str); 14] = [
+    ("value", "-", "of the option that the run's group is about"),
+    ("seconds", "s", "all rooms of all steps, without writing"),
+    ("Z", "1", "RMS error of the contacts per grain at the snapshots that count, over the RMS of the finest run"),
+    ("nu", "1", "of the solid fraction"),
+    ("pressure", "1", "of the pressure"),
+    ("a", "1", "of the longest semi-axis"),
+    ("b", "1", "of the middle semi-axis"),
+    ("c", "1", "of the shortest semi-axis"),
+    ("energy", "1", "of the energy, kinetic and potential"),
+    (
+        "positions_early",
+        "1",
+        "RMS distance of the bodies from where the finest run has them, over their mean radius: at its first snapshot after the start",
+    ),
+    ("positions", "1", "the same at the end"),
+    ("worst", "1", "largest error of Z, nu and pressure"),
+    ("estimated", "1", "error that the run states in ERRORS.csv, of the pressure"),
+    ("over_estimated", "1", "error of the pressure over the estimated one"),
+];
+
+/// A run as it is measured, before it is compared.
+struct Run {
+    name: String,
+    group: String,
+    value: f64,
+    accuracy: Accuracy,
+    seconds: f64,
+    /// Z, nu, pressure, a, b, c and the energy at the times (s) of the snapshots that count.
+    observed: Vec<(f64, [f64; 7])>,
+    estimated: f64,
+    /// Positions (m) by time (s).
+    early: Vec<(f64, PathBuf)>,
+    end: Vec<[f64; 3]>,
+    mean_radius: f64,
+}
+
+/// A run against the finest.
+#[derive(Debug, Clone, PartialEq)]
+struct Compared {
+    name: String,
+    group: String,
+    /// In the order of [`COLUMNS`].
+    values: [f64; 14],
+}
+
+impl Compared {
+    fn of(&self, name: &str) -> f64 {
+        COLUMNS.iter().position(|column| column.0 == name).map_or(f64::NAN, |k| self.values[k])
+    }
+}
+
+/// Measures each case from its series.csv, TIMER.csv, ERRORS.csv and snapshots, compares it with the finest - that of
+/// `accuracy: reference`, else the last - and writes trade.csv, orders.csv and trade.svg. Returns the table as text.
+///
+/// `groups`: one name a case, of the option that it is about; `values`: what that option is there, both in the order of the
+/// cases or empty. `from`: errors are RMS over the snapshots from this time on, s; without it, of the last alone.
+pub fn write(
+    cases: &[PathBuf],
+    groups: &[String],
+    values: &[f64],
+    from: Option<f64>,
+    output: &Path,
+) -> Result<String, Faults> {
+    let mut faults = Faults::default();
+    for (name, count) in [("groups", groups.len()), ("values", values.len())] {
+        if count != 0 && count != cases.len() {
+            let expected = format!("expected {}, one a case", cases.len());
+            faults.push(Fault::new(Path::new("options"), None, name, format!("{count} of them"), expected));
+        }
+    }
+    let measured = |(k, case): (usize, &PathBuf)| -> Option<Run> {
+        let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
+        faults.gather(measured(case, group, values.get(k).copied().unwrap_or(f64::NAN), from))
+    };
+    let runs: Vec<Run> = cases.iter().enumerate().filter_map(measured).collect();
+    faults.into_result(())?;
+    let finest = runs.iter().position(|run| run.accuracy == Accuracy::Reference).unwrap_or(runs.len() - 1);
+    let compared = runs.iter().map(|run| against(run, &runs[finest])).collect::<Result<Vec<_>, Faults>>()?;
+    let others: Vec<Compared> =
+        compared.iter().enumerate().filter(|(k, _)| *k != finest).map(|(_, run)| run.clone()).collect();
+    atomic::write(&output.join("trade.csv"), table(&compared).as_bytes())?;
+    atomic::write(&output.join("orders.csv"), orders(&others).as_bytes())?;
+    atomic::write(&output.join("trade.svg"), figure(&others).svg().as_bytes())?;
+    Ok(text(&compared, &runs[finest].name))
+}
+
+fn measured(case: &Path, group: String, value: f64, from: Option<f64>) -> Result<Run, Faults> {
+    let series_path = case.join("POSTPRO/series.csv");
+    let series = compare::read(&series_path)?;
+    let times = series.get("time").cloned().unwrap_or_default();
+    let from = from.unwrap_or(times.last().copied().unwrap_or(f64::NAN));
+    let taken: Vec<usize> = (0..times.len()).filter(|&k| times[k] >= from * (1.0 - 1e-9)).collect();
+    if taken.is_empty() {
+        let found = format!("ends at {} s", times.last().copied().unwrap_or(f64::NAN));
+        return Err(Fault::new(&series_path, None, "time", found, "expected a snapshot from that time on").into());
+    }
+    let column = |name: &str, k: usize| series.get(name).and_then(|column| column.get(k)).copied().unwrap_or(f64::NAN);
+    let observed = |&k: &usize| {
+        let [z, nu, pressure, a, b, c] = ["Z", "nu", "pressure", "a", "b", "c"].map(|name| column(name, k));
+        let potential = column("E_grav", k) + column("E_uniform", k);
+        (times[k], [z, nu, pressure, a, b, c, column("n_grains", k) * column("Ec_mean", k) + potential])
+    };
+    let timer = compare::read(&case.join("TIMER.csv"))?;
+    let rooms = ["gravity", "detection", "assembly", "solve", "integration"];
+    let seconds = rooms.iter().flat_map(|room| timer.get(*room)).flatten().sum();
+    let outbox = case.join("OUTBOX");
+    let snapshots = snapshot::list(&outbox);
+    let (_, last) = snapshots.last().ok_or_else(|| {
+        Fault::new(&outbox, None, "folder", "holds no snapshot", "expected snapshot-*.npz, the results of cd-solve")
+    })?;
+    let last = Snapshot::read(last)?;
+    let early = times.iter().copied().zip(snapshots.iter().map(|(_, path)| path.clone())).skip(1).collect();
+    let free: Vec<usize> = (0..last.bodies.body_x.len()).filter(|&i| last.bodies.body_driven[i] == 0).collect();
+    let mean_radius = free.iter().map(|&i| last.bodies.body_radius[i]).sum::<f64>() / free.len().max(1) as f64;
+    Ok(Run {
+        name: compare::name_of(case),
+        group,
+        value,
+        accuracy: last.meta.parameters.accuracy.unwrap_or_default(),
+        seconds,
+        observed: taken.iter().map(observed).collect(),
+        estimated: estimated(&case.join("ERRORS.csv"))?,
+        early,
+        end: free_positions(&last),
+        mean_radius,
+    })
+}
+
+/// The sum of the sources of error in ERRORS.csv.
+fn estimated(path: &Path) -> Result<f64, Faults> {
+    let text = atomic::read_text(path)?;
+    let mut faults = Faults::default();
+    let mut sum = 0.0;
+    for (number, line) in (1..).zip(text.lines()).skip(1) {
+        match line.split(',').nth(2).and_then(|error| error.parse::<f64>().ok()) {
+            Some(error) => sum += error,
+            None => faults.push(Fault::new(path, Some(number), "row", line, "expected source,option,error,seconds")),
+        }
+    }
+    faults.into_result(sum)
+}
+
+fn free_positions(snapshot: &Snapshot) -> Vec<[f64; 3]> {
+    let bodies = &snapshot.bodies;
+    bodies.body_x.iter().zip(&bodies.body_driven).filter(|(_, driven)| **driven == 0).map(|(x, _)| *x).collect()
+}
+
+/// RMS distance over the mean radius; NaN where the numbers of bodies differ.
+fn away(a: &[[f64; 3]], b: &[[f64; 3]], radius: f64) -> f64 {
+    if a.len() != b.len() {
+        return f64::NAN;
+    }
+    let square = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>();
+    (a.iter().zip(b).map(square).sum::<f64>() / a.len() as f64).sqrt() / radius
+}
+
+/// Times are sums of steps.
+fn same_time(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-6 * b.abs()
+}
+
+fn against(run: &Run, finest: &Run) -> Result<Compared, Faults> {
+    let at = |time: f64| run.observed.iter().find(|(t, _)| same_time(*t, time)).map(|(_, found)| *found);
+    let shared = finest.observed.iter().filter_map(|(time, exact)| Some((at(*time)?, *exact)));
+    let (mut away_squared, mut exact_squared) = ([0.0; 7], [0.0; 7]);
+    for (found, exact) in shared {
+        for k in 0..7 {
+            away_squared[k] += (found[k] - exact[k]).powi(2);
+            exact_squared[k] += exact[k].powi(2);
+        }
+    }
+    let errors: [f64; 7] = std::array::from_fn(|k| (away_squared[k] / exact_squared[k]).sqrt());
+    let [z, nu, pressure, a, b, c, energy] = errors;
+    let early = match finest.early.first() {
+        Some((time, path)) => match run.early.iter().find(|(t, _)| same_time(*t, *time)) {
+            Some((_, own)) => {
+                away(&free_positions(&Snapshot::read(own)?), &free_positions(&Snapshot::read(path)?), run.mean_radius)
+            }
+            None => f64::NAN,
+        },
+        None => f64::NAN,
+    };
+    let end = away(&run.end, &finest.end, run.mean_radius);
+    let worst = [z, nu, pressure].into_iter().filter(|error| error.is_finite()).fold(0.0, f64::max);
+    let over = pressure / run.estimated;
+    let values = [run.value, run.seconds, z, nu, pressure, a, b, c, energy, early, end, worst, run.estimated, over];
+    Ok(Compared { name: run.name.clone(), group: run.group.clone(), values })
+}
+
+/// A row a run; an empty field where a value is not defined.
+fn table(runs: &[Compared]) -> String {
+    let mut text = format!("run,group,{}\n", COLUMNS.map(|column| column.0).join(","));
+    for run in runs {
+        // A comma would make two columns of a name.
+        let values: Vec<String> = run.values.iter().map(Field::text).collect();
+        text += &format!("{},{},{}\n", run.name.replace(',', ";"), run.group.replace(',', ";"), values.join(","));
+    }
+    text
+}
+
+/// The groups in the order in which they come, each with its runs.
+fn grouped(runs: &[Compared]) -> Vec<(&str, Vec<&Compared>)> {
+    let mut groups: Vec<(&str, Vec<&Compared>)> = Vec::new();
+    for run in runs {
+        match groups.iter_mut().find(|(name, _)| *name == run.group) {
+            Some((_, members)) => members.push(run),
+            None => groups.push((&run.group, vec![run])),
+        }
+    }
+    groups
+}
+
+/// Of each group of several values: with what power of the value the worst error goes, and by how much the time grows
+/// when that error becomes a tenth.
+fn orders(runs: &[Compared]) -> String {
+    let mut text = String::from("group,runs,order,r2,digit\n");
+    for (name, members) in grouped(runs) {
+        let of = |x: &dyn Fn(&Compared) -> f64, y: &dyn Fn(&Compared) -> f64| {
+            let points: Vec<(f64, f64)> = members.iter().map(|run| (x(run).ln(), y(run).ln())).collect();
+            Line::through(&points)
+        };
+        let worst = |run: &Compared| run.of("worst");
+        let order = of(&|run| run.of("value"), &worst);
+        let price = of(&worst, &|run| run.of("seconds"));
+        if members.len() < 3 {
+            continue;
+        }
+        let values = [
+            order.map_or(f64::NAN, |line| line.slope),
+            order.map_or(f64::NAN, |line| line.r2),
+            price.map_or(f64::NAN, |line| 10f64.powf(-line.slope)),
+        ];
+        let values: Vec<String> = values.iter().map(Field::text).collect();
+        text += &format!("{},{},{}\n", name.replace(',', ";"), members.len(), values.join(","));
+    }
+    text
+}
+
+/// Error against time; a curve a group, dots for single runs such as presets, and the runs that none beats in both.
+fn figure(runs: &[Compared]) -> Figure {
+    let point = |run: &Compared| (run.of("seconds"), run.of("worst"));
+    let mut curves: Vec<Curve> = Vec::new();
+    let mut front: Vec<(f64, f64)> = runs.iter().map(point).collect();
+    front.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut best = f64::INFINITY;
+    front.retain(|(_, error)| {
+        *error < best && {
+            best = *error;
+            true
+        }
+    });
+    curves.push(Curve { name: "best of all".into(), points: front, marks: Marks::Expected });
+    for (name, members) in grouped(runs) {
+        let mut points: Vec<(f64, f64)> = members.into_iter().map(point).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let marks = if points.len() == 1 { Marks::Dots } else { Marks::Line };
+        curves.push(Curve { name: name.into(), points, marks });
+    }
+    Figure {
+        title: "Error against time".into(),
+        x: Axis::logarithmic("time", "s"),
+        y: Axis::logarithmic("largest error of Z, ν, pressure", "1"),
+        curves,
+    }
+}
+
+/// What is seen at once.
+fn text(runs: &[Compared], finest: &str) -> String {
+    let shown = ["seconds", "Z", "nu", "pressure", "energy", "positions", "estimated"];
+    let width = runs.iter().map(|run| run.name.chars().count()).max().unwrap_or(0).max(4);
+    let mut text = format!("  {:width$}", "run");
+    text.extend(shown.iter().map(|name| format!("  {name:>9}")));
+    for run in runs {
+        text += &format!("\n  {:width$}", run.name);
+        text.extend(shown.iter().map(|name| match run.of(name) {
+            value if value.is_finite() => format!("  {value:>9.2e}"),
+            _ => format!("  {:>9}", "-"),
+        }));
+    }
+    let judged = runs.iter().map(|run| run.of("over_estimated")).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
+    let (judged, honest) =
+        judged.fold((0, 0), |(all, honest), ratio| (all + 1, honest + i32::from((1.0 / 3.0..=3.0).contains(&ratio))));
+    text + &format!("\n  errors against {finest}; {honest} of {judged} estimates within a factor of 3")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(group: &str, value: f64, seconds: f64, error: f64) -> Compared {
+        let mut run = Compared { name: format!("{group}{value}"), group: group.into(), values: [f64::NAN; 14] };
+        for (name, value) in [("value", value), ("seconds", seconds), ("worst", error)] {
+            run.values[COLUMNS.iter().position(|column| column.0 == name).unwrap()] = value;
+        }
+        run
+    }
+
+    #[test]
+    fn orders_and_prices_are_found() {
+        // Of second order, half the step twice the time: a digit costs the square root of ten.
+        let mut runs: Vec<Compared> = [1.0, 0.5, 0.25].map(|h| run("dt", h, 3.0 / h, h * h)).to_vec();
+        runs.push(run("draft", f64::NAN, 1.0, 0.1));
+        let text = orders(&runs);
+        let row: Vec<&str> = text.lines().nth(1).unwrap().split(',').collect();
+        assert_eq!((text.lines().count(), row[0], row[1]), (2, "dt", "3"));
+        let number = |k: usize| -> f64 { row[k].parse().unwrap() };
+        assert!((number(2) - 2.0).abs() < 1e-12 && (number(4) - 10f64.sqrt()).abs() < 1e-12, "{text}");
+    }
+
+    #[test]
+    fn what_another_beats_is_not_on_the_front() {
+        let runs = [run("a", 1.0, 1.0, 0.1), run("a", 2.0, 2.0, 0.2), run("b", 1.0, 3.0, 0.01)];
+        let figure = figure(&runs);
+        assert_eq!(figure.curves[0].points, [(1.0, 0.1), (3.0, 0.01)]);
+        assert_eq!(figure.curves.iter().map(|curve| curve.marks).collect::<Vec<_>>()[1..], [Marks::Line, Marks::Dots]);
+        assert!(figure.svg().contains("time (s)"));
+    }
+
+    #[test]
+    fn errors_are_relative_to_the_finest() {
+        let run = |pressure: f64, x: f64, estimated: f64| Run {
+            name: "run".into(),
+            group: String::new(),
+            value: f64::NAN,
+            accuracy: Accuracy::Standard,
+            seconds: 1.0,
+            observed: vec![(1.0, [4.0, 0.5, pressure, 3.0, 2.0, 1.0, -1.0])],
+            estimated,
+            early: vec![],
+            end: vec![[0.0, 0.0, x], [0.0; 3]],
+            mean_radius: 2.0,
+        };
+        let found = against(&run(1.02, 0.2, 0.01), &run(1.0, 0.0, 0.0)).unwrap();
+        // Rounding of a few operations.
+        for (name, expected) in
+            [("pressure", 0.02), ("worst", 0.02), ("Z", 0.0), ("positions", 0.1 / 2f64.sqrt()), ("over_estimated", 2.0)]
+        {
+            assert!((found.of(name) - expected).abs() < 1e-12, "{name} {}", found.of(name));
+        }
+    }
+}
