@@ -1,0 +1,21 @@
+#!/bin/sh
+# sweep.sh FOLDER DT EVERY FROM [WITHOUT]: makes all runs of runs.txt with FOLDER/DATBOX and compares them.
+# DT: the scene's time step, s; EVERY: steps of that length between two snapshots; FROM: time from which means are taken,
+# s; WITHOUT: options that the scene has not, as a pattern. CD_BIN: where the programs are.
+set -eu
+folder=$1 dt=$2 every=$3 from=$4 without=${5:-none}
+cases= groups= values=
+while read -r name group value factor flags; do
+    case "$name" in '#'* | '') continue ;; esac
+    echo "$group" | grep -qE "^($without)" && continue
+    run=$folder/$(echo "$name" | tr / _)
+    mkdir -p "$run"
+    rm -rf "$run/DATBOX" && cp -r "$folder/DATBOX" "$run/DATBOX"
+    # shellcheck disable=SC2086
+    "$CD_BIN/cd-solve" --force --threads 1 --dt "$(awk "BEGIN { printf \"%.12g\", $dt * $factor }")" \
+        --output-every "$(awk "BEGIN { printf \"%d\", $every / $factor }")" $flags "$run" 2> "$run/log" || { cat "$run/log"; exit 1; }
+    "$CD_BIN/cd-post" --no-vtk --no-plots "$run" > "$run/post.log" 2>&1
+    cases="$cases $run" groups="$groups,$group" values="$values,$(echo "$value" | sed 's/^-$/nan/')"
+done < runs.txt
+# shellcheck disable=SC2086
+"$CD_BIN/cd-post" trade $cases -o "$folder/trade" --groups "${groups#,}" --values "${values#,}" --from "$from" | tee "$folder/table.txt"
