@@ -126,12 +126,26 @@ class Snapshot:
             if name.startswith("contact_"):
                 self.all[name] = self.all[name][self.listed]
         self.force = np.einsum("ki,kij->kj", self["contact_force"], self["contact_frame"])
+        # In a scene that repeats grains are drawn in the cell about the origin, and meet the nearest image.
+        self.periods = np.array([self.meta["parameters"].get(name) or np.inf for name in ("xperiode", "yperiode")] + [np.inf])
+        x = self["body_x"]
+        moved = np.where(self.wall[:, None], 0.0, -self.whole(x))
+        self.all["body_x"] = x + moved
+        half_way = x + moved - self.meta["parameters"]["theta"] * self.meta["h"] * np.where(self.wall[:, None], 0.0, self["body_v"])
+        candidate, antagonist = self["contact_body"].T
+        self.image = self.whole(half_way[candidate] - half_way[antagonist])
+        self.all["contact_point"] = self["contact_point"] + moved[candidate]
         self.active = (self["contact_impulse"] != 0).any(axis=1)
         laws = [friction_and_attraction(law) for law in self.meta["laws"]]
         self.friction, self.attraction = np.array(laws).reshape(-1, 2)[self["contact_law"]].T
 
     def __getitem__(self, name):
         return self.all[name]
+
+    def whole(self, d):
+        """The sums of whole periods that are nearest to vectors."""
+        turns = np.floor(np.abs(d) / self.periods + 0.5) * np.sign(d)
+        return np.where(np.isinf(self.periods), 0.0, turns * np.where(np.isinf(self.periods), 0.0, self.periods))
 
     def grain(self, name):
         return self["body_" + name][self.rows]
@@ -184,7 +198,7 @@ def check_arrays(path, s, found, rows):
     for side, sign in ((0, 1.0), (1, -1.0)):
         grains = s.number[s["contact_body"][:, side]]
         for k in np.flatnonzero((grains >= 0) & s.active):
-            i, arm = grains[k], half_way[grains[k]] - s["contact_point"][k]
+            i, arm = grains[k], half_way[grains[k]] + side * s.image[k] - s["contact_point"][k]
             contacts[i] += 1
             stress[i] += sign * np.outer(s.force[k], arm) / volume[i]
             scale[i] += np.linalg.norm(s.force[k]) * np.linalg.norm(arm) / volume[i]
@@ -224,10 +238,11 @@ def check_arrays(path, s, found, rows):
 
 def check_contacts(path, snapshot):
     file, s = Polydata(path), snapshot
-    # The ends of a line: the centre of a grain, the point of contact on a wall.
+    # The ends of a line: the centre of a grain, or of its image; the point of contact on a wall.
     ends = file.points[file.cells("Lines", 2)]
     on_wall = s.wall[s["contact_body"]][:, :, None]
-    expected = np.where(on_wall, s["contact_point"][:, None, :], s["body_x"][s["contact_body"]])
+    centres = s["body_x"][s["contact_body"]] + np.stack([0 * s.image, s.image], axis=1)
+    expected = np.where(on_wall, s["contact_point"][:, None, :], centres)
     check(f"{path.name} lines", ends, expected)
     tangential = np.hypot(s["contact_force"][:, 1], s["contact_force"][:, 2])
     size = np.linalg.norm(s["contact_force"], axis=1)

@@ -217,6 +217,10 @@ options! {
     alert: Option<f64> = None, f64, [value_name = "M"];
     /// How the direction of contact of two polyhedra is found: accurate, with a proof that it is the best of all; fast, near that of the last step; without it, as accuracy asks.
     narrow_phase: Option<NarrowPhase> = None, NarrowPhase, [value_enum, value_name = "METHOD"];
+    /// Length after which all that stands in the scene comes again along x, m: contacts reach across, positions go on. Without self-gravity and fields.
+    xperiode: Option<f64> = None, f64, [value_name = "M"];
+    /// The same along y.
+    yperiode: Option<f64> = None, f64, [value_name = "M"];
     /// Newtonian attraction between all free bodies.
     self_gravity: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// How self-gravity is summed: direct, every pair; fmm, fast multipole method; auto, the faster of the two.
@@ -323,6 +327,13 @@ impl Compute {
             format!("{:?}", self.alert),
             "a finite distance >= 0 m",
         );
+        for (name, period) in [("xperiode", self.xperiode), ("yperiode", self.yperiode)] {
+            let found = format!("{period:?}");
+            expect(period.is_none_or(positive), name, found.clone(), "a finite length > 0 m");
+            let alone = !self.self_gravity && self.fields.is_empty();
+            let expected = "neither self-gravity nor fields beside it: they do not repeat";
+            expect(period.is_none() || alone, name, found, expected);
+        }
         expect(
             self.gravity_constant.is_finite() && self.gravity_constant >= 0.0,
             "gravity_constant",

@@ -129,6 +129,12 @@ pub struct Parameters {
     pub self_gravity: bool,
     #[serde(default)]
     pub gravity: crate::compute::GravityMethod,
+    /// m
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub xperiode: Option<f64>,
+    /// m
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub yperiode: Option<f64>,
     /// Only where there are polyhedra.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub narrow_phase: Option<crate::compute::NarrowPhase>,

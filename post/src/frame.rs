@@ -28,8 +28,11 @@ pub struct Frame {
 #[derive(Debug, Clone)]
 pub struct Grain {
     pub id: u64,
-    /// Centre of mass at the snapshot's time, the end of the step, m.
+    /// Centre of mass at the snapshot's time, the end of the step, m; in a scene that repeats, that of the image in the
+    /// cell about the origin.
     pub x: Vec3,
+    /// What was added for that, m.
+    pub moved: Vec3,
     /// Centre of mass where the contacts were looked for, m: x - theta h v, half-way through the step.
     pub x_contact: Vec3,
     /// m/s
@@ -113,8 +116,10 @@ impl Side {
 pub struct Contact {
     pub candidate: Side,
     pub antagonist: Side,
-    /// m
+    /// At the candidate, m.
     pub point: Vec3,
+    /// What to add to the antagonist's position for the image that the candidate meets, m.
+    pub image: Vec3,
     /// Unit vector from the antagonist to the candidate.
     pub normal: Vec3,
     /// Force on the candidate in the world's frame, N: mean over the step.
@@ -144,11 +149,11 @@ impl Contact {
         [self.candidate, self.antagonist].into_iter()
     }
 
-    /// Each grain of the contact with the force on it, N.
-    pub fn forces_on_grains(&self) -> impl Iterator<Item = (usize, Vec3)> {
-        [(self.candidate, self.force), (self.antagonist, -self.force)]
+    /// Each grain of the contact with the force on it, N, and what to add to its position for the image that is met, m.
+    pub fn on_grains(&self) -> impl Iterator<Item = (usize, Vec3, Vec3)> {
+        [(self.candidate, self.force, Vec3::zeros()), (self.antagonist, -self.force, self.image)]
             .into_iter()
-            .filter_map(|(side, force)| Some((side.grain()?, force)))
+            .filter_map(|(side, force, image)| Some((side.grain()?, force, image)))
     }
 }
 
@@ -178,6 +183,7 @@ impl Frame {
         solids.resize(snapshot.bodies.body_id.len(), None);
         let Snapshot { meta, bodies, contacts, .. } = snapshot;
         let to_contact = -meta.parameters.theta * meta.h;
+        let cell = Cell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
         let sides: Vec<Side> = solids
             .into_iter()
@@ -187,7 +193,7 @@ impl Frame {
                     walls.push(wall(&bodies, row, solid));
                     Side::Wall(walls.len() - 1)
                 } else {
-                    grains.push(grain(&bodies, row, to_contact, solid));
+                    grains.push(grain(&bodies, row, to_contact, solid, &cell));
                     Side::Grain(grains.len() - 1)
                 }
             })
@@ -198,10 +204,16 @@ impl Frame {
                 candidate.grain().or(antagonist.grain())?;
                 let [n, t, s] = contacts.contact_frame[row].map(Vec3::from);
                 let [f_n, f_t, f_s] = contacts.contact_force[row];
+                let place = |side: Side| match side {
+                    Side::Grain(k) => (grains[k].x_contact, grains[k].moved),
+                    Side::Wall(k) => (walls[k].x, Vec3::zeros()),
+                };
+                let ((x, moved), (other, _)) = (place(candidate), place(antagonist));
                 Some(Contact {
                     candidate,
                     antagonist,
-                    point: contacts.contact_point[row].into(),
+                    point: Vec3::from(contacts.contact_point[row]) + moved,
+                    image: cell.nearest(x - other),
                     normal: n,
                     force: n * f_n + t * f_t + s * f_s,
                     normal_force: f_n,
@@ -216,6 +228,11 @@ impl Frame {
         Frame { meta, grains, walls, contacts }
     }
 
+    /// The part of space that the scene repeats, if it does.
+    pub fn cell(&self) -> Cell {
+        Cell([self.meta.parameters.xperiode, self.meta.parameters.yperiode])
+    }
+
     /// The contacts that carry force.
     pub fn active(&self) -> impl Iterator<Item = &Contact> {
         self.contacts.iter().filter(|contact| contact.active)
@@ -224,6 +241,23 @@ impl Frame {
     /// Total mass of the grains, kg.
     pub fn mass(&self) -> f64 {
         self.grains.iter().map(|grain| grain.mass).sum()
+    }
+}
+
+/// Lengths after which a scene comes again along x and y, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cell(pub [Option<f64>; 2]);
+
+impl Cell {
+    /// Whether it repeats at all.
+    pub fn repeats(&self) -> bool {
+        self.0 != [None; 2]
+    }
+
+    /// The sum of whole periods that is nearest to a vector, m.
+    pub fn nearest(&self, d: Vec3) -> Vec3 {
+        let along = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
+        Vec3::new(along(self.0[0], d.x), along(self.0[1], d.y), 0.0)
     }
 }
 
@@ -236,8 +270,10 @@ fn rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
 }
 
-fn grain(bodies: &BodyArrays, row: usize, to_contact: f64, solid: Option<Arc<Solid>>) -> Grain {
+fn grain(bodies: &BodyArrays, row: usize, to_contact: f64, solid: Option<Arc<Solid>>, cell: &Cell) -> Grain {
     let (x, v) = (Vec3::from(bodies.body_x[row]), Vec3::from(bodies.body_v[row]));
+    let moved = -cell.nearest(x);
+    let x = x + moved;
     let [j1, j2, j3] = bodies.body_inertia[row];
     // Equal moments need no rotation, and keep their digits without one.
     let inertia = if j1 == j2 && j2 == j3 {
@@ -249,6 +285,7 @@ fn grain(bodies: &BodyArrays, row: usize, to_contact: f64, solid: Option<Arc<Sol
     Grain {
         id: bodies.body_id[row],
         x,
+        moved,
         x_contact: x + to_contact * v,
         v,
         w: bodies.body_w_world[row].into(),
@@ -346,7 +383,7 @@ mod tests {
         let sides: Vec<(Side, Side)> = frame.contacts.iter().map(|c| (c.candidate, c.antagonist)).collect();
         assert_eq!(sides, [(Side::Grain(0), Side::Wall(0)), (Side::Wall(1), Side::Grain(0))]);
         // Force on the candidate is against the grain's own when that is the antagonist.
-        assert_eq!(frame.contacts[1].forces_on_grains().collect::<Vec<_>>(), [(0, -Vec3::x())]);
+        assert_eq!(frame.contacts[1].on_grains().collect::<Vec<_>>(), [(0, -Vec3::x(), Vec3::zeros())]);
     }
 
     #[test]

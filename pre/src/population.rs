@@ -108,6 +108,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
     }
     let bodies = population.grains.len() + population.plates.len();
     report.expect(bodies <= MOST_BODIES, "grains", format!("{bodies} bodies"), &format!("at most {MOST_BODIES}"));
+    check_extent(scene, &population, report);
     if report.faults.0.is_empty() {
         check_overlaps(scene, &population, report);
     }
@@ -135,6 +136,20 @@ fn in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed) -> Ve
         spin,
     };
     placed.grains.into_iter().enumerate().map(grain).collect()
+}
+
+/// All grains of a scene that repeats must find room within a period, so that none overlaps another's image.
+fn check_extent(scene: &Scene, population: &Population, report: &mut Report) {
+    let periods = [("xperiode", scene.compute.xperiode), ("yperiode", scene.compute.yperiode)];
+    for (axis, (name, period)) in periods.into_iter().enumerate() {
+        let reach = |grain: &Grain| [grain.position[axis] - grain.reach, grain.position[axis] + grain.reach];
+        let ends = population.grains.iter().flat_map(reach);
+        let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
+        if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING)) {
+            let found = format!("{period} with grains over {:.6} m", high - low);
+            report.fault(&format!("compute.{name}"), found, "at least as much");
+        }
+    }
 }
 
 /// No two grains, and no grain and plate, may overlap, unless a List allows it.

@@ -238,6 +238,18 @@ impl Scene {
         1.0 / (curvature(a) + curvature(b))
     }
 
+    /// What to add to the position `of` for its image nearest to `from`, m; 0 where the scene does not repeat.
+    pub fn image(&self, from: &Vec3, of: &Vec3) -> Vec3 {
+        let [x, y] = self.periods();
+        let along = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
+        Vec3::new(along(x, from.x - of.x), along(y, from.y - of.y), 0.0)
+    }
+
+    /// Lengths after which the scene comes again along x and y, m.
+    pub fn periods(&self) -> [Option<f64>; 2] {
+        [self.options.xperiode, self.options.yperiode]
+    }
+
     /// Whether there are bodies whose contacts need full blocks.
     pub fn is_general(&self) -> bool {
         !self.parts.is_empty()
@@ -320,6 +332,9 @@ impl Scene {
                 NarrowPhase::Fast => "narrow phase fast".into(),
                 NarrowPhase::Accurate => "narrow phase accurate".into(),
             });
+        }
+        for (axis, period) in ["x", "y"].into_iter().zip(self.periods()) {
+            models.extend(period.map(|period| format!("period {period} m along {axis}")));
         }
         if self.options.self_gravity {
             let gravity = self.gravity();

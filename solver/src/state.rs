@@ -22,8 +22,11 @@ pub struct Contact {
     pub ranks: (u16, u16),
     /// Features that touch; the same contactors and features next step are the same contact.
     pub features: (u32, u32),
-    /// World frame, m.
+    /// World frame, m; at the candidate.
     pub point: Vec3,
+    /// What to add to the antagonist's position for the image of it that is met, m; 0 where the scene does not repeat, and
+    /// in contacts that were read.
+    pub image: Vec3,
     /// Unit.
     pub normal: Vec3,
     /// m, < 0 interpenetrating.

@@ -297,11 +297,14 @@ fn at_contact(
         friction_work: impulse.y * mean.y + impulse.z * mean.z + turning_work,
         ..Given::default()
     };
-    let sides = [(candidate, 1.0), (antagonist, -1.0)];
-    for (body, sign) in sides.into_iter().filter(|(body, _)| scene.bodies[*body].driven) {
+    if !scene.bodies[antagonist].driven {
+        // What it takes acts at its own place, not at that of the image.
+        given.angular_momentum += contact.image.cross(&to_world(&frame, impulse));
+    }
+    let sides = [(candidate, 1.0), (antagonist, -1.0)].into_iter().zip(assemble::arms(contact, &q_c.x));
+    for ((body, sign), arm) in sides.filter(|((body, _), _)| scene.bodies[*body].driven) {
         // What a driven body gives the free one: minus the impulse that it takes itself.
         let force = to_world(&frame, impulse) * -sign;
-        let arm = contact.point - q_c.x[body];
         let moved = (solved.v[body] + state.v[body]) + turned(body).cross(&arm);
         given.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
         given.momentum += force;

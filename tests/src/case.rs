@@ -46,7 +46,16 @@ pub struct Case(TempDir);
 impl Case {
     /// cd-pre's DATBOX of a scene.
     pub fn of(scene: &str) -> Case {
+        Case::with(scene, Path::new("no such folder"))
+    }
+
+    /// The same with the surfaces (`.obj`) of a folder beside the scene.
+    pub fn with(scene: &str, folder: &Path) -> Case {
         let case = Case::empty();
+        let surfaces = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+        for path in surfaces.filter(|path| path.extension().is_some_and(|ending| ending == "obj")) {
+            fs::copy(&path, case.path().join(path.file_name().unwrap())).unwrap();
+        }
         let file = case.path().join("scene.ron");
         fs::write(&file, scene).unwrap();
         assert_eq!(pre(&file, case.path()), 0, "cd-pre refused\n{scene}");

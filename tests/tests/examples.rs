@@ -22,7 +22,7 @@ fn scenes_are_accepted_and_begin_to_run() {
         for name in ["Makefile", "README.md"] {
             assert!(folder.join(name).is_file(), "no {name} in {}", folder.display());
         }
-        Case::of(&scene).solved(&["--steps", "2"]);
+        Case::with(&scene, &folder).solved(&["--steps", "2"]);
         count += 1;
     }
     assert!(count >= 5);

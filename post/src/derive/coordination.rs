@@ -78,7 +78,7 @@ pub fn neighbour_counts(frame: &Frame) -> Vec<u32> {
 pub fn contact_counts(frame: &Frame) -> Vec<u32> {
     let mut counts = vec![0; frame.grains.len()];
     for contact in frame.active() {
-        for (grain, _) in contact.forces_on_grains() {
+        for (grain, ..) in contact.on_grains() {
             counts[grain] += 1;
         }
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::frame::{Grain, Vec3};
+use crate::frame::{Cell, Grain, Vec3};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ball {
@@ -30,6 +30,24 @@ pub fn enclosing_ball(grains: &[Grain]) -> Ball {
     let spheres = grains.iter().filter(|g| g.solid.is_none()).map(|g| Ball { centre: g.x, radius: g.radius });
     let vertices = grains.iter().flat_map(Grain::vertices).map(|centre| Ball { centre, radius: 0.0 });
     smallest_enclosing(&spheres.chain(vertices).collect::<Vec<Ball>>())
+}
+
+/// Volume of the cell of a scene that repeats, m^3: along the other axes from the lowest to the highest point of a grain.
+pub fn cell_volume(grains: &[Grain], cell: &Cell) -> f64 {
+    let periods = [cell.0[0], cell.0[1], None];
+    let extent = |axis: usize| {
+        let of_grain = |g: &Grain| match &g.solid {
+            None => [g.x[axis] - g.radius, g.x[axis] + g.radius],
+            Some(_) => g.vertices().map(|v| v[axis]).fold([f64::INFINITY, f64::NEG_INFINITY], spread),
+        };
+        let [low, high] = grains.iter().flat_map(of_grain).fold([f64::INFINITY, f64::NEG_INFINITY], spread);
+        high - low
+    };
+    (0..3).map(|axis| periods[axis].unwrap_or_else(|| extent(axis))).product()
+}
+
+fn spread([low, high]: [f64; 2], x: f64) -> [f64; 2] {
+    [low.min(x), high.max(x)]
 }
 
 /// What sticks out less than this share of the radius is inside: some hundred roundings.

@@ -74,10 +74,15 @@ fn inverse_distances(sources: &[[f64; 4]], [x, y, z, _]: [f64; 4]) -> f64 {
     lanes.iter().sum::<f64>() + rest
 }
 
-/// Potential energy in a uniform gravity g, J: - sum m_i g.x_i, zero for a grain at the origin.
+/// Potential energy in a uniform gravity g, J: - sum m_i g.x_i, zero for a grain at the origin; of the grains themselves,
+/// wherever their images are.
 pub fn uniform(grains: &[Grain], gravity: Vec3) -> f64 {
     // Without gravity 0, not the -0 that the sum would give.
-    if gravity == Vec3::zeros() { 0.0 } else { -grains.iter().map(|g| g.mass * gravity.dot(&g.x)).sum::<f64>() }
+    if gravity == Vec3::zeros() {
+        0.0
+    } else {
+        -grains.iter().map(|g| g.mass * gravity.dot(&(g.x - g.moved))).sum::<f64>()
+    }
 }
 
 #[cfg(test)]

@@ -166,8 +166,13 @@ impl Row {
         let grains = &frame.grains;
         let count = grains.len() as f64;
         let coordination = coordination::coordination(frame);
-        let ball = enclosing::enclosing_ball(grains);
-        let volume = ball.volume();
+        let cell = frame.cell();
+        let (volume, radius) = if cell.repeats() {
+            (enclosing::cell_volume(grains, &cell), f64::NAN)
+        } else {
+            let ball = enclosing::enclosing_ball(grains);
+            (ball.volume(), ball.radius)
+        };
         let gravity = energy::self_gravity_constant(frame);
         let whole = motion::Whole::of(grains);
         let [a, b, c] = whole.semi_axes();
@@ -192,7 +197,7 @@ impl Row {
             Z_no_rattlers: coordination.z_no_rattlers,
             rattler_fraction: coordination.rattler_fraction,
             nu: grains.iter().map(|g| g.volume()).sum::<f64>() / volume,
-            R_enclosing: ball.radius,
+            R_enclosing: radius,
             pressure: stress::pressure(&stress),
             pressure_virial: stress::virial_pressure(frame, volume, summation),
             a,

@@ -20,7 +20,7 @@ pub fn mean_stress(frame: &Frame, volume: f64) -> Mat3 {
         .active()
         .filter_map(|contact| {
             let (candidate, antagonist) = contact.pair()?;
-            let branch = frame.grains[candidate].x_contact - frame.grains[antagonist].x_contact;
+            let branch = frame.grains[candidate].x_contact - (frame.grains[antagonist].x_contact + contact.image);
             Some(contact.force * branch.transpose())
         })
         .sum();
@@ -37,7 +37,7 @@ pub fn pressure(stress: &Mat3) -> f64 {
 /// F_i is every force on grain i but those of other grains: self-gravity, uniform gravity, walls.
 /// Self-gravity is homogeneous of degree -2 in the distances, so its sum is the potential energy
 /// W itself and its share |W| / 3V, whatever the arrangement. Uniform gravity pulls at the centre
-/// of mass, and so adds nothing.
+/// of mass, and so adds nothing. NaN in a scene that repeats, where the bodies' own images hold them too.
 ///
 /// At rest this equals [`pressure`] of [`mean_stress`] exactly: the forces on each grain add up to
 /// zero, and the contact forces' sum f.l is their sum x_i.F_i. Turning steadily, the pressure of
@@ -47,14 +47,17 @@ pub fn pressure(stress: &Mat3) -> f64 {
 /// Source: the virial theorem of Clausius (1870).
 pub fn virial_pressure(frame: &Frame, volume: f64, summation: Summation) -> f64 {
     let grains = &frame.grains;
+    if frame.cell().repeats() {
+        return f64::NAN;
+    }
     let com = grains.iter().map(|g| g.mass * g.x_contact).sum::<Vec3>() / frame.mass();
     let self_gravity = self_gravity_constant(frame)
         .map_or(0.0, |constant| gravitational(grains.iter().map(|g| (g.x_contact, g.mass)), constant, summation));
     let walls: f64 = frame
         .active()
         .filter(|contact| contact.pair().is_none())
-        .flat_map(|contact| contact.forces_on_grains())
-        .map(|(grain, force)| (grains[grain].x_contact - com).dot(&force))
+        .flat_map(|contact| contact.on_grains())
+        .map(|(grain, force, _)| (grains[grain].x_contact - com).dot(&force))
         .sum();
     -(self_gravity + walls) / (3.0 * volume)
 }
@@ -114,8 +117,8 @@ impl Invariants {
 pub fn grain_stresses(frame: &Frame) -> Vec<Mat3> {
     let mut stresses = vec![Mat3::zeros(); frame.grains.len()];
     for contact in frame.active() {
-        for (i, force) in contact.forces_on_grains() {
-            stresses[i] += force * (frame.grains[i].x_contact - contact.point).transpose();
+        for (i, force, image) in contact.on_grains() {
+            stresses[i] += force * (frame.grains[i].x_contact + image - contact.point).transpose();
         }
     }
     for (stress, grain) in stresses.iter_mut().zip(&frame.grains) {
@@ -289,6 +292,34 @@ mod tests {
         let moving = kinetic_stress(&frame.grains, Vec3::new(1.0, 0.0, 0.0), 2.0);
         assert_close(moving[(0, 0)], 0.5 * frame.mass());
         assert_close(3.0 * kinetic_pressure(&frame.grains, Vec3::new(1.0, 0.0, 0.0), 2.0), moving.trace());
+    }
+
+    #[test]
+    fn forces_through_the_border_of_a_cell_count_like_others() {
+        // Three grains in a row that comes again after 6, one contact through the border, wherever they are.
+        let p = 3.0;
+        let of = |first: [f64; 3]| {
+            let mut scene = Scene::default();
+            scene.snapshot.meta.parameters.xperiode = Some(6.0);
+            scene.snapshot.meta.parameters.yperiode = Some(5.0);
+            let grains = first.map(|x| scene.grain([x, 0.0, 2.0], 1.0));
+            for k in 0..3 {
+                let (i, j) = (grains[k], grains[(k + 1) % 3]);
+                scene.contact_at(i, j, [first[k] + 1.0, 0.0, 2.0], Vec3::new(-p, 0.0, 0.0));
+            }
+            scene.frame()
+        };
+        for first in [[-2.0, 0.0, 2.0], [1.0, 3.0, 5.0], [-8.0, -6.0, -4.0], [-2.0, 6.0, 14.0]] {
+            let frame = of(first);
+            // The cell is as high as the grains: sigma_xx = 3 p 2 / (6 * 5 * 2).
+            assert_eq!(crate::derive::enclosing::cell_volume(&frame.grains, &frame.cell()), 60.0);
+            assert_close(mean_stress(&frame, 60.0)[(0, 0)], 6.0 * p / 60.0);
+            for stress in grain_stresses(&frame) {
+                assert_close(stress[(0, 0)] * frame.grains[0].volume(), 2.0 * p);
+            }
+            assert!(frame.grains.iter().all(|grain| grain.x.x.abs() <= 3.0));
+            assert!(virial_pressure(&frame, 60.0, Summation::Direct).is_nan());
+        }
     }
 
     #[test]

@@ -110,7 +110,7 @@ fn arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
 
 /// The contacts as lines between the centres of two grains, or from a grain to the point on a wall.
 ///
-/// The points are the grains in their order, then the points on walls, so that lines meet the
+/// The points are the grains in their order, then those on walls and the centres of images, so that lines meet the
 /// grains of `grains-NNNNNN.vtp` exactly.
 pub fn contacts(frame: &Frame) -> Vec<u8> {
     let mut points: Vec<Vec3> = frame.grains.iter().map(|g| g.x).collect();
@@ -118,13 +118,18 @@ pub fn contacts(frame: &Frame) -> Vec<u8> {
         .contacts
         .iter()
         .map(|contact| {
-            [contact.candidate, contact.antagonist].map(|side| match side {
-                Side::Grain(grain) => grain as u64,
+            let mut end = |side: Side, image: Vec3| match side {
+                Side::Grain(grain) if image == Vec3::zeros() => grain as u64,
+                Side::Grain(grain) => {
+                    points.push(frame.grains[grain].x + image);
+                    points.len() as u64 - 1
+                }
                 Side::Wall(_) => {
                     points.push(contact.point);
                     points.len() as u64 - 1
                 }
-            })
+            };
+            [end(contact.candidate, Vec3::zeros()), end(contact.antagonist, contact.image)]
         })
         .collect();
     let id = |side: Side| match side {

@@ -5,5 +5,5 @@ mod rows;
 mod stored;
 
 pub use forces::{Free, GravityReport, events, free_velocity, interventions, potential_energy};
-pub use rows::{Full, Record, Roll, Row, System, contact_problem, relative_velocity};
+pub use rows::{Full, Record, Roll, Row, System, arms, contact_problem, relative_velocity};
 pub use stored::{StoredProblem, stored_problem};

@@ -111,11 +111,14 @@ impl Full {
 
 /// Velocity of the candidate against the antagonist at the contact point, world frame, m/s.
 pub fn relative_velocity(contact: &Contact, x: &[Vec3], v: &[Vec3], w: &[Vec3]) -> Vec3 {
-    let at_point = |body: u32| {
-        let i = body as usize;
-        v[i] + w[i].cross(&(contact.point - x[i]))
-    };
-    at_point(contact.candidate) - at_point(contact.antagonist)
+    let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+    let [at_a, at_b] = arms(contact, x);
+    v[a] + w[a].cross(&at_a) - (v[b] + w[b].cross(&at_b))
+}
+
+/// From the centres of the candidate and of the antagonist's image to the contact point, m.
+pub fn arms(contact: &Contact, x: &[Vec3]) -> [Vec3; 2] {
+    [contact.point - x[contact.candidate as usize], contact.point - (x[contact.antagonist as usize] + contact.image)]
 }
 
 /// The rows of all contacts, in their order.
@@ -164,7 +167,7 @@ pub fn contact_problem(
         Vec::new()
     };
     if let Some(full) = &mut full {
-        full.arms = contacts.iter().map(|contact| setting.arms(contact)).collect();
+        full.arms = contacts.iter().map(|contact| arms(contact, &q_c.x)).collect();
     }
     if let Some(full) = &full {
         for (k, row) in rows.iter_mut().enumerate() {
@@ -261,7 +264,7 @@ impl Setting<'_> {
         let radii = [records[a].radius, records[b].radius];
         let arm =
             if full { 1.0 } else { 1.0 + contact.gap / if on_plate { 2.0 * radii[0] } else { radii[0] + radii[1] } };
-        let plate = if on_plate { v_free[b] + w_free[b].cross(&(contact.point - q_c.x[b])) } else { Vec3::zeros() };
+        let plate = if on_plate { v_free[b] + w_free[b].cross(&arms(contact, &q_c.x)[1]) } else { Vec3::zeros() };
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
         let w_t = w_n
             + (arm * radii[0]).powi(2) * records[a].inverse_inertia
@@ -269,7 +272,7 @@ impl Setting<'_> {
         let u_tangent = u_before - n * n.dot(&u_before);
         let mut travel = h * (v_free[a].norm() + plate.norm().max(v_free[b].norm()));
         if full {
-            let sides = [a, b].into_iter().zip(self.arms(contact));
+            let sides = [a, b].into_iter().zip(arms(contact, &q_c.x));
             travel += h * sides.map(|(i, arm)| w_free[i].norm() * arm.norm()).sum::<f64>();
         }
         Row {
@@ -317,11 +320,6 @@ impl Setting<'_> {
     /// Whether the antagonist is a plate whose motion is in the row's shift.
     fn on_plate(&self, contact: &Contact) -> bool {
         !self.full && !self.scene.bodies[contact.antagonist as usize].is_sphere()
-    }
-
-    /// From the centres of candidate and antagonist to the contact point, m.
-    fn arms(&self, contact: &Contact) -> [Vec3; 2] {
-        [contact.candidate, contact.antagonist].map(|i| contact.point - self.q_c.x[i as usize])
     }
 }
 

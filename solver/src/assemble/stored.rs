@@ -87,6 +87,7 @@ mod tests {
             ranks: (0, 0),
             features: (0, 0),
             point: Vec3::zeros(),
+            image: Vec3::zeros(),
             normal: frames[k][0],
             gap: 0.0,
             area: 0.0,

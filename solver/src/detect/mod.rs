@@ -8,6 +8,7 @@
 pub mod broad;
 pub mod narrow;
 mod parts;
+mod periodic;
 
 use rayon::prelude::*;
 
@@ -59,7 +60,7 @@ fn among_spheres(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<[u32
     let centres: Vec<Vec3> = scene.spheres.iter().map(|&i| q_c.x[i as usize]).collect();
     let reach: Vec<f64> =
         scene.spheres.iter().map(|&i| radius(i) + travel[i as usize] + 0.5 * scene.listing_range).collect();
-    broad::pairs(&centres, &reach)
+    periodic::pairs(&centres, &reach, scene.periods())
         .into_par_iter()
         .with_min_len(512)
         .map(|[i, j]| [scene.spheres[i as usize], scene.spheres[j as usize]])
@@ -84,7 +85,8 @@ fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64], h: f64) -> Ve
 
 /// Geometry of a sphere against a sphere or plate.
 fn found(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32) -> narrow::Found {
-    let [a, b] = [candidate, antagonist].map(|i| (&scene.bodies[i as usize], &q_c.x[i as usize]));
+    let [a, b] = [candidate, antagonist].map(|i| (&scene.bodies[i as usize], q_c.x[i as usize]));
+    let (a, b) = ((a.0, &a.1), (b.0, &(b.1 + scene.image(&a.1, &b.1))));
     match &b.0.shape {
         Shape::Plane { half_lengths } => {
             narrow::sphere_plane(a.1, a.0.radius, b.1, &q_c.q[antagonist as usize], half_lengths)
@@ -116,6 +118,7 @@ fn contact(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32) 
         ranks: (0, 0),
         features: (0, found.feature),
         point: found.point,
+        image: scene.image(&q_c.x[candidate as usize], &q_c.x[antagonist as usize]),
         normal: found.normal,
         gap: found.gap,
         area: 0.0,

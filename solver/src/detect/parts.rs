@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use cd_formats::compute::NarrowPhase;
 
-use crate::detect::{broad, narrow};
+use crate::detect::{narrow, periodic};
 use crate::geometry::{
     Manifold, Memory, Narrow, Point, Posed, Range, polyhedron_cylinder, polyhedron_hollow_cylinder,
     polyhedron_polyhedron, polyhedron_sphere,
@@ -39,7 +39,7 @@ pub fn contacts(
         scene.parts.iter().zip(&places).map(|(part, place)| part.radius + place.travel + range).collect();
     // Pairs come and are looked at in the order of the cells: what a part is made of stays in the cache meanwhile.
     let pairs: Vec<([u32; 2], See)> =
-        broad::pairs(&centres, &reach).into_iter().filter_map(|[i, j]| meet(scene, i, j)).collect();
+        periodic::pairs(&centres, &reach, scene.periods()).into_iter().filter_map(|[i, j]| meet(scene, i, j)).collect();
     let order = by_parts(&pairs, scene.parts.len());
     let mut memory = remembered(&pairs, &order, before);
     let narrow = match scene.options.narrow_phase() {
@@ -57,7 +57,10 @@ pub fn contacts(
                 let law = &scene.laws[see.law as usize];
                 let alert = law.range(radius).max(see.alert).max(a.1.travel + b.1.travel);
                 let range = Range { alert, area: law.range_of_stress(radius) };
-                touch(a, b, range, narrow, memory, |found| list(a, b, found, alert, see.law, &mut contacts));
+                let image = scene.image(&a.1.centre, &b.1.centre);
+                let c = b.1.centre + image - a.1.centre;
+                let mut list = |found: &Manifold| list(a, b.0, image, found, alert, see.law, &mut contacts);
+                touch(a, b, &c, range, narrow, memory, &mut list);
             }
             contacts
         })
@@ -125,17 +128,17 @@ fn remembered(pairs: &[([u32; 2], See)], order: &[u32], before: &[PairMemory]) -
     memory
 }
 
-/// Calls `take` with the manifolds of candidate `a` and antagonist `b` up to `range`, points relative to the
-/// candidate's centre.
+/// Calls `take` with the manifolds of candidate `a` and antagonist `b`, its centre at `c` from that of `a` (m), up to
+/// `range`, points relative to the candidate's centre.
 fn touch(
     (a, at_a): (&Part, &Place),
     (b, at_b): (&Part, &Place),
+    c: &Vec3,
     range: Range,
     narrow: Narrow,
     memory: &mut Memory,
-    mut take: impl FnMut(&Manifold),
+    take: &mut impl FnMut(&Manifold),
 ) {
-    let c = at_b.centre - at_a.centre;
     let one = |found: narrow::Found| {
         let point = Point { position: found.point, gap: found.gap, features: (0, found.feature) };
         Manifold { normal: found.normal, points: std::iter::once(point).collect(), area: 0.0 }
@@ -144,30 +147,30 @@ fn touch(
     let found = match (&a.geometry, &b.geometry) {
         // A plate is a cuboid.
         (Geometry::Polyhedron(p), Geometry::Polyhedron(q) | Geometry::Plane { cuboid: q, .. }) => {
-            polyhedron_polyhedron((p, &at_a.posed), (q, &at_b.posed), &c, range, narrow, memory)
+            polyhedron_polyhedron((p, &at_a.posed), (q, &at_b.posed), c, range, narrow, memory)
         }
         (Geometry::Sphere { radius: r }, Geometry::Sphere { radius: s }) => {
-            Some(one(narrow::sphere_sphere(&zero, *r, &c, *s)))
+            Some(one(narrow::sphere_sphere(&zero, *r, c, *s)))
         }
         (Geometry::Sphere { radius }, Geometry::Plane { half_lengths, .. }) => {
-            Some(one(narrow::sphere_plane(&zero, *radius, &c, &at_b.axes, half_lengths)))
+            Some(one(narrow::sphere_plane(&zero, *radius, c, &at_b.axes, half_lengths)))
         }
         (Geometry::Sphere { radius }, Geometry::Polyhedron(q)) => {
-            let found = polyhedron_sphere((q, &at_b.posed), &-c, *radius, range.alert);
-            found.map(|found| seen_from_sphere(&found, &c))
+            let found = polyhedron_sphere((q, &at_b.posed), &-*c, *radius, range.alert);
+            found.map(|found| seen_from_sphere(&found, c))
         }
         (Geometry::Sphere { radius: r }, Geometry::Cylinder { half_height, radius, hollow }) => {
             let size = [*half_height, *radius];
-            let found = narrow::sphere_cylinder(&zero, *r, &c, &at_b.axes, size, *hollow);
+            let found = narrow::sphere_cylinder(&zero, *r, c, &at_b.axes, size, *hollow);
             return found.into_iter().flatten().for_each(|found| take(&one(found)));
         }
         (Geometry::Polyhedron(p), Geometry::Cylinder { half_height, radius, hollow: true }) => {
             let size = [*half_height, *radius];
-            let found = polyhedron_hollow_cylinder((p, &at_a.posed), &c, &at_b.axes, size, range.alert);
+            let found = polyhedron_hollow_cylinder((p, &at_a.posed), c, &at_b.axes, size, range.alert);
             return found.iter().for_each(take);
         }
         (Geometry::Polyhedron(p), Geometry::Cylinder { half_height, radius, hollow: false }) => {
-            polyhedron_cylinder((p, &at_a.posed), &c, &at_b.axes, [*half_height, *radius], range)
+            polyhedron_cylinder((p, &at_a.posed), c, &at_b.axes, [*half_height, *radius], range)
         }
         // Cylinders and plates are walls, which do not meet.
         _ => None,
@@ -190,7 +193,8 @@ fn seen_from_sphere(found: &Manifold, c: &Vec3) -> Manifold {
 /// Adds the points of a manifold up to `range`.
 fn list(
     (a, at_a): (&Part, &Place),
-    (b, _): (&Part, &Place),
+    b: &Part,
+    image: Vec3,
     manifold: &Manifold,
     range: f64,
     law: u8,
@@ -203,6 +207,7 @@ fn list(
         ranks: (a.rank, b.rank),
         features: point.features,
         point: at_a.centre + point.position,
+        image,
         normal: manifold.normal,
         gap: point.gap,
         area,

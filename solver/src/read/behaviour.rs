@@ -229,6 +229,7 @@ pub fn history(
                 ranks: (candidate.rank as u16, antagonist.rank as u16),
                 features,
                 point: Vec3::from(record.point),
+                image: Vec3::zeros(),
                 normal,
                 gap: record.gap,
                 area: 0.0,

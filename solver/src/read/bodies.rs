@@ -51,6 +51,23 @@ pub fn scene(
         let (line, object) = (Some(records.0[part.body as usize].line), format!("body {}", part.body + 1));
         faults.push(Fault::new(&file, line, object, format!("a {name} that may move freely"), expected));
     }
+    for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
+        // Of what is larger not only the nearest image would be met.
+        let of_body = parts.iter().filter(|part| part.body as usize == index);
+        let extent = 2.0 * of_body.map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max);
+        for period in
+            [options.xperiode, options.yperiode].into_iter().flatten().filter(|period| 2.0 * extent >= *period)
+        {
+            let found = format!("up to {extent} m long in a scene that repeats after {period} m");
+            faults.push(Fault::new(
+                &file,
+                Some(record.line),
+                format!("body {}", index + 1),
+                found,
+                "expected less than half of that",
+            ));
+        }
+    }
     if !bodies.iter().any(|body| body.shape == Shape::Parts) {
         parts.clear();
     }

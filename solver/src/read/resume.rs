@@ -200,6 +200,7 @@ fn restore(snapshot: Snapshot, state: &mut State) {
                 ranks: ranks(k),
                 features: contacts.contact_feature[k].into(),
                 point: Vec3::from(contacts.contact_point[k]),
+                image: Vec3::zeros(),
                 normal: Vec3::from(contacts.contact_frame[k][0]),
                 gap: contacts.contact_gap[k],
                 area: shapes.contacts.contact_area.get(k).copied().unwrap_or_default(),

@@ -42,6 +42,8 @@ fn meta(scene: &Scene, state: &State) -> Meta {
             alert: options.alert,
             self_gravity: options.self_gravity,
             gravity: options.gravity,
+            xperiode: options.xperiode,
+            yperiode: options.yperiode,
             narrow_phase: scene.is_general().then_some(options.narrow_phase()),
             gravity_constant: options.gravity_constant,
             gravity_error: options.gravity_error(),

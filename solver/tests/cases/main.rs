@@ -13,6 +13,7 @@ mod gravity;
 mod invariants;
 mod laws;
 mod peer;
+mod periodic;
 mod polyhedra;
 mod refusals;
 mod rolling;

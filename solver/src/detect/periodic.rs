@@ -1,0 +1,89 @@
+//! Near pairs in a space that comes again along x, y or both.
+
+use crate::detect::broad;
+use crate::math::Vec3;
+
+/// Steps to images of which each pair of neighbouring cells is one.
+const HALF: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
+
+/// All pairs i < j of which some images are as near as [`broad::pairs`] asks, each once, in an order that does not depend
+/// on threads.
+///
+/// Positions may be anywhere; images of what is near a cell's border are put beyond the opposite one.
+pub fn pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
+    if periods == [None; 2] {
+        return broad::pairs(x, reach);
+    }
+    let within = |x: f64, period: Option<f64>| period.map_or(x, |period| x - period * (x / period).round());
+    let mut centres: Vec<Vec3> =
+        x.iter().map(|x| Vec3::new(within(x.x, periods[0]), within(x.y, periods[1]), x.z)).collect();
+    // What reaches across half a cell, such as a floor, has images all around, so that small bodies need few.
+    let is_wide = |reach: f64| periods.iter().flatten().any(|period| reach > 0.25 * period);
+    let widest = reach.iter().copied().filter(|reach| !is_wide(*reach)).fold(0.0, f64::max);
+    let steps = |wide: bool| {
+        let signs: &[f64] = if wide { &[1.0, -1.0] } else { &[1.0] };
+        let allowed = |step: &[f64; 2]| (0..2).all(|k| step[k] == 0.0 || periods[k].is_some());
+        let all = HALF.iter().flat_map(|step| signs.iter().map(|sign| [sign * step[0], sign * step[1]]));
+        all.filter(allowed).collect::<Vec<_>>()
+    };
+    let steps = [steps(false), steps(true)];
+    let mut reaches = reach.to_vec();
+    let mut of: Vec<u32> = (0..x.len() as u32).collect();
+    for i in 0..x.len() {
+        let wide = is_wide(reach[i]);
+        let inside = |at: f64, period: Option<f64>| {
+            wide || period.is_none_or(|period| at.abs() <= 0.5 * period + reach[i] + widest)
+        };
+        for step in &steps[usize::from(wide)] {
+            let move_by = Vec3::new(step[0] * periods[0].unwrap_or(0.0), step[1] * periods[1].unwrap_or(0.0), 0.0);
+            let image = centres[i] + move_by;
+            if inside(image.x, periods[0]) && inside(image.y, periods[1]) {
+                centres.push(image);
+                reaches.push(reach[i]);
+                of.push(i as u32);
+            }
+        }
+    }
+    let found = broad::pairs(&centres, &reaches).into_iter();
+    // Of two images the pair is another's.
+    let own = found.filter(|[i, _]| (*i as usize) < x.len());
+    let mut pairs: Vec<[u32; 2]> = own.map(|pair| pair.map(|k| of[k as usize])).filter(|[i, j]| i != j).collect();
+    pairs.iter_mut().for_each(|pair| pair.sort_unstable());
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn pairs_are_those_of_the_nearest_images(
+            points in prop::collection::vec((-30.0..30.0f64, -30.0..30.0f64, -3.0..3.0f64, -4.0..2.5f64), 0..60),
+            periods in prop::sample::select(vec![[Some(10.0), None], [None, Some(7.0)], [Some(10.0), Some(7.0)]]),
+        ) {
+            let x: Vec<Vec3> = points.iter().map(|p| Vec3::new(p.0, p.1, p.2)).collect();
+            let reach: Vec<f64> = points.iter().map(|p| p.3.exp2()).collect();
+            let nearest = |d: f64, period: Option<f64>| period.map_or(d, |p| d - p * (d / p).round());
+            let mut expected = Vec::new();
+            for j in 0..x.len() {
+                for i in 0..j {
+                    let d = x[i] - x[j];
+                    let d = Vec3::new(nearest(d.x, periods[0]), nearest(d.y, periods[1]), d.z);
+                    // Rounding of the positions decides nothing here.
+                    if (d.norm() - reach[i] - reach[j]).abs() < 1e-12 {
+                        return Ok(());
+                    }
+                    if d.norm() <= reach[i] + reach[j] {
+                        expected.push([i as u32, j as u32]);
+                    }
+                }
+            }
+            expected.sort_unstable();
+            prop_assert_eq!(pairs(&x, &reach, periods), expected);
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Scenes that come again along x and y.
+
+use cd_formats::compute::Compute;
+use cd_formats::snapshot::Snapshot;
+
+use crate::case::{Case, Figures, Vec3, equal, near, shaken_lattice, uniform};
+
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// A heap on the floor of a cell of 4 by 4, all of it moved by `to`: spheres, or blocks and a sphere.
+fn heap(blocks: bool, to: [f64; 2]) -> Case {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.5]);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.floor();
+    let mut random = uniform(3);
+    for k in 0..18 {
+        let place = [f64::from(k % 3) - 1.0, f64::from(k / 3 % 3) - 1.0];
+        let x = [1.25 * place[0] + to[0], 1.25 * place[1] + to[1], 0.625 + 1.125 * f64::from(k / 9)];
+        let size = 0.375 + 0.125 * (random() * 8.0).floor() / 8.0;
+        let body = if blocks && k > 0 { case.block([size, 0.375, 0.3125], x, [X, Y, Z]) } else { case.sphere(size, x) };
+        case.launch(body, [8.0 * random() - 4.0, 4.0 - 8.0 * random(), 0.0], [0.0; 3]);
+    }
+    (case.options.dt, case.options.tol) = (0.0078125, Some(1e-11));
+    (case.options.xperiode, case.options.yperiode) = (Some(4.0), Some(4.0));
+    case
+}
+
+/// Positions less those of the start.
+fn ways(states: &[Snapshot]) -> Vec<Vec3> {
+    let last = states.last().unwrap();
+    last.free().iter().map(|&i| last.x(i) - states[0].x(i)).collect()
+}
+
+/// What happens through the border is what happens within: a scene moved by half a cell is the same scene.
+#[test]
+fn a_contact_through_the_border_is_one_within() {
+    let mut within = heap(false, [0.0; 2]);
+    let expected = within.states(64, 64);
+    for to in [[2.0, 0.0], [0.0, -2.0], [2.0, 2.0], [-64.0, 30.0]] {
+        let found = heap(false, to).states(64, 64);
+        // Digits of positions up to 64 and solutions to 1e-11, which every impact magnifies.
+        for (a, b) in ways(&found).into_iter().zip(ways(&expected)) {
+            near(a, b, 1e-6);
+        }
+    }
+    // And there are some: without the periods the ways are others.
+    (within.options.xperiode, within.options.yperiode) = (None, None);
+    let open = ways(&within.states(64, 64));
+    assert!(open.iter().zip(ways(&expected)).any(|(a, b)| (a - b).norm() > 1e-2));
+}
+
+/// The same for two blocks that meet with an edge, turn and part.
+#[test]
+fn blocks_meet_through_the_border() {
+    let run = |to: f64, period: Option<f64>| {
+        let mut case = Case::new();
+        case.law_of_all("RST_CLB", &[0.5, 0.0, 0.3]);
+        let turned = [[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], Z];
+        let a = case.block([0.375, 0.25, 0.5], [1.25 + to, 0.0, 0.0], turned);
+        let b = case.block([0.25, 0.375, 0.3125], [-1.25 + to, 0.125, 0.0625], [X, Y, Z]);
+        case.launch(a, [2.0, 0.0, 0.0], [0.5, -0.25, 1.0]);
+        case.launch(b, [-2.0, 0.0, 0.0], [0.0; 3]);
+        (case.options.dt, case.options.yperiode, case.options.xperiode) = (0.0078125, None, period);
+        case.run(40)
+    };
+    let (border, within, apart) = (run(0.0, Some(4.0)), run(2.0, Some(4.0)), run(0.0, None));
+    for body in 0..2 {
+        // Roundings of positions up to 4.
+        near(border.v(body), within.v(body), 1e-12);
+        near(border.w(body), within.w(body), 1e-12);
+        near(border.x(body) + Vec3::x() * 2.0, within.x(body), 1e-12);
+        assert!((border.w(body) - apart.w(body)).norm() > 0.1);
+    }
+    near(border.momentum(), apart.momentum(), 1e-14);
+}
+
+/// Without walls momentum is kept, and the ledger of angular momentum knows of what goes through the border.
+#[test]
+fn momentum_is_kept() {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    let mut random = uniform(8);
+    for (radius, x) in shaken_lattice(4, 5) {
+        let body = case.sphere(radius, x);
+        case.launch(body, [0; 3].map(|_| 2.0 * random() - 1.0), [0; 3].map(|_| random()));
+    }
+    (case.options.dt, case.options.tol) = (0.01, Some(1e-6));
+    (case.options.xperiode, case.options.yperiode) = (Some(4.4), Some(4.4));
+    let states = case.states(200, 200);
+    let (start, end) = (&states[0], &states[1]);
+    let scale = end.meta.ledger.momentum_scale;
+    // Rounding of 200 steps.
+    assert!((end.momentum() - start.momentum()).norm() < 1e-13 * scale);
+    let expected = Vec3::from(end.meta.ledger.angular_momentum_expected);
+    assert!((expected - start.angular_momentum()).norm() > 1e-3 * scale, "something went through the border");
+    assert!((end.angular_momentum() - expected).norm() < 1e-12 * scale * 10.0);
+    let energy = (end.kinetic(), start.kinetic() + end.meta.ledger.contact_work);
+    equal(energy.0, energy.1, 1e-12 * start.kinetic());
+}
+
+/// A sphere that slides far beyond the plate's edge is on the floor of the cell.
+#[test]
+fn the_floor_of_a_cell_is_endless() {
+    for general in [false, true] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.0]);
+        case.gravity = [0.0, 0.0, -10.0];
+        case.plate([2.0, 8.0, 0.5], [0.0, 0.0, -0.5], [X, Y, Z]);
+        let sphere = case.sphere(0.5, [0.0, 0.0, 0.5]);
+        if general {
+            case.block([0.5; 3], [0.0, 3.0, 0.5], [X, Y, Z]);
+        }
+        case.launch(sphere, [8.0, 0.0, 0.0], [0.0; 3]);
+        (case.options.dt, case.options.xperiode) = (0.0625, Some(4.0));
+        let state = case.run(64);
+        near(state.x(sphere), [32.0, 0.0, 0.5], 1e-12);
+    }
+}
+
+/// The same bytes on any number of threads, and after a resume.
+#[test]
+fn threads_and_resume_change_nothing() {
+    for blocks in [false, true] {
+        let run = |flags: &[&[&str]]| {
+            let mut case = heap(blocks, [2.0, 2.0]);
+            (case.options.steps, case.options.output_every) = (Some(40), 20);
+            case.write();
+            flags.iter().for_each(|flags| assert_eq!(case.solve(flags), 0));
+            case.last().to_bytes()
+        };
+        let first = run(&[&["--threads", "1"]]);
+        assert!(first == run(&[&["--threads", "3"]]));
+        assert!(first == run(&[&["--threads", "2", "--steps", "20"], &["--resume", "--steps", "40"]]));
+    }
+}
+
+/// What does not repeat, and what is too long to, is refused.
+#[test]
+fn what_cannot_repeat_is_refused() {
+    let refused = |change: &dyn Fn(&mut Compute)| {
+        let mut case = heap(true, [0.0; 2]);
+        change(&mut case.options);
+        case.write();
+        case.solve(&[])
+    };
+    assert_eq!(refused(&|options| options.self_gravity = true), 2);
+    assert_eq!(refused(&|options| options.xperiode = Some(0.0)), 2);
+    // The longest block measures 1.4 m.
+    assert_eq!(refused(&|options| options.yperiode = Some(2.0)), 2);
+    assert_eq!(refused(&|options| (options.steps, options.yperiode) = (Some(1), Some(4.0))), 0);
+}
