@@ -4,8 +4,9 @@ CARGO ?= cargo
 CARGO_TARGET_DIR ?= target
 TARGET := $(abspath $(CARGO_TARGET_DIR))
 BIN := $(TARGET)/release
+EXTREMES := extremes envelope limits thousand_periods
 
-.PHONY: help build demo paper test vtk browser golden lint fmt doc check clean
+.PHONY: help build demo paper extremes test vtk browser golden lint fmt doc check clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -29,6 +30,13 @@ paper: build ## runs the studies at reduced size, in some minutes, and writes do
 	$(MAKE) --no-print-directory -C examples/spin-up fluid CD_BIN=$(BIN)
 	awk -f docs/paper/paper.awk docs/paper/paper.md.in > docs/paper.md.part
 	mv docs/paper.md.part docs/paper.md
+
+extremes: ## runs scenes at the ends of what parameters can be, and writes docs/limits.md
+	CD_TESTS_LONG=1 $(CARGO) test --package cd-solve --test cases -- --nocapture $(EXTREMES) > docs/limits.log 2> docs/limits.err \
+	    || { grep -h panicked -A3 docs/limits.log docs/limits.err; exit 1; }
+	awk -f docs/limits/limits.awk docs/limits.log docs/limits/limits.md.in > docs/limits.md.part
+	mv docs/limits.md.part docs/limits.md
+	rm docs/limits.log docs/limits.err
 
 test: ## all tests; CD_REQUIRE_VTK=1 and CD_REQUIRE_CHROMIUM=1 make what is missing an error
 	$(CARGO) test --workspace --no-fail-fast

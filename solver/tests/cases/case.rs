@@ -382,6 +382,19 @@ pub fn equal(a: f64, b: f64, bound: f64) {
     assert!((a - b).abs() <= bound, "{a} is {:.2e} away from {b}; allowed are {bound:.1e}", (a - b).abs());
 }
 
+/// The least and the largest of some values, as text; one value where they are equal.
+pub fn range(values: &[f64]) -> String {
+    let (least, most) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
+    if least == most { format!("{least:e}") } else { format!("{least:e} to {most:e}") }
+}
+
+/// Tells what the test that calls it has shown, for docs/limits.md: a parameter, the range of it, what holds there and
+/// how well.
+pub fn shown(parameter: &str, range: &str, holds: &str, found: f64) {
+    let test = std::thread::current().name().unwrap_or_default().to_string();
+    println!("limit | {parameter} | {range} | {holds} | {found:.1e} | `{test}` |");
+}
+
 /// Spheres on a cubic lattice around the origin, shaken by a generator with a seed: radii from 0.3 to 0.5
 /// in cells of 1.1, so that none touch.
 pub fn shaken_lattice(side: i64, seed: u64) -> Vec<(f64, [f64; 3])> {

@@ -3,7 +3,7 @@
 use cd_formats::snapshot::Snapshot;
 use proptest::prelude::*;
 
-use crate::case::{Case, Figures, Vec3, equal, near};
+use crate::case::{Case, Figures, Vec3, equal, near, range, shown};
 
 fn finite(state: &Snapshot) -> bool {
     let bodies = &state.bodies;
@@ -43,6 +43,7 @@ fn one_sphere_alone() {
 
 #[test]
 fn coincident_spheres_part_or_stay_but_are_sound() {
+    let mut farthest = 0f64;
     for (law, parts) in [("IQS_CLB", false), ("GAP_SGR_CLB", true)] {
         for gravity in [false, true] {
             let mut case = Case::new();
@@ -56,8 +57,15 @@ fn coincident_spheres_part_or_stay_but_are_sound() {
             assert!(states.iter().all(finite));
             let apart = (states[10].x(0) - states[10].x(1)).norm();
             assert_eq!(apart > 0.5, parts, "{apart}");
+            farthest = farthest.max(apart / 0.5);
         }
     }
+    shown(
+        "distance of two centres over the radius, at the start",
+        "0",
+        "they part or stay by their law; distance in ten steps",
+        farthest,
+    );
 }
 
 #[test]
@@ -91,6 +99,7 @@ fn far_out_only_the_digits_suffer() {
     let end = case.run(128);
     near(end.v(0), [0.0, -1.0, 0.0], 1e-14);
     near(end.v(1), [0.0; 3], 1e-14);
+    shown("distance from the origin, m", &range(&[1e9]), "an elastic blow, error of velocities", end.v(1).norm());
 }
 
 #[test]
@@ -104,7 +113,14 @@ fn sizes_may_differ_ten_thousandfold() {
     let pebble = case.sphere(1e-4, [0.0, 1.0001, 0.0]);
     let end = case.run(1000);
     let weight = end.mass(0) * end.mass(pebble) / 1.0001f64.powi(2);
+    let error = end.force(0, pebble).unwrap().x / weight - 1.0;
     near(end.force(0, pebble).unwrap() / weight, [1.0, 0.0, 0.0], 1e-9); // masses 1e12 apart
+    shown(
+        "ratio of radii that attract and touch",
+        &range(&[1e4]),
+        "the pebble rests, error of its weight",
+        error.abs(),
+    );
     near(end.x(pebble), [0.0, 1.0001, 0.0], 1e-12);
 }
 

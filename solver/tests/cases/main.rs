@@ -1,6 +1,7 @@
 //! Whole cases through cd-solve, from DATBOX to OUTBOX: closed forms, invariants, refusals, the same
 //! bytes again. Nothing here knows how the solver works inside.
 
+mod absence;
 mod adaptive;
 mod bonds;
 mod case;
@@ -12,6 +13,7 @@ mod flight;
 mod gravity;
 mod invariants;
 mod laws;
+mod limits;
 mod peer;
 mod periodic;
 mod polyhedra;

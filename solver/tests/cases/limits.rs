@@ -1,0 +1,245 @@
+//! How far a parameter may go; what each test shows is told as a line that docs/limits.md is made of.
+
+use cd_formats::compute::Field;
+
+use crate::case::{Case, Figures, Vec3, equal, near, range, shown};
+
+/// Spheres on a floor under 8 m/s², by radius and density from below.
+fn column(spheres: &[(f64, f64)]) -> Case {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.floor();
+    let mut top = 0.0;
+    for &(radius, density) in spheres {
+        case.sphere_of(density, radius, [0.0, 0.0, top + radius]);
+        top += 2.0 * radius;
+    }
+    case
+}
+
+/// Largest error of the normal forces of a column, over the weight above each.
+fn away_from_weight(case: &mut Case, steps: u64) -> f64 {
+    let end = case.run(steps);
+    let count = case.bodies.len();
+    let share = |level: usize| {
+        // A sphere's contact with the one above has the lower as candidate; the force on it points down.
+        let force = if level == 1 { end.force(1, 0) } else { end.force(level - 1, level) };
+        force.unwrap().x / (8.0 * (level..count).map(|i| end.mass(i)).sum::<f64>())
+    };
+    (1..count).map(|level| (share(level) - 1.0).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn any_step_carries_a_column() {
+    let steps: Vec<f64> = (-9..=1).map(|power| 10f64.powi(power)).collect();
+    let mut worst = 0f64;
+    for &h in &steps {
+        for theta in [0.5, 1.0] {
+            let mut case = column(&[(0.5, 1.0), (0.5, 2.0), (0.5, 1.0)]);
+            (case.options.dt, case.options.theta) = (h, theta);
+            worst = worst.max(away_from_weight(&mut case, 20));
+        }
+    }
+    assert!(worst < 1e-9, "{worst:e}"); // solved to 1e-12 in each of 20 steps
+    shown("time step, s", &range(&steps), "a column of three is carried, error of its forces", worst);
+}
+
+#[test]
+fn a_heavy_one_on_top() {
+    // Gauss-Seidel alone would need as many sweeps as the ratio: the stored solvers take it over.
+    let ratios = [1.0, 1e1, 1e2, 1e3, 1e4, 1e6];
+    let mut worst = 0f64;
+    for ratio in ratios {
+        let mut case = column(&[(0.5, 1.0), (0.5, 1.0), (0.5, ratio)]);
+        case.options.tol = Some(1e-9);
+        worst = worst.max(away_from_weight(&mut case, 50));
+    }
+    assert!(worst < 1e-3, "{worst:e}"); // 1e-9 of the weight above, times the ratio, for the lowest; ten for the steps
+    shown("mass of the top of a stack over the rest", &range(&ratios), "it is carried, error of the forces", worst);
+}
+
+#[test]
+fn a_small_one_under_a_large_one() {
+    let ratios = [1.0, 1e1, 1e2, 1e3, 1e4];
+    let mut worst = 0f64;
+    for ratio in ratios {
+        let mut case = column(&[(0.5 / ratio, 1.0), (0.5, 1.0)]);
+        worst = worst.max(away_from_weight(&mut case, 50));
+    }
+    assert!(worst < 1e-2, "{worst:e}");
+    shown(
+        "radius of a ball over that of the one that carries it",
+        &range(&ratios),
+        "carried, error of the forces",
+        worst,
+    );
+}
+
+#[test]
+fn a_blow_of_any_ratio_of_masses() {
+    let ratios: Vec<f64> = (-9..=9).step_by(3).map(|power| 10f64.powi(power)).collect();
+    let mut worst = 0f64;
+    for &ratio in &ratios {
+        let mut case = Case::new();
+        case.law("RST_CLB", &[0.5, 0.0, 0.3]);
+        let ram = case.sphere_of(ratio, 0.5, [0.0; 3]);
+        case.launch(ram, [1.0, 0.0, 0.0], [0.0; 3]);
+        let ball = case.sphere(0.5, [1.05, 0.0, 0.0]);
+        let end = case.run(100);
+        let (m, n) = (end.mass(ram), end.mass(ball));
+        let centre = m / (m + n); // velocity of both together
+        let expected = [centre - 0.5 * n / (m + n), centre + 0.5 * m / (m + n)];
+        for (body, v) in [ram, ball].into_iter().zip(expected) {
+            worst = worst.max((end.v(body) - Vec3::new(v, 0.0, 0.0)).norm());
+        }
+    }
+    assert!(worst < 1e-12, "{worst:e}"); // rounding of a hundred steps
+    shown("ratio of masses that collide", &range(&ratios), "velocities, over the first", worst);
+}
+
+#[test]
+fn what_stands_does_not_creep() {
+    let long = std::env::var_os("CD_TESTS_LONG").is_some();
+    let steps = if long { 1_000_000 } else { 5_000 };
+    let mut case = column(&[(0.5, 1.0), (0.5, 8.0), (0.5, 1.0)]);
+    let states = case.states(steps, steps);
+    let moved = states[0].free().iter().map(|&i| (states[1].x(i) - states[0].x(i)).norm()).fold(0.0, f64::max);
+    assert!(moved < 1e-9, "{moved:e}"); // 1e-12 of h² g in each step, all one way
+    shown("steps at rest", &range(&[1.0, steps as f64]), "nothing creeps, way over the size", moved);
+}
+
+#[test]
+fn a_rod_that_jams_gives_no_energy() {
+    // Painlevé's: it slides tip first over a floor so rough that no finite force lets it slide on.
+    let steps = [1e-1, 1e-2, 1e-3, 1e-4];
+    let mut worst = 0f64;
+    for h in steps {
+        for friction in [0.5, 2.0, 10.0] {
+            let mut case = Case::new();
+            case.law_of_all("IQS_CLB", &[friction]);
+            case.gravity = [0.0, 0.0, -8.0];
+            case.floor();
+            let (c, s) = (0.8, 0.6);
+            let axes = [[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]];
+            let half = [1.0, 0.05, 0.05];
+            let rod = case.block(half, [0.0, 0.0, s * half[0] + c * half[2]], axes);
+            case.launch(rod, [8.0, 0.0, 0.0], [0.0; 3]);
+            (case.options.dt, case.options.tol) = (h, Some(1e-8));
+            let count = (0.2 / h).ceil() as u64;
+            let states = case.states(count, count.div_ceil(20));
+            let energy: Vec<f64> = states.iter().map(|state| state.kinetic() + state.potential()).collect();
+            let gained = energy.windows(2).map(|pair| (pair[1] - pair[0]) / energy[0].abs()).fold(0.0, f64::max);
+            worst = worst.max(gained);
+            assert!(states.iter().all(|state| state.v(rod).norm() <= 8.0 + 8.0 * 0.2 + 8.0), "{friction} {h}");
+        }
+    }
+    assert!(worst < 1e-6, "{worst:e}"); // solved to 1e-8 in up to a hundred steps from one state to the next
+    shown("time step of a rod that jams, s", &range(&steps), "friction 0.5 to 10: energy that is gained", worst);
+}
+
+#[test]
+fn two_spheres_part_where_weight_ends() {
+    // In axes that turn with them: G m²/d² less m ω² d/2 is what presses them together.
+    let margins = [1e-2, 1e-4, 1e-6];
+    let mut worst = 0f64;
+    for margin in margins {
+        let press = |share: f64| {
+            let mut case = Case::new();
+            case.law("IQS_CLB", &[0.5]);
+            (case.options.self_gravity, case.options.gravity_constant) = (true, 1.0);
+            for side in [-0.5, 0.5] {
+                case.sphere(0.5, [side, 0.0, 0.0]);
+            }
+            let mass = std::f64::consts::PI / 6.0;
+            let rate = (2.0 * mass * share).sqrt();
+            case.options.fields = vec![Field::RotatingFrame { rate: [0.0, 0.0, rate], centre: [0.0; 3] }];
+            case.options.dt = 1e-6; // Coriolis' force makes an error of (h ω)²
+            let end = case.run(20);
+            end.force(0, 1).map_or(0.0, |force| force.x) / (mass * mass)
+        };
+        // 1e-12 of the forces that cancel.
+        let held = press(1.0 - margin);
+        equal(held, margin, 1e-10);
+        equal(press(1.0 + margin), 0.0, 0.0);
+        worst = worst.max((held - margin).abs());
+    }
+    shown(
+        "1 - (spin over that of disruption)²",
+        &range(&margins),
+        "held below, parted above; error of the force",
+        worst,
+    );
+}
+
+/// Real numbers of a line as the files of LMGC90 have them: 14 columns that end in an exponent.
+fn reals(line: &str) -> Vec<std::ops::Range<usize>> {
+    let ends = line.match_indices('E').filter(|(k, _)| line[k + 1..].starts_with(['+', '-'])).map(|(k, _)| k + 4);
+    ends.filter(|end| *end >= 14 && *end <= line.len() && line[end - 14..*end].contains('.'))
+        .map(|end| end - 14..end)
+        .collect()
+}
+
+#[test]
+fn a_number_that_is_none_is_refused_wherever_it_stands() {
+    let mut case = Case::new();
+    case.law("IQS_WET_DS_CLB", &[1.0, 0.5, 0.1, 0.5, 0.5]);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.floor();
+    let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
+    case.pull(ball, 0, 1.0);
+    (case.options.steps, case.options.quench) = (Some(2), 0.5);
+    case.write();
+    assert_eq!(case.solve(&[]), 0);
+    let mut tried = 0;
+    for name in ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT", "DRV_DOF.DAT", "DOF.INI"] {
+        let path = case.path().join("DATBOX").join(name);
+        let sound = std::fs::read_to_string(&path).unwrap();
+        let mut start = 0;
+        for line in sound.split_inclusive('\n') {
+            // Angles of the reference configuration mean nothing, to LMGC90 neither.
+            let read = !line.contains("coo4=");
+            for place in reals(line).into_iter().filter(|_| read) {
+                for wrong in ["NaN", "Infinity", "-Infinity"] {
+                    let mut text = sound.clone();
+                    text.replace_range(start + place.start..start + place.end, &format!("{wrong:>14}"));
+                    std::fs::write(&path, text).unwrap();
+                    assert_eq!(case.solve(&["--force"]), 2, "{name}: {wrong} in {line}");
+                    tried += 1;
+                }
+            }
+            start += line.len();
+        }
+        std::fs::write(&path, sound).unwrap();
+    }
+    for option in
+        ["dt", "end_time", "theta", "tol", "alert", "gravity_constant", "gravity_error", "quench", "gravity_moved"]
+    {
+        for wrong in ["nan", "inf", "-inf"] {
+            let flag = format!("--{}={wrong}", option.replace('_', "-"));
+            assert_eq!(case.solve(&["--force", &flag]), 2, "{flag}");
+            tried += 1;
+        }
+    }
+    assert!(tried > 150, "{tried}");
+    assert_eq!(case.solve(&["--force"]), 0);
+    shown("NaN, infinity", "any number of any file, any option", "refused; number of places tried", f64::from(tried));
+}
+
+#[test]
+fn none_one_and_two_bodies() {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    case.floor();
+    let mut moved = 0f64;
+    case.write();
+    assert_eq!(case.solve(&["--steps", "2"]), 2); // nobody is free to move
+    for count in [1, 2] {
+        case.options.self_gravity = true;
+        case.sphere(0.5, [2.0 * f64::from(count), 0.0, 5.0]);
+        let end = case.run(10);
+        near(end.x(1), [2.0, 0.0, 5.0], 1e-9); // G of a ball of half a kilogram
+        moved = moved.max((end.x(1) - Vec3::new(2.0, 0.0, 5.0)).norm());
+    }
+    shown("free bodies", "0, 1, 2", "0 is refused, others run; way in 10 ms, m", moved);
+}
