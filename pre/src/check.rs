@@ -429,7 +429,7 @@ fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
     }
 }
 
-fn check_evolutions(report: &mut Report, path: &str, evolutions: &[Evolution; 3], unit: &str) {
+pub(crate) fn check_evolutions(report: &mut Report, path: &str, evolutions: &[Evolution; 3], unit: &str) {
     for (k, evolution) in evolutions.iter().enumerate() {
         let path = format!("{path}.{k}");
         let values = match evolution {

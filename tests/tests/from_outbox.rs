@@ -154,6 +154,28 @@ fn a_twin_an_impactor_and_other_laws_come_together() {
 }
 
 #[test]
+fn a_sampler_moves_as_it_is_told() {
+    let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "")).solved(&[]);
+    let sampler = |motion: &str| {
+        let contacts = r#"[(between: ("BLUEx", "IRONx"), law: "iqsc0")]"#;
+        format!(
+            r#"(bodies: [(stop: Motion)], materials: [(name: "IRONx", density: 7800.0)], contacts: {contacts}, compute: (dt: 0.25, steps: 8),
+               spheres: [(material: "IRONx", colour: "IRONx", radius: 0.5, centre: (0.0, 0.0, 2.75), {motion})])"#
+        )
+    };
+    let down = "driven: (Constant(0.0), Constant(0.0), Table([(0.0, -1.0), (1.0, -1.0), (2.0, 0.0)]))";
+    let last = next(&from, &sampler(down)).solved(&[]).last_snapshot();
+    // 1 m in the first second, half a metre in the next, while it slows down.
+    assert_eq!(last.bodies.body_driven, [0, 63]);
+    assert!((last.bodies.body_x[1][2] - 1.25).abs() < 1e-9, "{:?}", last.bodies.body_x[1]);
+    assert_eq!(last.bodies.body_v[1], [0.0; 3]);
+    // It has pushed the other, whose centre is less than a metre and a half below its own at first.
+    assert!(last.bodies.body_x[0][2] < -0.2, "{:?}", last.bodies.body_x[0]);
+    let both = format!("velocity: (0.0, 0.0, 1.0), {down}");
+    refused(from.path(), &sampler(&both));
+}
+
+#[test]
 fn walls_stay_where_they_are_with_their_motion() {
     let scene = r#"(
         gravity: (0.0, 0.0, -1.0),

@@ -17,7 +17,7 @@ use cd_formats::atomic;
 use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
 use cd_formats::compute::{Compute, from_ron};
 use cd_formats::dof::{BodyDof, Dof};
-use cd_formats::drv_dof::{DrvDof, Evolution, table_text};
+use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::{START, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
@@ -28,8 +28,9 @@ use crate::check::three;
 use crate::place::cells::Cells;
 use crate::places;
 use crate::report::Report;
-use crate::scene::{Contact, Law, Material, Rotation};
+use crate::scene::{self, Contact, Law, Material, Rotation};
 use crate::sizes::volume;
+use crate::walls;
 use source::{Part, Source, quaternion};
 use tables::Tables;
 
@@ -136,6 +137,9 @@ pub struct Sphere {
     /// rad/s
     #[serde(default)]
     pub spin: [f64; 3],
+    /// Imposes its velocity, m/s; it does not turn.
+    #[serde(default)]
+    pub driven: Option<[scene::Evolution; 3]>,
 }
 
 /// A file of DATBOX: name and bytes.
@@ -250,6 +254,12 @@ fn check(changes: &Changes, file: &Path, report: &mut Report) {
         three(report, &format!("{path}.centre"), "", &sphere.centre, "m");
         three(report, &format!("{path}.velocity"), "", &sphere.velocity, "m/s");
         three(report, &format!("{path}.spin"), "", &sphere.spin, "rad/s");
+        if let Some(driven) = &sphere.driven {
+            crate::check::check_evolutions(report, &format!("{path}.driven"), driven, "m/s");
+            let at_rest = sphere.velocity == [0.0; 3] && sphere.spin == [0.0; 3];
+            let found = "it has a velocity or spin as well";
+            report.expect(at_rest, &format!("{path}.driven"), found, "its motion imposed or initial, not both");
+        }
         crate::check::five_characters(report, &format!("{path}.colour"), &sphere.colour);
     }
     for (k, material) in changes.materials.iter().enumerate() {
@@ -379,14 +389,18 @@ fn files(
         }
     }
     for sphere in &changes.spheres {
-        let ([a, b, c], [d, e, f]) = (sphere.velocity, sphere.spin);
+        let velocity = match &sphere.driven {
+            Some(driven) => [0, 1, 2].map(|k| driven[k].at_start()),
+            None => sphere.velocity,
+        };
+        let ([a, b, c], [d, e, f]) = (velocity, sphere.spin);
         let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let body = bodies.len();
         origin += &format!("{},,,\n", body + 1);
         bodies.push(BodyDof { line: 0, body, displacement: [0.0; 6], velocity: [a, b, c, d, e, f], axes });
     }
     let dof = Dof { step: start.meta.step, time: start.meta.time, bodies };
-    let driven = driven(parts);
+    let driven = driven(parts, &changes.spheres);
     let mut files: Vec<File> = [
         ("BODIES.DAT", records.to_text()),
         ("BULK_BEHAV.DAT", tables.bulk.to_text()),
@@ -420,23 +434,32 @@ fn quoted(path: &Path) -> String {
 }
 
 /// What drives the bodies, under their new numbers; equal tables share a file.
-fn driven(parts: &[Part]) -> DrvDof {
-    let (mut all, mut tables, mut first) = (Vec::new(), Vec::<Vec<[f64; 2]>>::new(), 0);
+fn driven(parts: &[Part], spheres: &[Sphere]) -> DrvDof {
+    let (mut all, mut first) = (Vec::new(), 0);
     for part in parts {
         for row in &part.source.driven.0 {
             let Ok(k) = part.rows.binary_search(&row.body) else { continue };
-            let mut row = row.clone();
-            row.body = first + k;
-            if let Evolution::Table { name, points } = &mut row.evolution {
-                let place = tables.iter().position(|known| known == points).unwrap_or_else(|| {
-                    tables.push(points.clone());
-                    tables.len() - 1
-                });
-                *name = format!("evolution-{}.dat", place + 1);
-            }
-            all.push(row);
+            all.push(Driven { body: first + k, ..row.clone() });
         }
         first += part.rows.len();
+    }
+    for (k, sphere) in spheres.iter().enumerate() {
+        let Some(driven) = &sphere.driven else { continue };
+        for component in 0..6 {
+            let rest = scene::Evolution::default();
+            let evolution = walls::Tables::default().written(driven.get(component).unwrap_or(&rest));
+            all.push(Driven { line: 0, body: first + k, component, kind: DrivenKind::Velocity, evolution });
+        }
+    }
+    let mut tables = Vec::<Vec<[f64; 2]>>::new();
+    for row in &mut all {
+        if let Evolution::Table { name, points } = &mut row.evolution {
+            let place = tables.iter().position(|known| known == points).unwrap_or_else(|| {
+                tables.push(points.clone());
+                tables.len() - 1
+            });
+            *name = format!("evolution-{}.dat", place + 1);
+        }
     }
     all.sort_by_key(|row| row.body);
     DrvDof(all)

@@ -204,8 +204,10 @@ fn expect_all_pairs(changes: &Changes, parts: &[Part], rows: &[See], named: &[(&
         driven.push(of(false));
     }
     for sphere in &changes.spheres {
-        free.push([sphere.colour.as_str()].into());
-        driven.push(BTreeSet::new());
+        let (colour, none) = ([sphere.colour.as_str()].into(), BTreeSet::new());
+        let (moving, imposed) = if sphere.driven.is_some() { (none, colour) } else { (colour, none) };
+        free.push(moving);
+        driven.push(imposed);
     }
     let mut told: BTreeSet<(&str, &str)> = BTreeSet::new();
     for (i, mine) in free.iter().enumerate() {
