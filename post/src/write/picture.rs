@@ -60,7 +60,10 @@ impl Scale {
                     _ => {
                         let from = largest * 10f64.powf(-0.5 * f64::from(STEPS_OF_ENERGY + 1 - class));
                         let (factor, unit) = prefixed(from, "J");
-                        format!("{:.3} {unit}", from / factor)
+                        // Three digits of 1 to 1000.
+                        let value = from / factor;
+                        let digits = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
+                        format!("{value:.digits$} {unit}")
                     }
                 };
                 let labels =
@@ -406,9 +409,9 @@ mod tests {
         let scale = Scale::of(Shade::KineticEnergy, &[&frame]);
         // A quarter is in the second class from above, 1/8100 in the eighth.
         assert_eq!(scale.classes(&frame), [10, 9, 3, 0]);
-        assert_eq!(scale.labels.last().unwrap(), "20.239 J");
+        assert_eq!(scale.labels.last().unwrap(), "20.2 J");
         let text = svg(&frame, Shade::KineticEnergy);
-        assert!(text.contains("kinetic energy") && text.contains("20.239 J"));
+        assert!(text.contains("kinetic energy") && text.contains("20.2 J"));
         // Of several states the fastest sets the scale, and ids are told apart.
         let mut slower = scene.frame();
         slower.grains.iter_mut().for_each(|grain| grain.v *= 0.11);
