@@ -9,9 +9,8 @@ mod packing;
 use cd_solve::assemble::System;
 use cd_solve::math::Vec3;
 use cd_solve::math::lanes::Width;
-use cd_solve::solve::batches::Problem;
+use cd_solve::solve::laid::Laid;
 use cd_solve::solve::residual::Judge;
-use cd_solve::solve::sweep::sweep;
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use packing::packing;
@@ -32,12 +31,12 @@ fn start(system: &System) -> (Vec<u32>, Vec<Vec3>) {
 fn sweeps(bencher: Bencher, side: usize, friction: f64, width: Width, threads: usize) {
     let system = packing(side, friction);
     let (active, impulses) = start(&system);
-    let mut problem = Problem::new(&system, &active, &impulses, &system.records);
+    let mut problem = Laid::new(&system, &active, &impulses, &system.records);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     // As in a step: entering the pool once for many sweeps, with momentum.
     bencher
         .counter(ItemsCount::new(active.len() * SWEEPS))
-        .bench_local(|| pool.install(|| (0..SWEEPS).map(|_| sweep(&mut problem, width, 0.8).change()).sum::<f64>()));
+        .bench_local(|| pool.install(|| (0..SWEEPS).map(|_| problem.sweep(width, 0.8).change()).sum::<f64>()));
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
@@ -80,7 +79,7 @@ fn layout(bencher: Bencher, side: usize) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     bencher
         .counter(ItemsCount::new(active.len()))
-        .bench_local(|| pool.install(|| Problem::new(&system, &active, &impulses, &system.records)));
+        .bench_local(|| pool.install(|| Laid::new(&system, &active, &impulses, &system.records)));
 }
 
 /// A residual, a few times a step, on one thread.

@@ -1,12 +1,18 @@
 //! The same arithmetic on 8, 4 or 1 numbers at a time (16, 8 or 1 of single precision), chosen when the program runs.
 //! Every operation is written once, in one order and with explicit fused multiply-add, so all widths give the same bits.
 
+use bytemuck::{Pod, Zeroable};
 use pulp::NullaryFnOnce;
 
 /// Eight numbers on one cache line: what a sweep keeps of a body.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Line(pub [f64; 8]);
+
+/// Four numbers, half a cache line: what a sweep without friction keeps of a body.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(32))]
+pub struct Half(pub [f64; 4]);
 
 /// Arithmetic on `WIDTH` numbers at once.
 pub trait Lanes: Copy + Send + Sync {
@@ -43,10 +49,10 @@ pub trait Lanes: Copy + Send + Sync {
     fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [Self::V; 8];
     /// With lines (v, p, w, q): adds p f to v of a and takes it from v of b; adds q g to w of both.
     fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [Self::V; 3], g: [Self::V; 3]);
-    /// `relative` of the first four components.
-    fn relative_half(self, lines: &[Line], a: &[u32], b: &[u32]) -> [Self::V; 4];
-    /// `push` without w.
-    fn push_half(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [Self::V; 3]);
+    /// `relative` of halves: the first four components.
+    fn relative_half(self, halves: &[Half], a: &[u32], b: &[u32]) -> [Self::V; 4];
+    /// `push` on halves (v, p).
+    fn push_half(self, halves: &mut [Half], a: &[u32], b: &[u32], f: [Self::V; 3]);
 }
 
 /// The same for numbers of single precision.
@@ -183,25 +189,25 @@ impl Lanes for Scalar {
     }
     #[inline(always)]
     fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [f64; 3], g: [f64; 3]) {
-        self.push_half(lines, a, b, f);
-        for line in [a[0], b[0]] {
+        for (line, sign) in [(a[0], 1.0), (b[0], -1.0)] {
             let line = &mut lines[line as usize].0;
             for k in 0..3 {
+                line[k] = (sign * f[k]).mul_add(line[3], line[k]);
                 line[4 + k] = g[k].mul_add(line[7], line[4 + k]);
             }
         }
     }
     #[inline(always)]
-    fn relative_half(self, lines: &[Line], a: &[u32], b: &[u32]) -> [f64; 4] {
-        let (a, b) = (&lines[a[0] as usize].0, &lines[b[0] as usize].0);
+    fn relative_half(self, halves: &[Half], a: &[u32], b: &[u32]) -> [f64; 4] {
+        let (a, b) = (&halves[a[0] as usize].0, &halves[b[0] as usize].0);
         [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3]]
     }
     #[inline(always)]
-    fn push_half(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [f64; 3]) {
-        for (line, sign) in [(a[0], 1.0), (b[0], -1.0)] {
-            let line = &mut lines[line as usize].0;
+    fn push_half(self, halves: &mut [Half], a: &[u32], b: &[u32], f: [f64; 3]) {
+        for (half, sign) in [(a[0], 1.0), (b[0], -1.0)] {
+            let half = &mut halves[half as usize].0;
             for k in 0..3 {
-                line[k] = (sign * f[k]).mul_add(line[3], line[k]);
+                half[k] = (sign * f[k]).mul_add(half[3], half[k]);
             }
         }
     }
@@ -260,7 +266,7 @@ mod x86 {
     use pulp::x86::{V3, V4};
     use pulp::{NullaryFnOnce, cast};
 
-    use super::{Lanes, Line, Singles};
+    use super::{Half, Lanes, Line, Singles};
 
     /// Predicate of a comparison: greater than, ordered, quiet.
     const GREATER: i32 = 30;
@@ -386,16 +392,16 @@ mod x86 {
             }
         }
         #[inline(always)]
-        fn relative_half(self, lines: &[Line], a: &[u32], b: &[u32]) -> [__m512d; 4] {
+        fn relative_half(self, halves: &[Half], a: &[u32], b: &[u32]) -> [__m512d; 4] {
             let avx = self.avx512f;
             let signs: __m512d = cast([-1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0, 1.0]);
             // Rows 0 and 2, 1 and 3 ... so that the unpacked pairs come out in order.
             let mut pairs = [self.splat(0.0); 4];
             for (k, pair) in pairs.iter_mut().enumerate() {
                 let first = k % 2 + 4 * (k / 2);
-                let (x, y) = (&lines[a[first] as usize].0, &lines[a[first + 2] as usize].0);
+                let (x, y) = (halves[a[first] as usize].0, halves[a[first + 2] as usize].0);
                 let plus = cast([x[0], x[1], x[2], x[3], y[0], y[1], y[2], y[3]]);
-                let (x, y) = (&lines[b[first] as usize].0, &lines[b[first + 2] as usize].0);
+                let (x, y) = (halves[b[first] as usize].0, halves[b[first + 2] as usize].0);
                 *pair = self.mul_add(cast([x[0], x[1], x[2], x[3], y[0], y[1], y[2], y[3]]), signs, plus);
             }
             let (e0, o0) = (avx._mm512_unpacklo_pd(pairs[0], pairs[1]), avx._mm512_unpackhi_pd(pairs[0], pairs[1]));
@@ -408,7 +414,7 @@ mod x86 {
             ]
         }
         #[inline(always)]
-        fn push_half(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [__m512d; 3]) {
+        fn push_half(self, halves: &mut [Half], a: &[u32], b: &[u32], f: [__m512d; 3]) {
             let avx = self.avx512f;
             let zero = self.splat(0.0);
             // Halves of the even rows and of the odd ones; two rows side by side; rows.
@@ -421,7 +427,8 @@ mod x86 {
                 let rows: [__m256d; 2] = cast(avx._mm512_shuffle_f64x2::<0xd8>(pair, pair));
                 let first = k % 2 + 4 * (k / 2);
                 for (row, k) in [(rows[0], first), (rows[1], first + 2)] {
-                    push_one(*self, lines, a[k] as usize, b[k] as usize, row);
+                    add(*self, &mut halves[a[k] as usize].0, row);
+                    take(*self, &mut halves[b[k] as usize].0, row);
                 }
             }
         }
@@ -589,12 +596,14 @@ mod x86 {
         }
         #[inline(always)]
         fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [__m256d; 8] {
-            let [d0, d1, d2, d3] = self.relative_half(lines, a, b);
-            let mut rows = [self.splat(0.0); 4];
+            let signs: __m256d = cast(four(&SIGNS));
+            let (mut low, mut high) = ([self.splat(0.0); 4], [self.splat(0.0); 4]);
             for k in 0..4 {
-                rows[k] = self.add(cast(four(&lines[a[k] as usize].0[4..])), cast(four(&lines[b[k] as usize].0[4..])));
+                let (a, b) = (&lines[a[k] as usize].0, &lines[b[k] as usize].0);
+                low[k] = self.mul_add(cast(four(b)), signs, cast(four(a)));
+                high[k] = self.add(cast(four(&a[4..])), cast(four(&b[4..])));
             }
-            let [s0, s1, s2, s3] = transpose4(self, rows);
+            let ([d0, d1, d2, d3], [s0, s1, s2, s3]) = (transpose4(self, low), transpose4(self, high));
             [d0, d1, d2, d3, s0, s1, s2, s3]
         }
         #[inline(always)]
@@ -604,41 +613,41 @@ mod x86 {
             let g = transpose4(self, [g[0], g[1], g[2], zero]);
             for k in 0..4 {
                 let (a, b) = (a[k] as usize, b[k] as usize);
-                push_one(self, lines, a, b, f[k]);
-                for i in [a, b] {
-                    let line = &mut lines[i].0[4..];
-                    let new = self.mul_add(self.splat(line[3]), g[k], cast(four(line)));
-                    self.store(line, new);
-                }
+                add(self, &mut lines[a].0[..4], f[k]);
+                take(self, &mut lines[b].0[..4], f[k]);
+                add(self, &mut lines[a].0[4..], g[k]);
+                add(self, &mut lines[b].0[4..], g[k]);
             }
         }
         #[inline(always)]
-        fn relative_half(self, lines: &[Line], a: &[u32], b: &[u32]) -> [__m256d; 4] {
+        fn relative_half(self, halves: &[Half], a: &[u32], b: &[u32]) -> [__m256d; 4] {
             let signs: __m256d = cast(four(&SIGNS));
             let mut rows = [self.splat(0.0); 4];
             for k in 0..4 {
-                rows[k] = self.mul_add(cast(four(&lines[b[k] as usize].0)), signs, cast(four(&lines[a[k] as usize].0)));
+                rows[k] = self.mul_add(cast(halves[b[k] as usize].0), signs, cast(halves[a[k] as usize].0));
             }
             transpose4(self, rows)
         }
         #[inline(always)]
-        fn push_half(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [__m256d; 3]) {
+        fn push_half(self, halves: &mut [Half], a: &[u32], b: &[u32], f: [__m256d; 3]) {
             let rows = transpose4(self, [f[0], f[1], f[2], self.splat(0.0)]);
             for k in 0..4 {
-                push_one(self, lines, a[k] as usize, b[k] as usize, rows[k]);
+                add(self, &mut halves[a[k] as usize].0, rows[k]);
+                take(self, &mut halves[b[k] as usize].0, rows[k]);
             }
         }
     }
 
-    /// Adds p f to v of line a, and takes it from that of line b.
+    /// Adds p f to v of (v, p).
     #[inline(always)]
-    fn push_one(simd: V3, lines: &mut [Line], a: usize, b: usize, f: __m256d) {
-        let line = &mut lines[a].0[..4];
-        let new = simd.mul_add(simd.splat(line[3]), f, cast(four(line)));
-        simd.store(line, new);
-        let line = &mut lines[b].0[..4];
-        let new = simd.neg_mul_add(simd.splat(line[3]), f, cast(four(line)));
-        simd.store(line, new);
+    fn add(simd: V3, half: &mut [f64], f: __m256d) {
+        simd.store(half, simd.mul_add(simd.splat(half[3]), f, cast(four(half))));
+    }
+
+    /// Takes p f from v of (v, p).
+    #[inline(always)]
+    fn take(simd: V3, half: &mut [f64], f: __m256d) {
+        simd.store(half, simd.neg_mul_add(simd.splat(half[3]), f, cast(four(half))));
     }
 
     impl Singles for V3 {
@@ -712,12 +721,13 @@ mod tests {
         struct Op<'a, L> {
             lanes: L,
             lines: &'a mut [Line],
+            halves: &'a mut [Half],
         }
         impl<L: Lanes> NullaryFnOnce for Op<'_, L> {
             type Output = ();
             #[inline(always)]
             fn call(self) {
-                let Op { lanes: l, lines } = self;
+                let Op { lanes: l, lines, halves } = self;
                 let (index, other) = ([3, 0, 5, 7, 1, 8, 2, 6], [18, 4, 9, 10, 12, 11, 17, 13]);
                 for from in (0..8).step_by(L::WIDTH) {
                     let (index, other) = (&index[from..from + L::WIDTH], &other[from..from + L::WIDTH]);
@@ -729,8 +739,8 @@ mod tests {
                     (0..L::WIDTH).for_each(|k| mask[k] = f64::from(l.mask_greater(q, c[1]) >> k & 1));
                     let q = l.add(l.min(q, c[2]), l.load(&mask));
                     l.push(lines, index, other, [q, c[1], c[2]], [c[4], q, c[6]]);
-                    let [x, y, z, _] = l.relative_half(lines, index, other);
-                    l.push_half(lines, other, index, [z, x, y]);
+                    let [x, y, z, p] = l.relative_half(halves, index, other);
+                    l.push_half(halves, other, index, [z, l.mul(x, p), y]);
                     let mut rows: Vec<[f64; 8]> = lines.iter().map(|line| line.0).collect();
                     let moved = l.gather(&rows, index);
                     l.scatter(&mut rows, other, moved);
@@ -742,9 +752,10 @@ mod tests {
         let sample = || -> Vec<Line> {
             (0..19).map(|i| Line(std::array::from_fn(|k| ((i * 8 + k) as f64 * 0.7).sin() + 0.01))).collect()
         };
-        let (mut expected, mut got) = (sample(), sample());
-        Scalar.run(Op { lanes: Scalar, lines: &mut expected });
-        lanes.run(Op { lanes, lines: &mut got });
+        let halves = || -> Vec<Half> { sample().iter().map(|line| Half([0, 6, 2, 5].map(|k| line.0[k]))).collect() };
+        let (mut expected, mut got) = ((sample(), halves()), (sample(), halves()));
+        Scalar.run(Op { lanes: Scalar, lines: &mut expected.0, halves: &mut expected.1 });
+        lanes.run(Op { lanes, lines: &mut got.0, halves: &mut got.1 });
         assert_eq!(got, expected);
     }
 

@@ -1,5 +1,5 @@
-//! The contact problem laid out for sweeping: bodies in the order of space, one cache line each;
-//! contacts in batches of eight that share no moving body.
+//! The contact problem laid out for sweeping: bodies in the order of space, one cache line each, half of one where
+//! nothing has friction; contacts in batches that share no moving body.
 //!
 //! Bodies are cut into ranges by their number alone, and ranges are joined two by two up to the whole:
 //! a tree. Each range has a block of the contacts inside it, each joint one of those across it, which is
@@ -9,7 +9,7 @@
 use rayon::prelude::*;
 
 use crate::assemble::{Record, System};
-use crate::math::lanes::Line;
+use crate::math::lanes::{Half, Line};
 use crate::math::{Vec3, group};
 
 /// Contacts in a batch.
@@ -89,32 +89,58 @@ pub struct Block {
     pub sums: Sums,
 }
 
-/// The contact problem of a step as the sweeps see it.
-pub struct Problem {
-    /// Velocity, 1/mass, R x angular velocity, R^2/inertia of every touched body, range by range.
-    pub lines: Vec<Line>,
-    /// Those of the sweep before.
-    pub previous: Vec<Line>,
-    /// The tree in order: the block of a range, the joint to the next, the block of the next, ...
-    pub blocks: Vec<Block>,
-    pub frictional: bool,
+/// What the sweeps keep of a body.
+pub trait Body: Copy + Send + Sync {
+    const FRICTION: bool;
+    /// The body of unused places: nothing acts on it, and nothing is divided by zero.
+    const UNUSED: Self;
+
+    fn new(record: &Record) -> Self;
 }
 
-impl Problem {
+/// Velocity, 1/mass, R x angular velocity, R^2/inertia.
+impl Body for Line {
+    const FRICTION: bool = true;
+    const UNUSED: Self = Line([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+
+    fn new(&Record { v, inverse_mass, w, inverse_inertia, radius }: &Record) -> Self {
+        let w = w * radius;
+        Line([v.x, v.y, v.z, inverse_mass, w.x, w.y, w.z, radius * radius * inverse_inertia])
+    }
+}
+
+/// Velocity and 1/mass: spheres without friction do not turn.
+impl Body for Half {
+    const FRICTION: bool = false;
+    const UNUSED: Self = Half([0.0, 0.0, 0.0, 1.0]);
+
+    fn new(record: &Record) -> Self {
+        let Record { v, inverse_mass, .. } = record;
+        Half([v.x, v.y, v.z, *inverse_mass])
+    }
+}
+
+/// The contact problem of a step as the sweeps see it.
+pub struct Problem<B> {
+    /// Every touched body, range by range.
+    pub lines: Vec<B>,
+    /// Those of the sweep before.
+    pub previous: Vec<B>,
+    /// The tree in order: the block of a range, the joint to the next, the block of the next, ...
+    pub blocks: Vec<Block>,
+}
+
+impl<B: Body> Problem<B> {
     /// The problem of the rows `active`, starting from `impulses` (one a row of the system) and from
     /// the velocities that they lead to.
     pub fn new(system: &System, active: &[u32], impulses: &[Vec3], records: &[Record]) -> Self {
-        let frictional = active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
         let layout = Layout::new(system, active);
-        let mut lines = vec![Line([0.0; 8]); layout.starts[layout.starts.len() - 1] as usize];
+        let mut lines = vec![B::UNUSED; layout.starts[layout.starts.len() - 1] as usize];
         for (&line, &body) in layout.lines.iter().zip(&layout.bodies) {
-            lines[line as usize] = records[body as usize].to_line();
+            lines[line as usize] = B::new(&records[body as usize]);
         }
-        for &end in &layout.starts[1..] {
-            lines[end as usize - 1] = UNUSED;
-        }
-        let fill = Fill { system, active, impulses, records, frictional };
-        let blocks: Vec<(Block, Vec<Line>)> =
+        let fill = Fill { system, active, impulses, records };
+        let blocks: Vec<(Block, Vec<B>)> =
             (0..layout.blocks.len() - 1).into_par_iter().map(|b| layout.block(b, &fill)).collect();
         let blocks = blocks.into_iter().enumerate().map(|(b, (block, fixed))| {
             let end = layout.starts[b / 2 + 1] as usize - 1;
@@ -122,7 +148,7 @@ impl Problem {
             block
         });
         let blocks = blocks.collect();
-        Problem { previous: lines.clone(), lines, blocks, frictional }
+        Problem { previous: lines.clone(), lines, blocks }
     }
 
     /// Puts the impulses r̂ into `impulses`, one a row of the system.
@@ -130,7 +156,7 @@ impl Problem {
         for block in &self.blocks {
             for ((batch, r), rows) in block.batches.iter().zip(&block.r).zip(&block.rows) {
                 for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
-                    impulses[row as usize] = if self.frictional {
+                    impulses[row as usize] = if B::FRICTION {
                         Vec3::new(r.0[0][lane], r.0[1][lane], r.0[2][lane])
                     } else {
                         Vec3::new(batch.n[0][lane], batch.n[1][lane], batch.n[2][lane]) * r.0[0][lane]
@@ -141,24 +167,12 @@ impl Problem {
     }
 }
 
-/// The body of unused places: nothing acts on it, and nothing is divided by zero.
-const UNUSED: Line = Line([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
-
-impl Record {
-    fn to_line(self) -> Line {
-        let Record { v, inverse_mass, w, inverse_inertia, radius } = self;
-        let w = w * radius;
-        Line([v.x, v.y, v.z, inverse_mass, w.x, w.y, w.z, radius * radius * inverse_inertia])
-    }
-}
-
 /// What the blocks are filled from.
 struct Fill<'a> {
     system: &'a System,
     active: &'a [u32],
     impulses: &'a [Vec3],
     records: &'a [Record],
-    frictional: bool,
 }
 
 /// Which contacts and bodies lie where.
@@ -233,7 +247,7 @@ impl Layout {
     }
 
     /// A block, and the lines of the bodies in it that do not move.
-    fn block(&self, block: usize, from: &Fill) -> (Block, Vec<Line>) {
+    fn block<B: Body>(&self, block: usize, from: &Fill) -> (Block, Vec<B>) {
         let (first, last) = span(block);
         let start = self.starts[first];
         let lines = self.starts[last + 1] - start;
@@ -271,7 +285,7 @@ impl Layout {
                     let sign = if side == 0 { 1.0 } else { -1.0 };
                     let record = &from.records[row.bodies[side] as usize];
                     batch.bodies[side][lane] = first_fixed + fixed.len() as u32;
-                    fixed.push(Record { v: record.v + row.shift * sign, ..*record }.to_line());
+                    fixed.push(B::new(&Record { v: record.v + row.shift * sign, ..*record }));
                 }
                 if self.pairs[place].iter().all(|rank| *rank != NONE) {
                     batch.shift[lane] = n.dot(&row.shift);
@@ -283,7 +297,7 @@ impl Layout {
                     }
                 }
                 let impulse = &from.impulses[k as usize];
-                if from.frictional {
+                if B::FRICTION {
                     put(&mut r.0, lane, impulse);
                 } else {
                     r.0[0][lane] = n.dot(impulse);

@@ -5,6 +5,7 @@
 //! | [`local`] | one contact, exactly |
 //! | [`batches`] | bodies and contacts laid out for sweeping |
 //! | [`sweep`] | one sweep, in vectors of contacts and side by side |
+//! | [`laid`] | which layout a problem needs |
 //! | `nlgs` | when to sweep, with what momentum, and when to stop |
 //! | [`full`] | the same for bodies whose contacts have full blocks |
 //! | `choice` | who solves, and who comes after |
@@ -16,6 +17,7 @@
 pub mod batches;
 mod choice;
 pub mod full;
+pub mod laid;
 pub mod local;
 mod nlgs;
 pub mod norms;

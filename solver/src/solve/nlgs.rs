@@ -13,10 +13,8 @@ use rayon::prelude::*;
 use crate::assemble::{Record, System};
 use crate::math::Vec3;
 use crate::math::lanes::Width;
-use crate::solve::batches::{self, Sums};
-use crate::solve::full;
+use crate::solve::laid::Laid;
 use crate::solve::residual::{Judge, Motion, Residual};
-use crate::solve::sweep::sweep;
 
 /// Largest share of the last change that is carried on where there is friction, by the place of the
 /// sweep in a round of [`ROUND`]. Uncapped momentum bounces on dense frictional packings, 0.7 to 0.85 are
@@ -136,36 +134,6 @@ fn slides(system: &System, active: &[u32], impulses: &[Vec3]) -> bool {
         // On the cone's side to rounding.
         row.friction > 0.0 && normal > 0.0 && (r - row.normal * normal).norm() >= row.friction * normal * (1.0 - 1e-12)
     })
-}
-
-/// The problem laid out for the sweeps that its contacts need.
-enum Laid {
-    /// Spheres and plates: the blocks are diagonal.
-    Diagonal(batches::Problem),
-    Full(full::batches::Problem),
-}
-
-impl Laid {
-    fn new(system: &System, active: &[u32], impulses: &[Vec3], records: &[Record]) -> Self {
-        match &system.full {
-            None => Laid::Diagonal(batches::Problem::new(system, active, impulses, records)),
-            Some(full) => Laid::Full(full::batches::Problem::new(system, full, active, impulses, records)),
-        }
-    }
-
-    fn sweep(&mut self, width: Width, beta: f64) -> Sums {
-        match self {
-            Laid::Diagonal(problem) => sweep(problem, width, beta),
-            Laid::Full(problem) => full::sweep::sweep(problem, width, beta),
-        }
-    }
-
-    fn read_back(&self, impulses: &mut [Vec3]) {
-        match self {
-            Laid::Diagonal(problem) => problem.read_back(impulses),
-            Laid::Full(problem) => problem.read_back(impulses),
-        }
-    }
 }
 
 /// How far each sweep carries on the change of the one before.

@@ -1,9 +1,10 @@
 //! One Gauss-Seidel sweep over the batches, with momentum.
 
+use bytemuck::{Pod, cast_slice, cast_slice_mut};
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Lanes, Line, Width};
-use crate::solve::batches::{BATCH, Batch, Block, Column3, Problem, Sums};
+use crate::math::lanes::{Half, Lanes, Line, Width};
+use crate::solve::batches::{BATCH, Batch, Block, Body, Column3, Problem, Sums};
 use crate::solve::local::{Triple, coulomb, cross, cross_add, dot, signorini, stopping, triple};
 
 /// Batches that go through the stages of a sweep together, so that no stage waits for the one before.
@@ -13,7 +14,7 @@ const CHUNK: usize = 8;
 const CACHES: usize = 24 << 20;
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
-pub fn sweep(problem: &mut Problem, width: Width, beta: f64) -> Sums {
+pub fn sweep<B: Swept>(problem: &mut Problem<B>, width: Width, beta: f64) -> Sums {
     match width {
         Width::One(lanes) => sweep_with(problem, lanes, beta),
         #[cfg(target_arch = "x86_64")]
@@ -23,17 +24,12 @@ pub fn sweep(problem: &mut Problem, width: Width, beta: f64) -> Sums {
     }
 }
 
-fn sweep_with<L: Lanes>(problem: &mut Problem, lanes: L, beta: f64) -> Sums {
-    let Problem { lines, previous, blocks, frictional } = problem;
+fn sweep_with<L: Lanes, B: Swept>(problem: &mut Problem<B>, lanes: L, beta: f64) -> Sums {
+    let Problem { lines, previous, blocks } = problem;
     let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
     let far = batches * size_of::<(Batch, [Column3; 2])>() > CACHES;
     std::mem::swap(lines, previous);
-    let sweep = Sweep { lanes, beta, far };
-    if *frictional {
-        sweep.subtree::<true>(blocks, lines, previous);
-    } else {
-        sweep.subtree::<false>(blocks, lines, previous);
-    }
+    Sweep { lanes, beta, far }.subtree(blocks, lines, previous);
     let mut sums = Sums::default();
     blocks.iter().for_each(|block| sums.add(&block.sums));
     sums
@@ -49,7 +45,7 @@ struct Sweep<L> {
 
 impl<L: Lanes> Sweep<L> {
     /// Both sides of a joint side by side, then the joint.
-    fn subtree<const FRICTION: bool>(self, blocks: &mut [Block], lines: &mut [Line], previous: &[Line]) {
+    fn subtree<B: Swept>(self, blocks: &mut [Block], lines: &mut [B], previous: &[B]) {
         let half = blocks.len() / 2;
         let (left, rest) = blocks.split_at_mut(half);
         let Some((block, right)) = rest.split_first_mut() else { return };
@@ -60,14 +56,14 @@ impl<L: Lanes> Sweep<L> {
             let (lines_left, lines_right) = lines.split_at_mut(cut);
             let (previous_left, previous_right) = previous.split_at(cut);
             rayon::join(
-                || self.subtree::<FRICTION>(left, lines_left, previous_left),
-                || self.subtree::<FRICTION>(right, lines_right, previous_right),
+                || self.subtree(left, lines_left, previous_left),
+                || self.subtree(right, lines_right, previous_right),
             );
         }
         if self.far {
             fetch(block);
         }
-        self.lanes.run(SweepBlock::<L, FRICTION> { lanes: self.lanes, lines, block, beta: self.beta });
+        self.lanes.run(SweepBlock { lanes: self.lanes, lines, block, beta: self.beta });
         std::mem::swap(&mut block.r, &mut block.previous);
     }
 }
@@ -87,86 +83,31 @@ fn fetch(block: &Block) {
 }
 
 /// Velocities are linear in the impulses, so momentum takes one pass over the bodies.
-struct CarryOn<'a, L> {
+struct CarryOn<'a, L, B> {
     lanes: L,
     /// The lines before `previous`, to become those that come after.
-    lines: &'a mut [Line],
-    previous: &'a [Line],
+    lines: &'a mut [B],
+    previous: &'a [B],
     beta: f64,
 }
 
-impl<L: Lanes> NullaryFnOnce for CarryOn<'_, L> {
+impl<L: Lanes, B: Swept> NullaryFnOnce for CarryOn<'_, L, B> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
         let l = self.lanes;
         let beta = l.splat(self.beta);
-        for (line, previous) in self.lines.iter_mut().zip(self.previous) {
-            for from in (0..8).step_by(L::WIDTH) {
-                let (before, now) = (l.load(&line.0[from..]), l.load(&previous.0[from..]));
-                // Masses do not change, so they stay.
-                l.store(&mut line.0[from..], l.mul_add(beta, l.sub(now, before), now));
-            }
+        // Masses do not change, so they stay.
+        let mut lines = cast_slice_mut(self.lines).chunks_exact_mut(L::WIDTH);
+        let mut previous = cast_slice(self.previous).chunks_exact(L::WIDTH);
+        for (line, previous) in (&mut lines).zip(&mut previous) {
+            let (before, now) = (l.load(line), l.load(previous));
+            l.store(line, l.mul_add(beta, l.sub(now, before), now));
+        }
+        for (line, now) in lines.into_remainder().iter_mut().zip(previous.remainder()) {
+            *line = self.beta.mul_add(now - *line, *now);
         }
     }
-}
-
-struct SweepBlock<'a, L, const FRICTION: bool> {
-    lanes: L,
-    lines: &'a mut [Line],
-    block: &'a mut Block,
-    beta: f64,
-}
-
-impl<L: Lanes, const FRICTION: bool> NullaryFnOnce for SweepBlock<'_, L, FRICTION> {
-    type Output = ();
-    #[inline(always)]
-    fn call(self) {
-        let SweepBlock { lanes: l, lines, block, beta } = self;
-        let Block { batches, colours, r, previous, drift, sums, .. } = block;
-        *sums = Sums::default();
-        let zero = l.splat(0.0);
-        let mut trials = [Trial { tangential: [zero; 3], normal: zero, y: [zero; 3], w_n: zero }; CHUNK];
-        let mut changes = [Change { impulse: [zero; 3], turn: [zero; 3] }; CHUNK];
-        let mut first = 0;
-        for &end in &*colours {
-            while first < end {
-                let next = end.min(first + CHUNK);
-                let batches = &batches[first..next];
-                let (r, previous) = (&r[first..next], &mut previous[first..next]);
-                let drift = drift.get(first..next).unwrap_or_default();
-                for from in (0..BATCH).step_by(L::WIDTH) {
-                    if FRICTION {
-                        try_each(l, lines, batches, r, previous, drift, beta, from, &mut trials);
-                        close_each(l, batches, r, previous, &trials, from, &mut changes, sums);
-                    } else {
-                        close_frictionless(l, lines, batches, r, previous, beta, from, &mut changes, sums);
-                    }
-                    push_each::<L, FRICTION>(l, lines, batches, &changes, from);
-                }
-                first = next;
-            }
-        }
-    }
-}
-
-/// What would stop the contacts of a vector, N s.
-#[derive(Clone, Copy)]
-struct Trial<V> {
-    tangential: Triple<V>,
-    /// Signorini's condition holds already.
-    normal: V,
-    /// The impulses that the velocities have in them.
-    y: Triple<V>,
-    /// 1/kg
-    w_n: V,
-}
-
-/// Change of impulse and of moment over the arm, for the bodies.
-#[derive(Clone, Copy)]
-struct Change<V> {
-    impulse: Triple<V>,
-    turn: Triple<V>,
 }
 
 /// The vector of `WIDTH` places from `from` on.
@@ -186,6 +127,109 @@ macro_rules! pair {
     ($from:ident, $batch:ident) => {
         (&$batch.bodies[0][$from..$from + L::WIDTH], &$batch.bodies[1][$from..$from + L::WIDTH])
     };
+}
+
+struct SweepBlock<'a, L, B> {
+    lanes: L,
+    lines: &'a mut [B],
+    block: &'a mut Block,
+    beta: f64,
+}
+
+impl<L: Lanes, B: Swept> NullaryFnOnce for SweepBlock<'_, L, B> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let SweepBlock { lanes: l, lines, block, beta } = self;
+        let Block { batches, colours, r, previous, drift, sums, .. } = block;
+        *sums = Sums::default();
+        let zero = l.splat(0.0);
+        let mut trials = [Trial { tangential: [zero; 3], normal: zero, y: [zero; 3], w_n: zero }; CHUNK];
+        let mut changes = [Change { impulse: [zero; 3], turn: [zero; 3] }; CHUNK];
+        let mut first = 0;
+        for &end in &*colours {
+            while first < end {
+                let next = end.min(first + CHUNK);
+                let batches = &batches[first..next];
+                let (r, previous) = (&r[first..next], &mut previous[first..next]);
+                let drift = drift.get(first..next).unwrap_or_default();
+                for from in (0..BATCH).step_by(L::WIDTH) {
+                    B::close(l, lines, batches, r, previous, drift, beta, from, &mut trials, &mut changes, sums);
+                    for (batch, change) in batches.iter().zip(&changes) {
+                        let (a, b) = pair!(from, batch);
+                        B::push(l, lines, a, b, change);
+                    }
+                }
+                first = next;
+            }
+        }
+    }
+}
+
+/// Bodies that can be swept.
+pub trait Swept: Body + Pod {
+    /// Closes the contacts of a vector of each batch: their impulses, and the changes to be given to the bodies.
+    #[expect(clippy::too_many_arguments)]
+    fn close<L: Lanes>(
+        l: L,
+        lines: &[Self],
+        batches: &[Batch],
+        r: &[Column3],
+        previous: &mut [Column3],
+        drift: &[Column3],
+        beta: f64,
+        from: usize,
+        trials: &mut [Trial<L::V>; CHUNK],
+        changes: &mut [Change<L::V>; CHUNK],
+        sums: &mut Sums,
+    );
+
+    /// Gives a change to the bodies `a` and takes it from `b`.
+    fn push<L: Lanes>(l: L, lines: &mut [Self], a: &[u32], b: &[u32], change: &Change<L::V>);
+}
+
+/// What would stop the contacts of a vector, N s.
+#[derive(Clone, Copy)]
+pub struct Trial<V> {
+    tangential: Triple<V>,
+    /// Signorini's condition holds already.
+    normal: V,
+    /// The impulses that the velocities have in them.
+    y: Triple<V>,
+    /// 1/kg
+    w_n: V,
+}
+
+/// Change of impulse and of moment over the arm, for the bodies.
+#[derive(Clone, Copy)]
+pub struct Change<V> {
+    impulse: Triple<V>,
+    turn: Triple<V>,
+}
+
+impl Swept for Line {
+    #[inline(always)]
+    fn close<L: Lanes>(
+        l: L,
+        lines: &[Line],
+        batches: &[Batch],
+        r: &[Column3],
+        previous: &mut [Column3],
+        drift: &[Column3],
+        beta: f64,
+        from: usize,
+        trials: &mut [Trial<L::V>; CHUNK],
+        changes: &mut [Change<L::V>; CHUNK],
+        sums: &mut Sums,
+    ) {
+        try_each(l, lines, batches, r, previous, drift, beta, from, trials);
+        close_each(l, batches, r, previous, trials, from, changes, sums);
+    }
+
+    #[inline(always)]
+    fn push<L: Lanes>(l: L, lines: &mut [Line], a: &[u32], b: &[u32], change: &Change<L::V>) {
+        l.push(lines, a, b, change.impulse, change.turn);
+    }
 }
 
 #[inline(always)]
@@ -261,54 +305,44 @@ fn close_each<L: Lanes>(
 }
 
 /// One unknown a contact, r̂_n, kept as the first component; spheres do not turn.
-#[inline(always)]
-#[expect(clippy::too_many_arguments)]
-fn close_frictionless<L: Lanes>(
-    l: L,
-    lines: &[Line],
-    batches: &[Batch],
-    r: &[Column3],
-    previous: &mut [Column3],
-    beta: f64,
-    from: usize,
-    changes: &mut [Change<L::V>; CHUNK],
-    sums: &mut Sums,
-) {
-    let beta = l.splat(beta);
-    let mut uphill = load!(l, from, sums.uphill);
-    let mut change2 = load!(l, from, sums.change2);
-    for (((batch, r), previous), out) in batches.iter().zip(r).zip(previous).zip(changes) {
-        let (a, b) = pair!(from, batch);
-        let [dx, dy, dz, w_n] = l.relative_half(lines, a, b);
-        let n = load3!(l, from, batch.n);
-        let r = load!(l, from, r.0[0]);
-        let y = l.mul_add(beta, l.sub(r, load!(l, from, previous.0[0])), r);
-        let u_n = l.add(dot(l, n, [dx, dy, dz]), load!(l, from, batch.shift));
-        let new = signorini(l, u_n, y, w_n);
-        let change = l.sub(new, y);
-        out.impulse = triple!(k => l.mul(n[k], change));
-        l.store(&mut previous.0[0][from..], new);
-        uphill = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), uphill);
-        change2 = l.mul_add(change, change, change2);
-    }
-    l.store(&mut sums.uphill[from..], uphill);
-    l.store(&mut sums.change2[from..], change2);
-}
-
-#[inline(always)]
-fn push_each<L: Lanes, const FRICTION: bool>(
-    l: L,
-    lines: &mut [Line],
-    batches: &[Batch],
-    changes: &[Change<L::V>; CHUNK],
-    from: usize,
-) {
-    for (batch, change) in batches.iter().zip(changes) {
-        let (a, b) = pair!(from, batch);
-        if FRICTION {
-            l.push(lines, a, b, change.impulse, change.turn);
-        } else {
-            l.push_half(lines, a, b, change.impulse);
+impl Swept for Half {
+    #[inline(always)]
+    fn close<L: Lanes>(
+        l: L,
+        lines: &[Half],
+        batches: &[Batch],
+        r: &[Column3],
+        previous: &mut [Column3],
+        _: &[Column3],
+        beta: f64,
+        from: usize,
+        _: &mut [Trial<L::V>; CHUNK],
+        changes: &mut [Change<L::V>; CHUNK],
+        sums: &mut Sums,
+    ) {
+        let beta = l.splat(beta);
+        let mut uphill = load!(l, from, sums.uphill);
+        let mut change2 = load!(l, from, sums.change2);
+        for (((batch, r), previous), out) in batches.iter().zip(r).zip(previous).zip(changes) {
+            let (a, b) = pair!(from, batch);
+            let [dx, dy, dz, w_n] = l.relative_half(lines, a, b);
+            let n = load3!(l, from, batch.n);
+            let r = load!(l, from, r.0[0]);
+            let y = l.mul_add(beta, l.sub(r, load!(l, from, previous.0[0])), r);
+            let u_n = l.add(dot(l, n, [dx, dy, dz]), load!(l, from, batch.shift));
+            let new = signorini(l, u_n, y, w_n);
+            let change = l.sub(new, y);
+            out.impulse = triple!(k => l.mul(n[k], change));
+            l.store(&mut previous.0[0][from..], new);
+            uphill = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), uphill);
+            change2 = l.mul_add(change, change, change2);
         }
+        l.store(&mut sums.uphill[from..], uphill);
+        l.store(&mut sums.change2[from..], change2);
+    }
+
+    #[inline(always)]
+    fn push<L: Lanes>(l: L, halves: &mut [Half], a: &[u32], b: &[u32], change: &Change<L::V>) {
+        l.push_half(halves, a, b, change.impulse);
     }
 }

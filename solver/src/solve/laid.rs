@@ -1,0 +1,49 @@
+//! The problem laid out for the sweeps that its contacts need.
+
+use crate::assemble::{Record, System};
+use crate::math::Vec3;
+use crate::math::lanes::{Half, Line, Width};
+use crate::solve::batches::{Problem, Sums};
+use crate::solve::full;
+use crate::solve::sweep::sweep;
+
+/// The rows `active` of a step, and what the sweeps change.
+pub enum Laid {
+    /// Spheres and plates without friction: one unknown a contact.
+    Frictionless(Problem<Half>),
+    /// Spheres and plates: the blocks are diagonal.
+    Diagonal(Problem<Line>),
+    Full(full::batches::Problem),
+}
+
+impl Laid {
+    /// Starts from `impulses` (one a row of the system) and from the velocities that they lead to.
+    pub fn new(system: &System, active: &[u32], impulses: &[Vec3], records: &[Record]) -> Self {
+        if let Some(full) = &system.full {
+            return Laid::Full(full::batches::Problem::new(system, full, active, impulses, records));
+        }
+        if active.iter().any(|&k| system.rows[k as usize].friction > 0.0) {
+            Laid::Diagonal(Problem::new(system, active, impulses, records))
+        } else {
+            Laid::Frictionless(Problem::new(system, active, impulses, records))
+        }
+    }
+
+    /// Sweeps all contacts once, each from y = r + beta (r - r_before).
+    pub fn sweep(&mut self, width: Width, beta: f64) -> Sums {
+        match self {
+            Laid::Frictionless(problem) => sweep(problem, width, beta),
+            Laid::Diagonal(problem) => sweep(problem, width, beta),
+            Laid::Full(problem) => full::sweep::sweep(problem, width, beta),
+        }
+    }
+
+    /// Puts the impulses into `impulses`, one a row of the system.
+    pub fn read_back(&self, impulses: &mut [Vec3]) {
+        match self {
+            Laid::Frictionless(problem) => problem.read_back(impulses),
+            Laid::Diagonal(problem) => problem.read_back(impulses),
+            Laid::Full(problem) => problem.read_back(impulses),
+        }
+    }
+}
