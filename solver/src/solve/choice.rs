@@ -26,8 +26,8 @@ const PATIENCE: f64 = 200_000.0;
 const WORTH: f64 = 20.0;
 /// One contact in one sweep, in units of [`newton_cost`].
 const SWEPT: f64 = 6.0;
-/// From so many contacts on dense matrices take gigabytes: sweeps take the place of the other solvers.
-const DENSE: usize = 3000;
+/// From so many contacts on factors take gigabytes: sweeps take the place of the other solvers.
+const LARGE: usize = 30_000;
 /// The stored solvers aim a little below the tolerance, which is judged by other sums than theirs.
 const AIM: f64 = 0.9;
 
@@ -40,11 +40,11 @@ pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> 
     }
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
     let budget = PATIENCE * SWEPT * contacts as f64;
-    let pays = contacts < DENSE && budget >= WORTH * newton_cost(contacts);
+    let pays = contacts < LARGE && budget >= WORTH * newton_cost(contacts);
     let swept = |sweeps| nlgs(system, task.tol, sweeps, task.width);
     let (solver, max_sweeps, max_cost) = match task.solver {
         ContactSolver::Nlgs => return swept(task.max_sweeps),
-        _ if contacts >= DENSE => return swept(task.max_sweeps),
+        _ if contacts >= LARGE => return swept(task.max_sweeps),
         ContactSolver::Auto if !pays => return swept(task.max_sweeps),
         ContactSolver::Auto => (Solver::Auto, u64::MAX, budget),
         ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, task.max_sweeps, f64::INFINITY),

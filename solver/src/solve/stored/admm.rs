@@ -13,12 +13,12 @@
 //! Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018).
 
 use faer::Mat;
-use faer::linalg::solvers::Solve;
 
 use super::anderson::Anderson;
+use super::factors::{Entry, Factors, solution_cost};
 use super::scaled::Scaled;
 use super::sweep::DEPTH;
-use super::{Run, Triple, newton_cost};
+use super::{Run, Triple};
 
 /// The penalty c, relative to the mean diagonal.
 const PENALTY: f64 = 0.1;
@@ -30,22 +30,20 @@ pub fn admm(run: &mut Run, steps: u64) {
     if run.is_over() {
         return;
     }
-    let mut matrix = Mat::<f64>::zeros(3 * n, 3 * n);
+    let mut matrix = Vec::new();
     for i in 0..n {
         for (j, w) in scaled.row(i) {
-            for k in 0..3 {
-                for l in 0..3 {
-                    matrix[(3 * i + k, 3 * j + l)] = w[k][l];
-                }
-                if i == j {
-                    matrix[(3 * i + k, 3 * i + k)] += PENALTY;
+            for (k, w) in w.iter().enumerate() {
+                for (l, w) in w.iter().enumerate() {
+                    let penalty = if (i, k) == (j, l) { PENALTY } else { 0.0 };
+                    matrix.push(Entry::new(3 * i + k, 3 * j + l, w + penalty));
                 }
             }
         }
     }
-    run.cost += newton_cost(n);
+    run.cost += run.problem.newton_cost();
     // Not Cholesky's: W may be slightly unsymmetric or indefinite.
-    let factors = matrix.partial_piv_lu();
+    let Some(factors) = Factors::new(3 * n, &matrix) else { return };
     let z = scaled.impulses_in(&run.best.0);
     let u = scaled.velocity(&z);
     let mut v: Vec<Triple> = (0..n)
@@ -55,10 +53,11 @@ pub fn admm(run: &mut Run, steps: u64) {
         })
         .collect();
     let mut anderson = Anderson::new(DEPTH, 3 * n);
+    let solving = solution_cost(3 * n, matrix.len());
     let mut right = Mat::<f64>::zeros(3 * n, 1);
     let end = run.sweeps.saturating_add(steps);
     while !run.is_over() && run.sweeps < end {
-        run.pass(0.3 * (3.0 * n as f64).powi(2) + run.problem.sweep_cost());
+        run.pass(solving + run.problem.sweep_cost());
         let z: Vec<Triple> = v.iter().zip(&scaled.mu).map(|(v, mu)| project(*v, *mu)).collect();
         run.judge(&scaled.impulses_out(&z));
         for i in 0..n {

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `admm` | alternating directions of multipliers |
 //! | `anderson` | acceleration of a fixed point iteration |
+//! | `factors` | full or sparse factors of a matrix |
 //! | `local` | one contact with a full block, exactly |
 //! | `sweep` | nonlinear Gauss-Seidel, plain and with Anderson's acceleration |
 //! | `newton` | proximal point with a semismooth Newton method inside |
@@ -15,6 +16,7 @@
 
 mod admm;
 mod anderson;
+mod factors;
 mod local;
 mod newton;
 mod residual;
@@ -111,9 +113,14 @@ impl Problem {
         (0..self.len()).map(|i| self.row(i).fold(self.q[i], add)).collect()
     }
 
+    /// Cost of one Newton step, see [`newton_cost`].
+    fn newton_cost(&self) -> f64 {
+        step_cost(self.len(), self.blocks.len())
+    }
+
     /// Cost of one accelerated sweep, see [`newton_cost`].
     fn sweep_cost(&self) -> f64 {
-        5.0 * self.blocks.len() as f64 + 50.0 * self.len() as f64
+        1e3 + 2.5 * self.blocks.len() as f64 + 25.0 * self.len() as f64
     }
 
     /// The blocks W_ii.
@@ -122,10 +129,17 @@ impl Problem {
     }
 }
 
-/// Cost of one Newton step of a problem of so many contacts: about 1e-9 s on one core, counted, not measured, so
-/// that what follows from it is the same everywhere.
+/// Blocks of W for a contact where none are counted: of itself and of the others of two grains with five each.
+const BLOCKS: usize = 9;
+
+/// Cost of one Newton step of a problem of so many contacts of grains: about 1e-9 s on one core, counted, not measured,
+/// so that what follows from it is the same everywhere.
 pub fn newton_cost(contacts: usize) -> f64 {
-    5e4 + 0.025 * (3.0 * contacts as f64).powi(3)
+    step_cost(contacts, BLOCKS * contacts)
+}
+
+fn step_cost(contacts: usize, blocks: usize) -> f64 {
+    5e4 + factors::cost(3 * contacts, 9 * blocks)
 }
 
 /// Ways to solve.
@@ -197,14 +211,17 @@ pub fn solve(problem: &Problem, solver: Solver, start: &[Triple], limits: Limits
     Solution { residual: residual(problem, &run.best.0), r: run.best.0, sweeps: run.sweeps, cost: run.cost, converged }
 }
 
-/// Accelerated sweeps first, as many as cost what 20 Newton steps do; where they stall ADMM and Newton from the best so
-/// far, then Newton from 0, which at times finds the way that the others have missed; then all again with four
-/// times the budget.
+/// Accelerated sweeps first, as many as cost what 25 Newton steps do, 200 to 2500; where they stall ADMM and Newton
+/// from the best so far, then Newton from 0, which at times finds the way that the others have missed; then all again
+/// with four times the budget.
 fn ladder(run: &mut Run) {
     let problem = run.problem;
-    let (sweep, newton) = (problem.sweep_cost(), newton_cost(problem.len()));
-    for steps in (0..).map(|round| 20u64.saturating_mul(4u64.saturating_pow(round))) {
-        sweep::nlgs(run, sweep::DEPTH, ((steps as f64 * newton / sweep) as u64).max(200));
+    let (sweep, newton) = (problem.sweep_cost(), problem.newton_cost());
+    for round in 0.. {
+        let more = 4u64.saturating_pow(round);
+        let steps = more.saturating_mul(20);
+        let sweeps = (1.25 * steps as f64 * newton / sweep) as u64;
+        sweep::nlgs(run, sweep::DEPTH, sweeps.clamp(200, more.saturating_mul(2500)));
         admm::admm(run, steps.saturating_mul(5));
         let best = run.best.0.clone();
         newton::prox_newton(run, &best, steps.saturating_mul(5));

@@ -14,12 +14,12 @@
 //! Bremond, O. Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018) (proximal loop).
 
 use faer::Mat;
-use faer::linalg::solvers::Solve;
 
 use super::anderson::Anderson;
+use super::factors::{Entry, Factors};
 use super::scaled::Scaled;
 use super::sweep::DEPTH;
-use super::{Run, Triple, newton_cost};
+use super::{Run, Triple};
 
 /// The proximal parameter a: where it starts, its limits, and its change after success and failure.
 const START: f64 = 1e-3;
@@ -41,7 +41,7 @@ pub fn prox_newton(run: &mut Run, start: &[Triple], steps: u64) {
         let mut state = Contacts::new(&scaled, &x, &x, a);
         let mut solved = norm(&state.phi) <= target;
         while !solved && run.sweeps - before < INNER as u64 {
-            run.pass(newton_cost(run.problem.len()));
+            run.pass(run.problem.newton_cost());
             let Some(next) = state.newton_step().and_then(|step| line_search(&state, &step)) else { break };
             state = next;
             solved = norm(&state.phi) <= target;
@@ -105,7 +105,7 @@ impl<'a> Contacts<'a> {
         let mut place = vec![usize::MAX; self.r.len()];
         closed.iter().enumerate().for_each(|(k, &i)| place[i] = k);
         let size = 3 * closed.len();
-        let mut j = Mat::<f64>::zeros(size, size);
+        let mut j = Vec::new();
         let mut right = Mat::<f64>::zeros(size, 1);
         for (row, &i) in closed.iter().enumerate() {
             let [n, t1, t2] = self.tau[i];
@@ -142,13 +142,13 @@ impl<'a> Contacts<'a> {
                             if column == i {
                                 value += to_r[k][l];
                             }
-                            j[(3 * row + k, 3 * place[column] + l)] = value;
+                            j.push(Entry::new(3 * row + k, 3 * place[column] + l, value));
                         }
                     }
                 }
             }
         }
-        let solution = j.partial_piv_lu().solve(&right);
+        let solution = Factors::new(size, &j)?.solve(&right);
         let step: Vec<Triple> = (0..self.r.len())
             .map(|i| match place[i] {
                 usize::MAX => self.r[i].map(|x| -x),
