@@ -338,7 +338,7 @@ fn stands((name, size, mu, build): Building, steps: u64, every: u64, max_sweeps:
     if name.starts_with("arch") {
         case.dof.retain(|dof| dof.body == floor); // the program finds the axes of the stones
     }
-    (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.005, Some(1e-6), Some(max_sweeps));
+    (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.005, Some(3e-7), Some(max_sweeps));
     let states = case.states(steps, every);
     let moved = |pair: &[cd_formats::snapshot::Snapshot]| {
         bodies.iter().map(|&i| (pair[1].x(i) - pair[0].x(i)).norm()).fold(0.0, f64::max) / size
