@@ -16,7 +16,7 @@ use crate::write::figure::{Axis, Curve, Figure, Marks};
 pub const COLUMNS: [(&str, &str, &str); 14] = [
     ("value", "-", "of the option that the run's group is about"),
     ("seconds", "s", "all rooms of all steps, without writing"),
-    ("Z", "1", "RMS error of the contacts per grain at the snapshots that count, over the RMS of the finest run"),
+    ("Z", "1", "median error of the contacts per grain at the snapshots that count, over the median of the finest run"),
     ("nu", "1", "of the solid fraction"),
     ("pressure", "1", "of the pressure"),
     ("a", "1", "of the longest semi-axis"),
@@ -69,7 +69,7 @@ impl Compared {
 /// `accuracy: reference`, else the last - and writes trade.csv, orders.csv and trade.svg. Returns the table as text.
 ///
 /// `groups`: one name a case, of the option that it is about; `values`: what that option is there, both in the order of the
-/// cases or empty. `from`: errors are RMS over the snapshots from this time on, s; without it, of the last alone.
+/// cases or empty. `from`: errors are medians over the snapshots from this time on, s; without it, of the last alone.
 pub fn write(
     cases: &[PathBuf],
     groups: &[String],
@@ -170,6 +170,17 @@ fn away(a: &[[f64; 3]], b: &[[f64; 3]], radius: f64) -> f64 {
     (a.iter().zip(b).map(square).sum::<f64>() / a.len() as f64).sqrt() / radius
 }
 
+/// The middle one, NaN of none or where one is not defined.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    if values.iter().any(|value| value.is_nan()) {
+        f64::NAN
+    } else {
+        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    }
+}
+
 /// Times are sums of steps.
 fn same_time(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-6 * b.abs()
@@ -177,15 +188,12 @@ fn same_time(a: f64, b: f64) -> bool {
 
 fn against(run: &Run, finest: &Run) -> Result<Compared, Faults> {
     let at = |time: f64| run.observed.iter().find(|(t, _)| same_time(*t, time)).map(|(_, found)| *found);
-    let shared = finest.observed.iter().filter_map(|(time, exact)| Some((at(*time)?, *exact)));
-    let (mut away_squared, mut exact_squared) = ([0.0; 7], [0.0; 7]);
-    for (found, exact) in shared {
-        for k in 0..7 {
-            away_squared[k] += (found[k] - exact[k]).powi(2);
-            exact_squared[k] += exact[k].powi(2);
-        }
-    }
-    let errors: [f64; 7] = std::array::from_fn(|k| (away_squared[k] / exact_squared[k]).sqrt());
+    let shared: Vec<([f64; 7], [f64; 7])> =
+        finest.observed.iter().filter_map(|(time, exact)| Some((at(*time)?, *exact))).collect();
+    let errors: [f64; 7] = std::array::from_fn(|k| {
+        let away = median(shared.iter().map(|(found, exact)| (found[k] - exact[k]).abs()));
+        away / median(shared.iter().map(|(_, exact)| exact[k].abs()))
+    });
     let [z, nu, pressure, a, b, c, energy] = errors;
     let early = match finest.early.first() {
         Some((time, path)) => match run.early.iter().find(|(t, _)| same_time(*t, *time)) {

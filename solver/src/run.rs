@@ -86,8 +86,9 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     course.tally.wrote(&Clock { writing, ..Clock::default() });
     progress.finish();
     course.wall = start.elapsed();
-    errors::write(case, &course.tally.sources(scene, &state))?;
-    Ok(text(scene, &state, &course))
+    let sources = course.tally.sources(scene, &state);
+    errors::write(case, &sources)?;
+    Ok(text(scene, &state, &course, &sources))
 }
 
 /// Writes the state; returns the time that it took.

@@ -5,17 +5,19 @@
 //!
 //! | source | estimate | option |
 //! |---|---|---|
-//! | contacts | RMS change of Σ f·l, three volumes times the pressure, from one step to the next, over √2 and the mean: what the residuals of steps leave, which know nothing of each other, and collisions | `tol` |
+//! | contacts | twice the median change of Σ f·l, three volumes times the pressure, from one step to the next, over its median: what residuals leave; twice, as those of steps that follow each other are alike | `tol` |
 //! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, pressure going as its -4th power | `dt` |
 //! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean of the looks | `gravity_error` |
+//! | chance | ½ w/√N: N contacts of forces that differ as their mean, and w the share of the energy that contacts have taken, the way on which what happened could have happened otherwise; ½ is from the scenes of examples/trade | none |
 //! | energy | what the ledger does not explain over the largest of the energies at play | `theta` |
-//! | momentum | its drift over the largest Σ m\|v\| | none: rounding |
+//! | momentum | the energy of its drift as a motion of the whole, over the same | none: rounding |
 
 use std::path::Path;
 
 use cd_formats::atomic;
 use cd_formats::error::Faults;
 
+use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::State;
 use crate::step::{Clock, StepReport};
@@ -67,12 +69,16 @@ impl Tally {
     /// The sources of error, each with its cost.
     pub fn sources(&self, scene: &Scene, state: &State) -> Vec<Source> {
         let recent = &self.loaded[self.loaded.len() / 2..];
-        let mean = |k: usize| recent.iter().map(|figures| figures[k]).sum::<f64>() / recent.len().max(1) as f64;
-        let squares: f64 = recent.windows(2).map(|pair| (pair[1][0] - pair[0][0]).powi(2)).sum();
-        let scatter = (0.5 * squares / (recent.len().max(2) - 1) as f64).sqrt() / mean(0).abs();
-        let scatter = if scatter.is_finite() { scatter } else { 0.0 };
+        let mean = recent.iter().map(|figures| figures[1]).sum::<f64>() / recent.len().max(1) as f64;
+        let typical = median(recent.iter().map(|figures| figures[0].abs()));
+        let change = median(recent.windows(2).map(|pair| (pair[1][0] - pair[0][0]).abs()));
+        let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
+        let (drift, scale) = summary::energy_drift(scene, state);
+        let lost = over(state.ledger.contact_work.abs(), scale);
+        let active = state.contacts.iter().filter(|contact| contact.impulse != Vec3::zeros()).count();
         let virial = self.virials.iter().sum::<f64>().abs() / self.virials.len().max(1) as f64;
-        let (linear, angular) = summary::momentum_drift(scene, state);
+        let stray = summary::momentum_drift(scene, state).0 * state.ledger.momentum_scale;
+        let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).sum();
         let Clock { gravity, detection, assembly, solve, integration, writing } = self.clock;
         let of = |name, option, error, seconds: std::time::Duration| Source {
             name,
@@ -82,14 +88,22 @@ impl Tally {
         };
         let none = std::time::Duration::ZERO;
         vec![
-            of("contacts", "tol", scatter, assembly + solve),
-            of("step", "dt", 2.0 * mean(1), detection + integration),
+            of("contacts", "tol", over(2.0 * change, typical), assembly + solve),
+            of("step", "dt", 2.0 * mean, detection + integration),
             of("gravity", "gravity_error", virial, gravity),
-            of("energy", "theta", summary::energy_drift(scene, state).abs(), none),
-            of("momentum", "", linear.max(angular), none),
+            of("chance", "", over(0.5 * lost, (active as f64).sqrt()), none),
+            of("energy", "theta", drift.abs(), none),
+            of("momentum", "", over(0.5 * stray * stray / mass, scale), none),
             of("writing", "output_every", 0.0, writing),
         ]
     }
+}
+
+/// 0 of nothing.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 /// Lines of the summary: what the error is and mostly from, and what the cost.
@@ -98,7 +112,10 @@ pub fn lines(sources: &[Source]) -> [(&'static str, String); 2] {
     let seconds: f64 = sources.iter().map(|source| source.seconds).sum();
     let most = |of: fn(&Source) -> f64| {
         let largest = sources.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
-        largest.map_or(String::new(), |source| format!("{} ({})", source.name, source.option))
+        largest.map_or(String::new(), |source| match source.option {
+            "" => source.name.to_string(),
+            option => format!("{} ({option})", source.name),
+        })
     };
     let each: Vec<String> = sources
         .iter()

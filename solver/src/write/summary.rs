@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use crate::state::State;
 use crate::step::{Clock, Motion};
 
-use super::errors::{self, Tally};
+use super::errors::{self, Source, Tally};
 
 /// Figures of this run's steps that the state does not hold.
 #[derive(Debug, Clone, Default)]
@@ -30,16 +30,16 @@ pub struct Course {
     pub tally: Tally,
 }
 
-/// Energy that is not accounted for, over the largest of the energies at play:
-/// (E - E_start - work of contacts - work from outside) / max(|E_start|, |E|, |works|).
-pub fn energy_drift(scene: &Scene, state: &State) -> f64 {
+/// Energy that is not accounted for over the largest of the energies at play,
+/// (E - E_start - work of contacts - work from outside) / max(|E_start|, |E|, |works|), and that largest, J.
+pub fn energy_drift(scene: &Scene, state: &State) -> (f64, f64) {
     let ledger = &state.ledger;
     let motion = Motion::of(scene, &state.q, &state.v, &state.w);
     let energy = motion.kinetic + motion.rotational + potential_energy(scene, state, &state.x);
     let scale = [ledger.energy_start, energy, ledger.contact_work, ledger.outside_work];
     let scale = scale.iter().fold(0.0, |s: f64, e| s.max(e.abs()));
     let drift = energy - ledger.energy_start - ledger.contact_work - ledger.outside_work;
-    if scale > 0.0 { drift / scale } else { 0.0 }
+    (if scale > 0.0 { drift / scale } else { 0.0 }, scale)
 }
 
 /// Change of linear and angular momentum that no wall, field or event explains, over the largest sum of
@@ -58,7 +58,7 @@ pub fn momentum_drift(scene: &Scene, state: &State) -> (f64, f64) {
 }
 
 /// The text of the summary.
-pub fn text(scene: &Scene, state: &State, course: &Course) -> String {
+pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
         let _ = writeln!(text, "  {name:<22} {value}");
@@ -84,13 +84,13 @@ pub fn text(scene: &Scene, state: &State, course: &Course) -> String {
         line("stored solvers", format!("found the solution in {} steps where sweeps had stalled", course.taken_over));
     }
     line("largest penetration", format!("{:.2e} of the mean radius", ledger.penetration_largest));
-    line("energy drift", format!("{:.2e}", energy_drift(scene, state)));
+    line("energy drift", format!("{:.2e}", energy_drift(scene, state).0));
     if let Some(Sampled { rms, largest, .. }) = course.gravity {
         let asked = scene.options.gravity_error();
         line("gravity error", format!("{rms:.1e} RMS, {largest:.1e} at most of 64 bodies; {asked:.0e} asked for"));
     }
     line("momentum drift", format!("{linear:.2e} linear, {angular:.2e} angular"));
-    for (name, value) in errors::lines(&course.tally.sources(scene, state)) {
+    for (name, value) in errors::lines(sources) {
         line(name, value);
     }
     let &Clock { gravity, detection, assembly, solve, integration, writing } = course.tally.clock();

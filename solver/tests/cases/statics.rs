@@ -129,3 +129,25 @@ fn two_spheres_lean_on_each_other_by_their_own_gravity() {
     near(end.force(0, 1).unwrap() / force, [1.0, 0.0, 0.0], 1e-12);
     near(end.x(1), [0.6, 0.0, 0.8], 1e-13);
 }
+
+#[test]
+fn a_run_tells_what_its_errors_are() {
+    let told = |tol: f64| {
+        let mut case = pyramid(0.5);
+        case.options.tol = Some(tol);
+        case.run(200);
+        let text = std::fs::read_to_string(case.path().join("ERRORS.csv")).unwrap();
+        let row = |line: &str| -> (String, f64) {
+            let cells: Vec<&str> = line.split(',').collect();
+            assert_eq!(cells.len(), 4, "{line}");
+            (cells[0].to_string(), cells[2].parse().unwrap())
+        };
+        text.lines().skip(1).map(row).collect::<Vec<_>>()
+    };
+    let (loose, tight) = (told(0.1), told(1e-12));
+    let names: Vec<&str> = loose.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["contacts", "step", "gravity", "chance", "energy", "momentum", "writing"]);
+    // Nothing pulls but uniform gravity, and nothing has fallen.
+    assert_eq!((loose[2].1, tight[3].1 < 1e-6), (0.0, true), "{tight:?}");
+    assert!(tight.iter().all(|(_, error)| *error < 1e-6) && loose[0].1 >= tight[0].1, "{loose:?} {tight:?}");
+}
