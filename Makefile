@@ -6,7 +6,7 @@ TARGET := $(abspath $(CARGO_TARGET_DIR))
 BIN := $(TARGET)/release
 EXTREMES := extremes envelope limits thousand_periods
 
-.PHONY: help build demo paper extremes test vtk browser golden lint fmt doc check clean
+.PHONY: help build demo paper trade extremes test vtk browser golden lint fmt doc check clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -30,6 +30,11 @@ paper: build ## runs the studies at reduced size, in some minutes, and writes do
 	$(MAKE) --no-print-directory -C examples/spin-up fluid CD_BIN=$(BIN)
 	awk -f docs/paper/paper.awk docs/paper/paper.md.in > docs/paper.md.part
 	mv docs/paper.md.part docs/paper.md
+
+trade: build ## runs examples/trade, in some minutes, and writes its figures into docs/accuracy.md
+	$(MAKE) --no-print-directory -C examples/trade CD_BIN=$(BIN)
+	awk -f docs/accuracy/trade.awk docs/accuracy.md > docs/accuracy.md.part
+	mv docs/accuracy.md.part docs/accuracy.md
 
 extremes: ## runs scenes at the ends of what parameters can be, and writes docs/limits.md
 	CD_TESTS_LONG=1 $(CARGO) test --package cd-solve --test cases -- --nocapture $(EXTREMES) > docs/limits.log 2> docs/limits.err \

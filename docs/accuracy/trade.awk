@@ -1,0 +1,130 @@
+# Writes what `make -C examples/trade` has measured into docs/accuracy.md, between its marks; at the top folder of the project:
+#   awk -f docs/accuracy/trade.awk docs/accuracy.md > docs/accuracy.md.part
+# Numbers come from examples/trade/SCENE/trade/{trade,orders}.csv alone. A missing file or column is a fault.
+
+function fault(text) { print FILENAME ":" FNR ": " text > "/dev/stderr"; failed = 1; exit 1 }
+
+# Reads a CSV file: cells[file, row, column name], rows[file].
+function load(file,    line, names, parts, k, n, row) {
+    row = -1
+    while ((getline line < file) > 0) {
+        n = split(line, parts, ",")
+        if (++row == 0) split(line, names, ",")
+        else for (k = 1; k <= n; k++) cells[file, row, names[k]] = parts[k]
+    }
+    close(file)
+    if (row < 1) fault(file ": no table; run `make -C examples/trade` first")
+    rows[file] = row
+}
+
+function value(file, row, name) {
+    if (!((file, row, name) in cells)) fault(file ": no column " name)
+    return cells[file, row, name]
+}
+
+function row_of(file, run,    k) {
+    for (k = 1; k <= rows[file]; k++) if (value(file, k, "run") == run) return k
+    fault(file ": no run " run)
+}
+
+function percent(x) { return x == "" ? "-" : sprintf("%.2g %%", 100 * x) }
+
+function presets(    s, file, k, r, lmgc, worst, name) {
+    print "| scene | run | seconds | LMGC90's over it | Z | ν | pressure | energy |\n|---|---|---|---|---|---|---|---|"
+    for (s = 1; s <= scenes; s++) {
+        file = "examples/trade/" scene[s] "/trade/trade.csv"; load(file)
+        lmgc = value(file, row_of(file, "lmgc90"), "seconds")
+        for (k = 1; k <= 5; k++) {
+            name = preset[k]; r = row_of(file, name)
+            printf "| %s | %s | %.3f | %.1f | %s | %s | %s | %s |\n", k == 1 ? scene[s] : "", name == "lmgc90" ? "LMGC90's" : name, \
+                value(file, r, "seconds"), lmgc / value(file, r, "seconds"), percent(value(file, r, "Z")), \
+                percent(value(file, r, "nu")), percent(value(file, r, "pressure")), percent(value(file, r, "energy"))
+        }
+    }
+}
+
+# Where the error does not go with the option, it has no price.
+function followed(order, r2, digit,    size) {
+    size = order < 0 ? -order : order
+    if (size < 0.01) return "no effect"
+    return sprintf("%.2f (r² %.2f)", order, r2) (r2 >= 0.8 && digit > 1 ? sprintf(", %.2g times", digit) : ", -")
+}
+
+# Of the presets asked for and what came out.
+function verdict(    s, file, k, r, name, low, high, x, both, all, lmgc) {
+    for (k = 1; k <= 2; k++) {
+        name = preset[k]; low = 1e9; high = both = all = 0
+        for (s = 1; s <= scenes; s++) {
+            file = "examples/trade/" scene[s] "/trade/trade.csv"
+            r = row_of(file, name); lmgc = value(file, row_of(file, "lmgc90"), "seconds")
+            x = lmgc / value(file, r, "seconds")
+            if (x < low) low = x
+            if (x > high) high = x
+            if (value(file, r, "nu") <= 0.01 && value(file, r, "pressure") <= 0.01) { both++; if (value(file, r, "Z") <= 0.01) all++ }
+        }
+        printf "- `%s`: %.1f to %.1f times as fast as LMGC90's parameters, %s were aimed at; ν and pressure within 1 %% in %d of %d scenes, Z as well in %d.\n", \
+            name, low, high, k == 1 ? "10" : "3", both, scenes, all
+    }
+    both = all = 0
+    for (s = 1; s <= scenes; s++) {
+        file = "examples/trade/" scene[s] "/trade/trade.csv"; r = row_of(file, "lmgc90")
+        if (value(file, r, "nu") <= 0.01 && value(file, r, "pressure") <= 0.01) { both++; if (value(file, r, "Z") <= 0.01) all++ }
+    }
+    printf "- LMGC90's parameters: ν and pressure within 1 %% in %d of %d scenes, Z as well in %d.\n", both, scenes, all
+}
+
+function knobs(    s, file, g, k, cell) {
+    printf "| option |"; for (s = 1; s <= scenes; s++) printf " %s |", scene[s]
+    printf "\n|---|"; for (s = 1; s <= scenes; s++) printf "---|"
+    print ""
+    for (s = 1; s <= scenes; s++) load("examples/trade/" scene[s] "/trade/orders.csv")
+    for (g = 1; g <= groups; g++) {
+        printf "| `%s` |", group[g]
+        for (s = 1; s <= scenes; s++) {
+            file = "examples/trade/" scene[s] "/trade/orders.csv"; cell = "-"
+            for (k = 1; k <= rows[file]; k++) if (value(file, k, "group") == group[g] && value(file, k, "order") != "")
+                cell = followed(value(file, k, "order"), value(file, k, "r2"), value(file, k, "digit"))
+            printf " %s |", cell
+        }
+        print ""
+    }
+}
+
+function honesty(    s, file, k, x, all, good, sum, honest) {
+    print "| scene | estimates within a factor of 3 | too small | too large |\n|---|---|---|---|"
+    for (s = 1; s <= scenes; s++) {
+        file = "examples/trade/" scene[s] "/trade/trade.csv"; all = good = small = large = 0
+        for (k = 1; k <= rows[file]; k++) {
+            x = value(file, k, "over_estimated")
+            if (x == "" || x + 0 == 0) continue
+            all++; if (x > 3) small++; else if (x < 1 / 3) large++; else good++
+        }
+        printf "| %s | %d of %d | %d | %d |\n", scene[s], good, all, small, large
+        sum += all; honest += good
+    }
+    printf "| all | %d of %d, %.0f %% | | |\n", honest, sum, 100 * honest / sum
+}
+
+function figures(    s) {
+    for (s = 1; s <= scenes; s++) {
+        if (system("cp examples/trade/" scene[s] "/trade/trade.svg docs/images/trade-" scene[s] ".svg") != 0) fault("no figure of " scene[s])
+        print "\n![Error against time: " scene[s] "](images/trade-" scene[s] ".svg)"
+    }
+}
+
+BEGIN {
+    scenes = split("collapse rest spin heap", scene, " ")
+    split("draft standard fine reference lmgc90", preset, " ")
+    groups = split("dt tol theta gravity_error gravity_refresh adaptive", group, " ")
+}
+
+/^<!-- [a-z]+: begin -->$/ && $2 ~ /^(presets|knobs|honesty|figures):$/ {
+    print; print ""
+    if ($2 == "presets:") { presets(); print ""; verdict() } else if ($2 == "knobs:") knobs(); else if ($2 == "honesty:") honesty(); else figures()
+    print ""; skipping = 1
+    next
+}
+/^<!-- [a-z]+: end -->$/ { skipping = 0 }
+!skipping { print }
+
+END { if (failed) exit 1 }
