@@ -22,8 +22,8 @@ CASES := $(RUNS)
 POST_FLAGS := --no-vtk
 FIGURES = $(CD_BIN)/cd-post study $(RUNS) -o study/figures --from $(FROM) --until $(END) --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \
 	$(CD_BIN)/cd-post study $(RUNS) -o study/figures/rest --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \
-	$(CD_BIN)/cd-post compare $(BY_NUMBER) -o study/figures/by-number --columns $(TIMES); \
-	$(CD_BIN)/cd-post compare $(BY_LAW) -o study/figures/by-law --columns $(TIMES)
+	$(if $(word 2,$(BY_NUMBER)),$(CD_BIN)/cd-post compare $(BY_NUMBER) -o study/figures/by-number --columns $(TIMES);) \
+	$(if $(word 2,$(BY_LAW)),$(CD_BIN)/cd-post compare $(BY_LAW) -o study/figures/by-law --columns $(TIMES))
 endif
 $(foreach run,$(RUNS),$(eval INPUT_$(run) := scene.ron))
 $(foreach run,$(RUNS),$(eval PRE_$(run) = $$(CD_BIN)/cd-pre scene.ron -o $(run) --set grains.1.number=$(call part,$(run),N) \
