@@ -283,28 +283,33 @@ fn at_contact(
     solved: &Solved,
 ) -> Given {
     let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
+    if *impulse == Vec3::zeros() && *moment == Vec3::zeros() {
+        return Given::default();
+    }
     let mean = 0.5 * (velocity + row.u_before);
     let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
     let frame = contact.frame();
-    let moment = to_world(&frame, moment);
+    let (force, moment) = (to_world(&frame, impulse), to_world(&frame, moment));
+    let arms = assemble::arms(contact, &q_c.x);
     let turned = |body: usize| solved.w[body] + q_c.w[body];
     let turning_work = 0.5 * moment.dot(&(turned(candidate) - turned(antagonist)));
+    let wall = scene.bodies[antagonist].driven;
     // A wall's centre has no meaning for the stress of the grains.
-    let away = if scene.bodies[antagonist].driven { contact.point } else { q_c.x[antagonist] };
+    let branch = if wall { -arms[0] } else { arms[1] - arms[0] };
     let mut given = Given {
         contact_work: impulse.dot(&mean) + turning_work,
-        virial: to_world(&frame, impulse).dot(&(q_c.x[candidate] - away)),
+        virial: force.dot(&branch),
         friction_work: impulse.y * mean.y + impulse.z * mean.z + turning_work,
         ..Given::default()
     };
-    if !scene.bodies[antagonist].driven {
+    if !wall {
         // What it takes acts at its own place, not at that of the image.
-        given.angular_momentum += contact.image.cross(&to_world(&frame, impulse));
+        given.angular_momentum += contact.image.cross(&force);
     }
-    let sides = [(candidate, 1.0), (antagonist, -1.0)].into_iter().zip(assemble::arms(contact, &q_c.x));
+    let sides = [(candidate, 1.0), (antagonist, -1.0)].into_iter().zip(arms);
     for ((body, sign), arm) in sides.filter(|((body, _), _)| scene.bodies[*body].driven) {
         // What a driven body gives the free one: minus the impulse that it takes itself.
-        let force = to_world(&frame, impulse) * -sign;
+        let force = force * -sign;
         let moved = (solved.v[body] + state.v[body]) + turned(body).cross(&arm);
         given.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
         given.momentum += force;

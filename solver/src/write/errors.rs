@@ -5,7 +5,7 @@
 //!
 //! | source | estimate | option |
 //! |---|---|---|
-//! | contacts | twice the median change of Σ f·l, three volumes times the pressure, from one step to the next, over its median: what residuals leave; twice, as those of steps that follow each other are alike | `tol` |
+//! | contacts | twice the median change of Σ f·l, three volumes times the pressure, from one step to the next, over its median: what residuals leave; the 2, as those of steps that follow each other are alike, is from the scenes of examples/trade | `tol` |
 //! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, pressure going as its -4th power | `dt` |
 //! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean of the looks | `gravity_error` |
 //! | chance | ½ w/√N: N contacts of forces that differ as their mean, and w the share of the energy that contacts have taken, the way on which what happened could have happened otherwise; ½ is from the scenes of examples/trade | none |
