@@ -260,7 +260,7 @@ fn orders(runs: &[Compared]) -> String {
     text
 }
 
-/// Error against time; a curve a group, dots for single runs such as presets, and the runs that none beats in both.
+/// Error against time; a curve a group, dots with their names for single runs such as presets, and the runs that none beats in both.
 fn figure(runs: &[Compared]) -> Figure {
     let point = |run: &Compared| (run.of("seconds"), run.of("worst"));
     let mut curves: Vec<Curve> = Vec::new();
@@ -277,9 +277,11 @@ fn figure(runs: &[Compared]) -> Figure {
     for (name, members) in grouped(runs) {
         let mut points: Vec<(f64, f64)> = members.into_iter().map(point).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let marks = if points.len() == 1 { Marks::Dots } else { Marks::Line };
+        let marks = if points.len() == 1 { Marks::Named } else { Marks::Line };
         curves.push(Curve { name: name.into(), points, marks });
     }
+    // What has a name stands on top.
+    curves.sort_by_key(|curve| curve.marks == Marks::Named);
     Figure {
         title: "Error against time".into(),
         x: Axis::logarithmic("time", "s"),
@@ -336,7 +338,7 @@ mod tests {
         let runs = [run("a", 1.0, 1.0, 0.1), run("a", 2.0, 2.0, 0.2), run("b", 1.0, 3.0, 0.01)];
         let figure = figure(&runs);
         assert_eq!(figure.curves[0].points, [(1.0, 0.1), (3.0, 0.01)]);
-        assert_eq!(figure.curves.iter().map(|curve| curve.marks).collect::<Vec<_>>()[1..], [Marks::Line, Marks::Dots]);
+        assert_eq!(figure.curves.iter().map(|curve| curve.marks).collect::<Vec<_>>()[1..], [Marks::Line, Marks::Named]);
         assert!(figure.svg().contains("time (s)"));
     }
 

@@ -45,6 +45,8 @@ pub enum Marks {
     Dots,
     /// A thin grey line: what is expected.
     Expected,
+    /// Dots with the name beside them, not in the legend.
+    Named,
 }
 
 impl Curve {
@@ -148,8 +150,20 @@ impl Figure {
         for (k, (curve, points)) in self.curves.iter().zip(&curves).enumerate() {
             let (colour, width) = self.style(k);
             let dot = |point: &(f64, f64)| Circle::new(*point, 2 + width as i32 / 2, colour.filled());
+            let defined = points.iter().filter(|(_, y)| !y.is_nan());
+            if curve.marks == Marks::Named {
+                // Names in turn above and below, as the dots may be near each other.
+                let side = if k % 2 == 0 { -18 } else { 6 };
+                let named = |point: &(f64, f64)| {
+                    EmptyElement::at(*point)
+                        + Circle::new((0, 0), 5, colour.filled())
+                        + Text::new(curve.name.clone(), (6, side), font(13))
+                };
+                chart.draw_series(defined.map(named))?;
+                continue;
+            }
             if curve.marks == Marks::Dots {
-                chart.draw_series(points.iter().filter(|(_, y)| !y.is_nan()).map(dot))?;
+                chart.draw_series(defined.map(dot))?;
                 continue;
             }
             // A value that is not defined parts the line.
@@ -165,10 +179,13 @@ impl Figure {
 
     /// Colour and width: the curves that are drawn first are wider, and where two are equal both are seen.
     fn style(&self, k: usize) -> (RGBColor, u32) {
-        if self.curves[k].marks == Marks::Expected {
-            return (GREY, 1);
+        match self.curves[k].marks {
+            Marks::Expected => return (GREY, 1),
+            Marks::Named => return (INK, 1),
+            _ => {}
         }
-        let before = self.curves[..k].iter().filter(|c| c.marks != Marks::Expected).count();
+        let coloured = |c: &&Curve| !matches!(c.marks, Marks::Expected | Marks::Named);
+        let before = self.curves[..k].iter().filter(coloured).count();
         let after = self.curves[k + 1..].iter().filter(|c| c.marks == Marks::Line).count();
         (COLOURS[before % COLOURS.len()], (2 + 2 * after as u32).min(6))
     }
@@ -176,16 +193,20 @@ impl Figure {
     /// Names the curves beside the plot, where no data can be under it.
     fn legend(&self, area: &Area, empty: bool) -> Drawn {
         let line = |k: usize| 60 + 24 * k as i32;
-        for (k, curve) in self.curves.iter().enumerate() {
+        let listed = self.curves.iter().enumerate().filter(|(_, curve)| curve.marks != Marks::Named);
+        for (row, (k, curve)) in listed.enumerate() {
             let (colour, _) = self.style(k);
             match curve.marks {
-                Marks::Dots => area.draw(&Circle::new((10, line(k)), 4, colour.filled()))?,
-                Marks::Line => area.draw(&PathElement::new([(0, line(k)), (20, line(k))], colour.stroke_width(3)))?,
+                Marks::Named => {}
+                Marks::Dots => area.draw(&Circle::new((10, line(row)), 4, colour.filled()))?,
+                Marks::Line => {
+                    area.draw(&PathElement::new([(0, line(row)), (20, line(row))], colour.stroke_width(3)))?
+                }
                 Marks::Expected => {
-                    area.draw(&PathElement::new([(0, line(k)), (20, line(k))], colour.stroke_width(1)))?
+                    area.draw(&PathElement::new([(0, line(row)), (20, line(row))], colour.stroke_width(1)))?
                 }
             }
-            area.draw(&Text::new(curve.name.as_str(), (28, line(k) - 7), font(13)))?;
+            area.draw(&Text::new(curve.name.as_str(), (28, line(row) - 7), font(13)))?;
         }
         if empty {
             area.draw(&Text::new("no value", (28, line(self.curves.len()) - 7), font(13)))?;
