@@ -144,18 +144,24 @@ impl<L: Lanes, B: Swept> NullaryFnOnce for SweepBlock<'_, L, B> {
         let Block { batches, colours, r, previous, drift, sums, .. } = block;
         *sums = Sums::default();
         let zero = l.splat(0.0);
-        let mut trials = [Trial { tangential: [zero; 3], normal: zero, y: [zero; 3], w_n: zero }; CHUNK];
-        let mut changes = [Change { impulse: [zero; 3], turn: [zero; 3] }; CHUNK];
+        let mut between = Between {
+            trials: [Trial { tangential: [zero; 3], normal: zero, y: [zero; 3], w_n: zero }; CHUNK],
+            changes: [Change { impulse: [zero; 3], turn: [zero; 3] }; CHUNK],
+        };
         let mut first = 0;
         for &end in &*colours {
             while first < end {
                 let next = end.min(first + CHUNK);
-                let batches = &batches[first..next];
-                let (r, previous) = (&r[first..next], &mut previous[first..next]);
-                let drift = drift.get(first..next).unwrap_or_default();
+                let mut chunk = Chunk {
+                    batches: &batches[first..next],
+                    r: &r[first..next],
+                    previous: &mut previous[first..next],
+                    drift: drift.get(first..next).unwrap_or_default(),
+                    beta,
+                };
                 for from in (0..BATCH).step_by(L::WIDTH) {
-                    B::close(l, lines, batches, r, previous, drift, beta, from, &mut trials, &mut changes, sums);
-                    for (batch, change) in batches.iter().zip(&changes) {
+                    B::close(l, lines, &mut chunk, from, &mut between, sums);
+                    for (batch, change) in chunk.batches.iter().zip(&between.changes) {
                         let (a, b) = pair!(from, batch);
                         B::push(l, lines, a, b, change);
                     }
@@ -166,21 +172,31 @@ impl<L: Lanes, B: Swept> NullaryFnOnce for SweepBlock<'_, L, B> {
     }
 }
 
+/// Batches that go through the stages together.
+pub struct Chunk<'a> {
+    batches: &'a [Batch],
+    r: &'a [Column3],
+    previous: &'a mut [Column3],
+    drift: &'a [Column3],
+    beta: f64,
+}
+
+/// What one stage leaves for the next, a vector of each batch.
+pub struct Between<V> {
+    trials: [Trial<V>; CHUNK],
+    changes: [Change<V>; CHUNK],
+}
+
 /// Bodies that can be swept.
 pub trait Swept: Body + Pod {
-    /// Closes the contacts of a vector of each batch: their impulses, and the changes to be given to the bodies.
-    #[expect(clippy::too_many_arguments)]
+    /// Closes the contacts of the vector from place `from` on of each batch: their impulses, and the changes to be given
+    /// to the bodies.
     fn close<L: Lanes>(
         l: L,
         lines: &[Self],
-        batches: &[Batch],
-        r: &[Column3],
-        previous: &mut [Column3],
-        drift: &[Column3],
-        beta: f64,
+        chunk: &mut Chunk,
         from: usize,
-        trials: &mut [Trial<L::V>; CHUNK],
-        changes: &mut [Change<L::V>; CHUNK],
+        between: &mut Between<L::V>,
         sums: &mut Sums,
     );
 
@@ -212,18 +228,13 @@ impl Swept for Line {
     fn close<L: Lanes>(
         l: L,
         lines: &[Line],
-        batches: &[Batch],
-        r: &[Column3],
-        previous: &mut [Column3],
-        drift: &[Column3],
-        beta: f64,
+        chunk: &mut Chunk,
         from: usize,
-        trials: &mut [Trial<L::V>; CHUNK],
-        changes: &mut [Change<L::V>; CHUNK],
+        between: &mut Between<L::V>,
         sums: &mut Sums,
     ) {
-        try_each(l, lines, batches, r, previous, drift, beta, from, trials);
-        close_each(l, batches, r, previous, trials, from, changes, sums);
+        try_each(l, lines, chunk, from, &mut between.trials);
+        close_each(l, chunk, from, between, sums);
     }
 
     #[inline(always)]
@@ -233,20 +244,9 @@ impl Swept for Line {
 }
 
 #[inline(always)]
-#[expect(clippy::too_many_arguments)]
-fn try_each<L: Lanes>(
-    l: L,
-    lines: &[Line],
-    batches: &[Batch],
-    r: &[Column3],
-    previous: &[Column3],
-    drift: &[Column3],
-    beta: f64,
-    from: usize,
-    trials: &mut [Trial<L::V>; CHUNK],
-) {
-    let beta = l.splat(beta);
-    let columns = batches.iter().zip(r).zip(previous).zip(trials);
+fn try_each<L: Lanes>(l: L, lines: &[Line], chunk: &Chunk, from: usize, trials: &mut [Trial<L::V>; CHUNK]) {
+    let beta = l.splat(chunk.beta);
+    let columns = chunk.batches.iter().zip(chunk.r).zip(&*chunk.previous).zip(trials);
     for (i, (((batch, r), previous), trial)) in columns.enumerate() {
         let (a, b) = pair!(from, batch);
         let [dx, dy, dz, w_n, sx, sy, sz, k] = l.relative(lines, a, b);
@@ -258,7 +258,7 @@ fn try_each<L: Lanes>(
         let lever = triple!(i => l.mul(n[i], arm));
         // û = v_a - v_b + n x arm (R_a w_a + R_b w_b) + shift
         let mut u = cross_add(l, lever, [sx, sy, sz], [dx, dy, dz]);
-        if let Some(drift) = drift.get(i) {
+        if let Some(drift) = chunk.drift.get(i) {
             let drift = load3!(l, from, drift.0);
             u = triple!(i => l.add(u[i], drift[i]));
         }
@@ -271,20 +271,13 @@ fn try_each<L: Lanes>(
 }
 
 #[inline(always)]
-#[expect(clippy::too_many_arguments)]
-fn close_each<L: Lanes>(
-    l: L,
-    batches: &[Batch],
-    r: &[Column3],
-    previous: &mut [Column3],
-    trials: &[Trial<L::V>; CHUNK],
-    from: usize,
-    changes: &mut [Change<L::V>; CHUNK],
-    sums: &mut Sums,
-) {
+fn close_each<L: Lanes>(l: L, chunk: &mut Chunk, from: usize, between: &mut Between<L::V>, sums: &mut Sums) {
+    let Chunk { batches, r, previous, .. } = chunk;
+    let Between { trials, changes } = between;
     let mut uphill = load!(l, from, sums.uphill);
     let mut change2 = load!(l, from, sums.change2);
-    for ((((batch, r), previous), trial), out) in batches.iter().zip(r).zip(previous).zip(trials).zip(changes) {
+    for ((((batch, r), previous), trial), out) in batches.iter().zip(*r).zip(&mut **previous).zip(&*trials).zip(changes)
+    {
         let n = load3!(l, from, batch.n);
         let new = coulomb(l, n, trial.normal, trial.tangential, load!(l, from, batch.friction));
         let change = triple!(k => l.sub(new[k], trial.y[k]));
@@ -310,20 +303,16 @@ impl Swept for Half {
     fn close<L: Lanes>(
         l: L,
         lines: &[Half],
-        batches: &[Batch],
-        r: &[Column3],
-        previous: &mut [Column3],
-        _: &[Column3],
-        beta: f64,
+        chunk: &mut Chunk,
         from: usize,
-        _: &mut [Trial<L::V>; CHUNK],
-        changes: &mut [Change<L::V>; CHUNK],
+        between: &mut Between<L::V>,
         sums: &mut Sums,
     ) {
-        let beta = l.splat(beta);
+        let Chunk { batches, r, previous, beta, .. } = chunk;
+        let beta = l.splat(*beta);
         let mut uphill = load!(l, from, sums.uphill);
         let mut change2 = load!(l, from, sums.change2);
-        for (((batch, r), previous), out) in batches.iter().zip(r).zip(previous).zip(changes) {
+        for (((batch, r), previous), out) in batches.iter().zip(*r).zip(&mut **previous).zip(&mut between.changes) {
             let (a, b) = pair!(from, batch);
             let [dx, dy, dz, w_n] = l.relative_half(lines, a, b);
             let n = load3!(l, from, batch.n);
