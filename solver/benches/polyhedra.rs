@@ -4,7 +4,7 @@
 //!
 //! `items` are pairs: 2 Mitem/s are 500 ns per pair. Warm pairs have moved by 1e-3 of their size since the last time.
 
-use cd_solve::geometry::{Memory, Narrow, Polyhedron, Posed, polyhedron_polyhedron};
+use cd_solve::geometry::{Memory, Narrow, Polyhedron, polyhedron_polyhedron};
 use cd_solve::math::{Quat, Vec3};
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
@@ -20,15 +20,15 @@ fn main() {
 
 struct Pair {
     shapes: [Polyhedron; 2],
-    posed: [Posed; 2],
+    turned: [Quat; 2],
     c: Vec3,
     memory: Memory,
 }
 
 impl Pair {
     fn contact(&self, narrow: Narrow, mut memory: Memory) -> Option<cd_solve::geometry::Manifold> {
-        let ([a, b], [pa, pb]) = (&self.shapes, &self.posed);
-        polyhedron_polyhedron((a, pa), (b, pb), &self.c, ALERT, narrow, &mut memory)
+        let ([a, b], [qa, qb]) = (&self.shapes, &self.turned);
+        polyhedron_polyhedron(&a.posed(qa), &b.posed(qb), &self.c, ALERT, narrow, &mut memory)
     }
 }
 
@@ -74,32 +74,24 @@ fn rock(numbers: &mut Numbers, vertices: usize) -> Polyhedron {
 /// Pairs at a gap; `moved`: since they were last looked at.
 fn pairs(vertices: usize, gap: f64, moved: f64) -> Vec<Pair> {
     let mut numbers = Numbers(vertices as f64 * 1e4);
-    let pose = |shapes: &[Polyhedron; 2], q: &[Quat; 2]| {
-        let mut posed = [Posed::default(), Posed::default()];
-        (0..2).for_each(|k| posed[k].pose(&shapes[k], &q[k]));
-        posed
-    };
     (0..PAIRS)
         .map(|_| {
             let shapes = [rock(&mut numbers, vertices), rock(&mut numbers, vertices)];
             let q = [numbers.turn(3.0), numbers.turn(3.0)];
-            let mut posed = pose(&shapes, &q);
             let mut c = numbers.direction() * 2.5;
             let mut memory = Memory::default();
             for _ in 0..6 {
-                let ([a, b], [pa, pb]) = (&shapes, &posed);
-                let found = polyhedron_polyhedron((a, pa), (b, pb), &c, 10.0, Narrow::Accurate, &mut memory)
+                let [a, b] = [shapes[0].posed(&q[0]), shapes[1].posed(&q[1])];
+                let found = polyhedron_polyhedron(&a, &b, &c, 10.0, Narrow::Accurate, &mut memory)
                     .expect("all is within ten radii");
                 c -= found.normal * (gap - found.gap());
             }
-            let found = Pair { shapes, posed, c, memory };
             let mut memory = Memory::default();
-            let ([a, b], [pa, pb]) = (&found.shapes, &found.posed);
-            polyhedron_polyhedron((a, pa), (b, pb), &c, ALERT, Narrow::Accurate, &mut memory);
-            let q = [numbers.turn(moved) * q[0], numbers.turn(moved) * q[1]];
-            posed = pose(&found.shapes, &q);
+            let [a, b] = [shapes[0].posed(&q[0]), shapes[1].posed(&q[1])];
+            polyhedron_polyhedron(&a, &b, &c, ALERT, Narrow::Accurate, &mut memory);
+            let turned = [numbers.turn(moved) * q[0], numbers.turn(moved) * q[1]];
             let c = c + numbers.direction() * moved;
-            Pair { posed, c, memory, ..found }
+            Pair { shapes, turned, c, memory }
         })
         .collect()
 }
@@ -126,17 +118,4 @@ fn warm<const VERTICES: usize>(bencher: Bencher, gap: f64) {
 #[divan::bench(args = GAPS, consts = [12, 20, 40])]
 fn fast<const VERTICES: usize>(bencher: Bencher, gap: f64) {
     run(bencher, pairs(VERTICES, gap, 1e-3), Narrow::Fast, true);
-}
-
-#[divan::bench(args = [12, 20, 40])]
-fn pose(bencher: Bencher, vertices: usize) {
-    let shapes: Vec<Pair> = pairs(vertices, 0.0, 0.0);
-    let mut posed = Posed::default();
-    let q = Quat::from_euler_angles(0.1, 0.2, 0.3);
-    bencher.counter(ItemsCount::new(PAIRS)).bench_local(|| {
-        for pair in &shapes {
-            posed.pose(&pair.shapes[0], black_box(&q));
-            black_box(&posed);
-        }
-    });
 }

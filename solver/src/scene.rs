@@ -230,12 +230,16 @@ impl Scene {
 
     /// R of 1/R = 1/R_a + 1/R_b, the plates being flat, m.
     pub fn effective_radius(&self, a: u32, b: u32) -> f64 {
-        let curvature = |i: u32| match self.bodies[i as usize].shape {
+        1.0 / (self.curvature(a) + self.curvature(b))
+    }
+
+    /// 1/R of a body, the plates being flat, 1/m.
+    pub fn curvature(&self, i: u32) -> f64 {
+        match self.bodies[i as usize].shape {
             Shape::Sphere { radius } => 1.0 / radius,
             Shape::Plane { .. } => 0.0,
             Shape::Parts => 1.0 / self.bodies[i as usize].radius,
-        };
-        1.0 / (curvature(a) + curvature(b))
+        }
     }
 
     /// What to add to the position `of` for its image nearest to `from`, m; 0 where the scene does not repeat.

@@ -31,25 +31,23 @@ pub fn contacts(
     let h = q_c.ahead;
     let travel: Vec<f64> = v_free.iter().map(|v| h * v.norm()).collect();
     if scene.is_general() {
-        let (found, pairs) = parts::contacts(scene, q_c, &travel, h, pairs);
-        return (sorted(scene, found, |contact| contact.candidate, Contact::key), pairs);
+        return parts::contacts(scene, q_c, &travel, h, pairs);
     }
     let mut pairs = among_spheres(scene, q_c, &travel);
     pairs.extend(with_planes(scene, q_c, &travel, h));
     let of_pair = |&[candidate, antagonist]: &[u32; 2]| contact(scene, q_c, candidate, antagonist);
-    let contacts =
-        sorted(scene, pairs, |pair| pair[0], |pair| pair[1]).par_iter().with_min_len(256).map(of_pair).collect();
+    let contacts = sorted(scene, pairs).par_iter().with_min_len(256).map(of_pair).collect();
     (contacts, Vec::new())
 }
 
-/// In the order of candidates, then of `key`.
-fn sorted<T: Copy, K: Ord>(scene: &Scene, found: Vec<T>, candidate: fn(&T) -> u32, key: fn(&T) -> K) -> Vec<T> {
+/// In the order of candidates, then of antagonists.
+fn sorted(scene: &Scene, pairs: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
     // By candidate first, so that only the few of one body remain to be sorted.
-    let candidates: Vec<u32> = found.iter().map(candidate).collect();
+    let candidates: Vec<u32> = pairs.iter().map(|pair| pair[0]).collect();
     let (order, starts) = group(&candidates, scene.bodies.len());
-    let mut sorted: Vec<T> = order.iter().map(|&k| found[k as usize]).collect();
+    let mut sorted: Vec<[u32; 2]> = order.iter().map(|&k| pairs[k as usize]).collect();
     for of_one in starts.windows(2) {
-        sorted[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(key);
+        sorted[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(|pair| pair[1]);
     }
     sorted
 }

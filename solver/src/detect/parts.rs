@@ -14,17 +14,43 @@ use crate::math::{Quat, Vec3, group};
 use crate::scene::{Geometry, Part, Scene, See};
 use crate::state::{Contact, PairMemory};
 
-/// Where a contactor is.
-struct Place {
+/// Where a contactor is, and what of the scene each pair asks for: so that a pair reads little memory.
+struct Place<'a> {
     centre: Vec3,
     axes: Quat,
     /// How far a point of it can get in the step, m.
     travel: f64,
-    /// Of a polyhedron or plate alone.
-    posed: Posed,
+    /// Of its body, 1/m.
+    curvature: f64,
+    body: u32,
+    /// Row and column in the visibility table.
+    class: u16,
+    driven: bool,
+    /// Place among the contactors of its body.
+    rank: u16,
+    shape: Shape<'a>,
 }
 
-/// All listed contacts in no order, and what is to be kept of the pairs, in order.
+/// In the order in which one is the candidate rather than the other, as in LMGC90.
+enum Shape<'a> {
+    Sphere { radius: f64 },
+    Polyhedron(Posed<'a>),
+    Cylinder { half_height: f64, radius: f64, hollow: bool },
+    Plane { half_lengths: Vec3, cuboid: Posed<'a> },
+}
+
+impl Shape<'_> {
+    fn precedence(&self) -> u8 {
+        match self {
+            Shape::Sphere { .. } => 0,
+            Shape::Polyhedron(_) => 1,
+            Shape::Cylinder { .. } => 2,
+            Shape::Plane { .. } => 3,
+        }
+    }
+}
+
+/// All listed contacts in the order of their keys, and what is to be kept of the pairs, in order.
 pub fn contacts(
     scene: &Scene,
     q_c: &Configuration,
@@ -32,75 +58,110 @@ pub fn contacts(
     h: f64,
     before: &[PairMemory],
 ) -> (Vec<Contact>, Vec<PairMemory>) {
-    let places: Vec<Place> = scene.parts.par_iter().with_min_len(64).map(|part| place(part, q_c, travel, h)).collect();
+    let places: Vec<Place> =
+        scene.parts.par_iter().with_min_len(64).map(|part| place(scene, part, q_c, travel, h)).collect();
     let centres: Vec<Vec3> = places.iter().map(|place| place.centre).collect();
     let range = 0.5 * scene.listing_range;
     let reach: Vec<f64> =
         scene.parts.iter().zip(&places).map(|(part, place)| part.radius + place.travel + range).collect();
     // Pairs come and are looked at in the order of the cells: what a part is made of stays in the cache meanwhile.
-    let pairs: Vec<([u32; 2], See)> =
-        periodic::pairs(&centres, &reach, scene.periods()).into_iter().filter_map(|[i, j]| meet(scene, i, j)).collect();
+    let pairs: Vec<([u32; 2], See)> = periodic::pairs(&centres, &reach, scene.periods())
+        .into_iter()
+        .filter_map(|ij| meet(scene, &places, ij))
+        .collect();
     let order = by_parts(&pairs, scene.parts.len());
     let mut memory = remembered(&pairs, &order, before);
     let narrow = match scene.options.narrow_phase() {
         NarrowPhase::Fast => Narrow::Fast,
         NarrowPhase::Accurate => Narrow::Accurate,
     };
-    let found: Vec<Vec<Contact>> = pairs
+    let found: Vec<Listed> = pairs
         .par_chunks(CHUNK)
         .zip(memory.par_chunks_mut(CHUNK))
         .map(|(pairs, memories)| {
-            let mut contacts = Vec::with_capacity(2 * CHUNK);
+            let mut listed = Listed { contacts: Vec::with_capacity(2 * CHUNK), ends: Vec::with_capacity(CHUNK) };
             for ((parts, see), memory) in pairs.iter().zip(memories) {
-                let [a, b] = parts.map(|k| (&scene.parts[k as usize], &places[k as usize]));
-                let radius = scene.effective_radius(a.0.body, b.0.body);
+                let [a, b] = parts.map(|k| &places[k as usize]);
+                let radius = 1.0 / (a.curvature + b.curvature);
                 let law = &scene.laws[see.law as usize];
-                let alert = law.range(radius).max(see.alert).max(a.1.travel + b.1.travel);
+                let alert = law.range(radius).max(see.alert).max(a.travel + b.travel);
                 let range = Range { alert, area: law.range_of_stress(radius) };
-                let image = scene.image(&a.1.centre, &b.1.centre);
-                let c = b.1.centre + image - a.1.centre;
-                let mut list = |found: &Manifold| list(a, b.0, image, found, alert, see.law, &mut contacts);
+                let image = scene.image(&a.centre, &b.centre);
+                let c = b.centre + image - a.centre;
+                let mut list = |found: &Manifold| list(a, b, image, found, alert, see.law, &mut listed.contacts);
                 touch(a, b, &c, range, narrow, memory, &mut list);
+                listed.ends.push(listed.contacts.len());
             }
-            contacts
+            listed
         })
         .collect();
     let kept = |&k: &u32| PairMemory { parts: pairs[k as usize].0, memory: memory[k as usize] };
     let kept = order.iter().filter(|k| memory[**k as usize] != Memory::default()).map(kept).collect();
-    (found.concat(), kept)
+    (sorted(&found, &order), kept)
+}
+
+/// What a task has found.
+struct Listed {
+    contacts: Vec<Contact>,
+    /// Of each pair, where its contacts end.
+    ends: Vec<usize>,
+}
+
+/// The contacts of pairs in this order, which is that of their keys but for bodies of several parts.
+fn sorted(found: &[Listed], order: &[u32]) -> Vec<Contact> {
+    let mut contacts = Vec::with_capacity(found.iter().map(|listed| listed.contacts.len()).sum());
+    for &k in order {
+        let (listed, k) = (&found[k as usize / CHUNK], k as usize % CHUNK);
+        let start = if k == 0 { 0 } else { listed.ends[k - 1] };
+        contacts.extend_from_slice(&listed.contacts[start..listed.ends[k]]);
+    }
+    for of_one in contacts.chunk_by_mut(|a, b| a.candidate == b.candidate) {
+        if !of_one.is_sorted_by_key(Contact::key) {
+            of_one.sort_unstable_by_key(Contact::key);
+        }
+    }
+    contacts
 }
 
 /// Pairs that one task looks at.
 const CHUNK: usize = 64;
 
-fn place(part: &Part, q_c: &Configuration, travel: &[f64], h: f64) -> Place {
+fn place<'a>(scene: &Scene, part: &'a Part, q_c: &Configuration, travel: &[f64], h: f64) -> Place<'a> {
     let i = part.body as usize;
     let q = &q_c.q[i];
     let arm = q * part.offset;
-    let mut posed = Posed::default();
-    if let Geometry::Polyhedron(shape) | Geometry::Plane { cuboid: shape, .. } = &part.geometry {
-        posed.pose(shape, &(q * part.axes));
-    }
+    let axes = q * part.axes;
     let turn = h * q_c.w[i].norm() * (arm.norm() + part.radius);
-    Place { centre: q_c.x[i] + arm, axes: q * part.axes, travel: travel[i] + turn, posed }
+    Place {
+        centre: q_c.x[i] + arm,
+        axes,
+        travel: travel[i] + turn,
+        curvature: scene.curvature(part.body),
+        body: part.body,
+        class: part.class,
+        driven: scene.bodies[i].driven,
+        rank: part.rank,
+        shape: match &part.geometry {
+            Geometry::Sphere { radius } => Shape::Sphere { radius: *radius },
+            Geometry::Polyhedron(shape) => Shape::Polyhedron(shape.posed(&axes)),
+            Geometry::Cylinder { half_height, radius, hollow } => {
+                Shape::Cylinder { half_height: *half_height, radius: *radius, hollow: *hollow }
+            }
+            Geometry::Plane { half_lengths, cuboid } => {
+                Shape::Plane { half_lengths: *half_lengths, cuboid: cuboid.posed(&axes) }
+            }
+        },
+    }
 }
 
 /// The two contactors, the candidate first, and how they see each other; none if they do not, or cannot push.
-fn meet(scene: &Scene, i: u32, j: u32) -> Option<([u32; 2], See)> {
-    let [a, b] = [i, j].map(|k| &scene.parts[k as usize]);
-    let driven = [a, b].map(|part| scene.bodies[part.body as usize].driven);
-    if a.body == b.body || driven == [true, true] {
+fn meet(scene: &Scene, places: &[Place], [i, j]: [u32; 2]) -> Option<([u32; 2], See)> {
+    let [a, b] = [i, j].map(|k| &places[k as usize]);
+    if a.body == b.body || (a.driven && b.driven) {
         return None;
     }
     let see = scene.visibility.see(a.class, b.class)?;
-    // Spheres before polyhedra before cylinders before plates, then by number, as in LMGC90.
-    let rank = |part: &Part| match part.geometry {
-        Geometry::Sphere { .. } => 0,
-        Geometry::Polyhedron(_) => 1,
-        Geometry::Cylinder { .. } => 2,
-        Geometry::Plane { .. } => 3,
-    };
-    let first = (rank(a), i) <= (rank(b), j);
+    let first = (a.shape.precedence(), i) <= (b.shape.precedence(), j);
     Some((if first { [i, j] } else { [j, i] }, see))
 }
 
@@ -131,8 +192,8 @@ fn remembered(pairs: &[([u32; 2], See)], order: &[u32], before: &[PairMemory]) -
 /// Calls `take` with the manifolds of candidate `a` and antagonist `b`, its centre at `c` from that of `a` (m), up to
 /// `range`, points relative to the candidate's centre.
 fn touch(
-    (a, at_a): (&Part, &Place),
-    (b, at_b): (&Part, &Place),
+    a: &Place,
+    b: &Place,
     c: &Vec3,
     range: Range,
     narrow: Narrow,
@@ -144,33 +205,30 @@ fn touch(
         Manifold { normal: found.normal, points: std::iter::once(point).collect(), area: 0.0 }
     };
     let zero = Vec3::zeros();
-    let found = match (&a.geometry, &b.geometry) {
+    let found = match (&a.shape, &b.shape) {
         // A plate is a cuboid.
-        (Geometry::Polyhedron(p), Geometry::Polyhedron(q) | Geometry::Plane { cuboid: q, .. }) => {
-            polyhedron_polyhedron((p, &at_a.posed), (q, &at_b.posed), c, range, narrow, memory)
+        (Shape::Polyhedron(p), Shape::Polyhedron(q) | Shape::Plane { cuboid: q, .. }) => {
+            polyhedron_polyhedron(p, q, c, range, narrow, memory)
         }
-        (Geometry::Sphere { radius: r }, Geometry::Sphere { radius: s }) => {
+        (Shape::Sphere { radius: r }, Shape::Sphere { radius: s }) => {
             Some(one(narrow::sphere_sphere(&zero, *r, c, *s)))
         }
-        (Geometry::Sphere { radius }, Geometry::Plane { half_lengths, .. }) => {
-            Some(one(narrow::sphere_plane(&zero, *radius, c, &at_b.axes, half_lengths)))
+        (Shape::Sphere { radius }, Shape::Plane { half_lengths, .. }) => {
+            Some(one(narrow::sphere_plane(&zero, *radius, c, &b.axes, half_lengths)))
         }
-        (Geometry::Sphere { radius }, Geometry::Polyhedron(q)) => {
-            let found = polyhedron_sphere((q, &at_b.posed), &-*c, *radius, range.alert);
-            found.map(|found| seen_from_sphere(&found, c))
+        (Shape::Sphere { radius }, Shape::Polyhedron(q)) => {
+            polyhedron_sphere(q, &-*c, *radius, range.alert).map(|found| seen_from_sphere(&found, c))
         }
-        (Geometry::Sphere { radius: r }, Geometry::Cylinder { half_height, radius, hollow }) => {
-            let size = [*half_height, *radius];
-            let found = narrow::sphere_cylinder(&zero, *r, c, &at_b.axes, size, *hollow);
+        (Shape::Sphere { radius: r }, Shape::Cylinder { half_height, radius, hollow }) => {
+            let found = narrow::sphere_cylinder(&zero, *r, c, &b.axes, [*half_height, *radius], *hollow);
             return found.into_iter().flatten().for_each(|found| take(&one(found)));
         }
-        (Geometry::Polyhedron(p), Geometry::Cylinder { half_height, radius, hollow: true }) => {
-            let size = [*half_height, *radius];
-            let found = polyhedron_hollow_cylinder((p, &at_a.posed), c, &at_b.axes, size, range.alert);
+        (Shape::Polyhedron(p), Shape::Cylinder { half_height, radius, hollow: true }) => {
+            let found = polyhedron_hollow_cylinder(p, c, &b.axes, [*half_height, *radius], range.alert);
             return found.iter().for_each(take);
         }
-        (Geometry::Polyhedron(p), Geometry::Cylinder { half_height, radius, hollow: false }) => {
-            polyhedron_cylinder((p, &at_a.posed), c, &at_b.axes, [*half_height, *radius], range)
+        (Shape::Polyhedron(p), Shape::Cylinder { half_height, radius, hollow: false }) => {
+            polyhedron_cylinder(p, c, &b.axes, [*half_height, *radius], range)
         }
         // Cylinders and plates are walls, which do not meet.
         _ => None,
@@ -191,22 +249,14 @@ fn seen_from_sphere(found: &Manifold, c: &Vec3) -> Manifold {
 }
 
 /// Adds the points of a manifold up to `range`.
-fn list(
-    (a, at_a): (&Part, &Place),
-    b: &Part,
-    image: Vec3,
-    manifold: &Manifold,
-    range: f64,
-    law: u8,
-    contacts: &mut Vec<Contact>,
-) {
+fn list(a: &Place, b: &Place, image: Vec3, manifold: &Manifold, range: f64, law: u8, contacts: &mut Vec<Contact>) {
     let area = manifold.area / manifold.points.len() as f64;
     contacts.extend(manifold.points.iter().filter(|point| point.gap <= range).map(|point| Contact {
         candidate: a.body,
         antagonist: b.body,
         ranks: (a.rank, b.rank),
         features: point.features,
-        point: at_a.centre + point.position,
+        point: a.centre + point.position,
         image,
         normal: manifold.normal,
         gap: point.gap,

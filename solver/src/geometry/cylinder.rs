@@ -9,7 +9,7 @@ use smallvec::SmallVec;
 
 use super::patch::{Corner, EDGE_ON, ON_SIDE, Patch, Polygon, nearer_than};
 use super::search::{aligned, ends, seen};
-use super::{Manifold, Point, Polyhedron, Posed, Range, edge, face, vertex};
+use super::{Manifold, Point, Posed, Range, edge, face, vertex};
 use crate::math::lanes::Scalar;
 use crate::math::{Quat, Vec3};
 
@@ -28,18 +28,17 @@ pub const RIM: u32 = 3;
 /// the other, more for points on a rim.
 ///
 /// ```
-/// # use cd_solve::geometry::{Polyhedron, Posed, polyhedron_cylinder};
+/// # use cd_solve::geometry::{Polyhedron, polyhedron_cylinder};
 /// # use cd_solve::math::{Quat, Vec3};
 /// let cube = Polyhedron::cuboid(&Vec3::repeat(1.0));
-/// let mut posed = Posed::default();
-/// posed.pose(&cube, &Quat::identity());
+/// let posed = cube.posed(&Quat::identity());
 /// // The cube stands on the end of a pillar.
 /// let c = Vec3::new(0.0, 0.0, -3.5);
-/// let found = polyhedron_cylinder((&cube, &posed), &c, &Quat::identity(), [2.25, 4.0], 0.5).unwrap();
+/// let found = polyhedron_cylinder(&posed, &c, &Quat::identity(), [2.25, 4.0], 0.5).unwrap();
 /// assert_eq!((found.normal, found.gap(), found.points.len(), found.area), (Vec3::z(), 0.25, 4, 4.0));
 /// ```
 pub fn polyhedron_cylinder(
-    a: (&Polyhedron, &Posed),
+    a: &Posed,
     c: &Vec3,
     q: &Quat,
     [half_height, radius]: [f64; 2],
@@ -48,13 +47,13 @@ pub fn polyhedron_cylinder(
     let range = range.into();
     let centre = q.inverse_transform_vector(&-c);
     let away = (centre.xy().norm() - radius).max(centre.z.abs() - half_height);
-    if away - a.0.circumradius() > range.alert {
+    if away - a.shape.circumradius() > range.alert {
         return None;
     }
     let size = radius.hypot(half_height);
-    let (sum, small) = (a.0.circumradius() + size, a.0.circumradius().min(size));
+    let (sum, small) = (a.shape.circumradius() + size, a.shape.circumradius().min(size));
     let local = |v: Vec3| q.inverse_transform_vector(&(v - c));
-    let vertices = (0..a.0.vertices().len() as u32).map(|k| local(a.1.vertex(k))).collect();
+    let vertices = (0..a.shape.vertices().len() as u32).map(|k| local(a.vertex(k))).collect();
     let tie = 4e-12 * small + 32.0 * f64::EPSILON * sum;
     let pair = Pair { a, c, q, half_height, radius, vertices, small, tie };
     let axis = pair.axis();
@@ -80,7 +79,7 @@ pub fn polyhedron_cylinder(
 }
 
 struct Pair<'a> {
-    a: (&'a Polyhedron, &'a Posed),
+    a: &'a Posed<'a>,
     c: &'a Vec3,
     q: &'a Quat,
     half_height: f64,
@@ -112,7 +111,7 @@ struct Axis {
 impl Pair<'_> {
     /// The best direction.
     fn axis(&self) -> Axis {
-        let (shape, posed) = self.a;
+        let (shape, posed) = (self.a.shape, self.a);
         let mut best = Axis { m: Vec3::z(), s: f64::NEG_INFINITY, feature: Feature::Vertex };
         for f in 0..shape.planes.len() as u32 {
             let m = -self.q.inverse_transform_vector(&posed.normal(f));
@@ -214,7 +213,7 @@ impl Pair<'_> {
 
     /// What a face of A and the end of the cylinder along `m` share, seen along `m` in the plane of the end.
     fn see_end(&self, m: &Vec3, f: u32, area_within: f64, patch: &mut Patch) {
-        let (shape, posed) = self.a;
+        let (shape, posed) = (self.a.shape, self.a);
         let height = self.half_height.copysign(m.z);
         let end = if m.z > 0.0 { END } else { OTHER_END };
         let tiny = ON_SIDE * self.small;
@@ -284,7 +283,7 @@ impl Pair<'_> {
 
     /// What a face of A and the line of the round side along `m` share, seen along `m` in the plane that touches there.
     fn see_side(&self, m: &Vec3, f: u32, patch: &mut Patch) {
-        let shape = self.a.0;
+        let shape = self.a.shape;
         let out = Vec3::new(m.x, m.y, 0.0) / m.xy().norm();
         let across = Vec3::z().cross(&out);
         let tiny = ON_SIDE * self.small;
@@ -337,7 +336,7 @@ impl Pair<'_> {
         }
         let (on_a, feature) = match axis.feature {
             Feature::Edge(e) => {
-                let [from, to] = ends(self.a.0, self.a.1, e).map(|v| self.q.inverse_transform_vector(&(v - self.c)));
+                let [from, to] = ends(self.a, e).map(|v| self.q.inverse_transform_vector(&(v - self.c)));
                 let share = (on_b - from).dot(&(to - from)) / (to - from).norm_squared();
                 (from + (to - from) * share.clamp(0.0, 1.0), edge(e))
             }

@@ -7,6 +7,7 @@ use pulp::NullaryFnOnce;
 use smallvec::SmallVec;
 
 use super::patch::SAME;
+use super::polyhedron::Spoke;
 use super::search::{NEARLY_PARALLEL, Pair, lowest, support};
 use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
 use crate::math::Vec3;
@@ -93,8 +94,8 @@ impl<L: Lanes> NullaryFnOnce for Gjk<'_, L> {
 /// The point of the difference that is least along `n`.
 #[inline(always)]
 fn apex<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> Apex {
-    let a = lowest(l, pair.pa, pair.a.vertices().len(), &-n).0;
-    let b = lowest(l, pair.pb, pair.b.vertices().len(), n).0;
+    let a = lowest(l, pair.pa, &-n).0;
+    let b = lowest(l, pair.pb, n).0;
     Apex { w: pair.pb.vertex(b) + pair.c - pair.pa.vertex(a), a, b }
 }
 
@@ -182,11 +183,11 @@ fn spanned(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
     let mut all: SmallVec<[u32; 4]> = vertices.collect();
     all.sort_unstable();
     all.dedup();
-    let ends = |e: &&u32| all.iter().all(|v| shape.edges[**e as usize].ends.contains(v));
     match all[..] {
         [v] => vertex(v),
-        [v, _] if shape.spokes(v as usize).iter().any(|e| ends(&e)) => {
-            edge(*shape.spokes(v as usize).iter().find(ends).unwrap_or(&0))
+        [v, w] if shape.spokes(v as usize).iter().any(|spoke| spoke.to == w) => {
+            let between = shape.spokes(v as usize).iter().find(|spoke| spoke.to == w);
+            edge(between.map_or(0, |spoke| spoke.edge))
         }
         _ => {
             let has_all = |corners: &[u32]| all.iter().all(|v| corners.contains(v));
@@ -199,21 +200,22 @@ fn spanned(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
 pub(super) fn ridges(pair: &Pair, n: &Vec3, distance: f64) -> Option<Manifold> {
     // As far as the direction between points that are `distance` apart is known.
     let steep = NEARLY_PARALLEL + 1e-11 * pair.small / distance;
-    let level = |shape: &Polyhedron, posed: &Posed, n: &Vec3| -> SmallVec<[(u32, [u32; 2], Vec3); 4]> {
-        let top = support(shape, posed, n).0;
+    let level = |posed: &Posed, n: &Vec3| -> SmallVec<[(u32, [u32; 2], Vec3); 4]> {
+        let shape = posed.shape;
+        let top = support(posed, n).0;
         let mut level = SmallVec::new();
-        for &e in shape.spokes(top as usize) {
+        for &Spoke { edge: e, square, .. } in shape.spokes(top as usize) {
             let ends = shape.edges[e as usize].ends;
             let along = posed.vertex(ends[1]) - posed.vertex(ends[0]);
             let slope = along.dot(n);
-            if slope * slope <= steep * steep * shape.edges[e as usize].square {
+            if slope * slope <= steep * steep * square {
                 level.push((e, ends, along.normalize()));
             }
         }
         level
     };
-    for (ea, ends_a, along) in level(pair.a, pair.pa, n) {
-        for (eb, ends_b, other) in level(pair.b, pair.pb, &-n) {
+    for (ea, ends_a, along) in level(pair.pa, n) {
+        for (eb, ends_b, other) in level(pair.pb, &-n) {
             let base = pair.pa.vertex(ends_a[0]);
             let between = pair.pb.vertex(ends_b[0]) + pair.c - base;
             let across = between - along * between.dot(&along);

@@ -1,6 +1,6 @@
 //! A polyhedron inside a hollow cylinder, as in a drum.
 
-use super::{Manifold, Point, Polyhedron, Posed, vertex};
+use super::{Manifold, Point, Posed, vertex};
 use crate::math::{Quat, Vec3};
 
 /// Polyhedron A in a hollow cylinder at `c` = x_B - x_A (m) with the orientation `q`, its axis the third, of
@@ -11,25 +11,23 @@ use crate::math::{Quat, Vec3};
 /// along no direction. The cylinder's feature is 0 for the side, 1 for the end along its axis, 2 for the other.
 ///
 /// ```
-/// # use cd_solve::geometry::{Polyhedron, Posed, polyhedron_hollow_cylinder};
+/// # use cd_solve::geometry::{Polyhedron, polyhedron_hollow_cylinder};
 /// # use cd_solve::math::{Quat, Vec3};
 /// let cube = Polyhedron::cuboid(&Vec3::repeat(3.0));
-/// let mut posed = Posed::default();
-/// posed.pose(&cube, &Quat::identity());
+/// let posed = cube.posed(&Quat::identity());
 /// // The corners at x = 3 are at 5 from the axis.
 /// let c = Vec3::new(-1.0, 0.0, 0.0);
-/// let found = polyhedron_hollow_cylinder((&cube, &posed), &c, &Quat::identity(), [9.0, 5.5], 1.0);
+/// let found = polyhedron_hollow_cylinder(&posed, &c, &Quat::identity(), [9.0, 5.5], 1.0);
 /// assert_eq!(found.len(), 4);
 /// assert!(found.iter().all(|manifold| (manifold.gap() - 0.5).abs() < 1e-15));
 /// ```
 pub fn polyhedron_hollow_cylinder(
-    a: (&Polyhedron, &Posed),
+    a: &Posed,
     c: &Vec3,
     q: &Quat,
     [half_height, radius]: [f64; 2],
     alert: f64,
 ) -> Vec<Manifold> {
-    let (shape, posed) = a;
     let mut found = Vec::new();
     let mut touch = |v: Vec3, outward: Vec3, gap: f64, features: (u32, u32)| {
         if gap <= alert {
@@ -38,8 +36,8 @@ pub fn polyhedron_hollow_cylinder(
             found.push(Manifold { normal: -outward, points, area: 0.0 });
         }
     };
-    for k in 0..shape.vertices().len() as u32 {
-        let v = posed.vertex(k);
+    for k in 0..a.shape.vertices().len() as u32 {
+        let v = a.vertex(k);
         let at = q.inverse_transform_vector(&(v - c));
         let distance = at.xy().norm();
         if distance > 0.0 {

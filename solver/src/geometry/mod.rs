@@ -9,11 +9,13 @@
 //! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
 //! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | against other shapes |
-//! | `patch` | the common part of two faces seen along the normal: points of contact and area |
+//! | `outline` | the corners of the common part of two faces seen along the normal |
+//! | `patch` | points of contact and area from these |
 
 mod cylinder;
 mod gjk;
 mod hollow_cylinder;
+mod outline;
 mod patch;
 mod plate;
 mod polyhedron;
@@ -184,8 +186,8 @@ pub enum Narrow {
 /// or edges meet in a point and overlap by nothing, or where several directions are equal to 1e-11 of the size, it is a
 /// definite one of those. Source: see the section on polyhedra in docs/method.md.
 pub fn polyhedron_polyhedron(
-    a: (&Polyhedron, &Posed),
-    b: (&Polyhedron, &Posed),
+    a: &Posed,
+    b: &Posed,
     c: &Vec3,
     range: impl Into<Range>,
     narrow: Narrow,
@@ -251,16 +253,14 @@ pub(super) mod tests {
     #[test]
     fn all_widths_give_the_same_bits() {
         let (a, b) = (rock(0.0), rock(1.0));
-        let (mut pa, mut pb) = (Posed::default(), Posed::default());
         let mut contacts = 0;
         for k in 0..500 {
             let k = f64::from(k);
-            pa.pose(&a, &Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
-            pb.pose(&b, &Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let pa = a.posed(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
             let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * (1.2 + 0.002 * k);
             for start in [Start::Nothing, Start::Feature(Feature::FaceOfA(3)), Start::Direction(Vec3::x())] {
-                let of =
-                    |width| contact(&Pair::new((&a, &pa), (&b, &pb), c, width), start, Narrow::Accurate, 0.05.into());
+                let of = |width| contact(&Pair::new(&pa, &pb, c, width), start, Narrow::Accurate, 0.05.into());
                 let found: Vec<_> = Width::all().into_iter().map(of).collect();
                 assert!(found.iter().all(|one| *one == found[0]), "{k}: {found:?}");
                 contacts += usize::from(found[0].1.is_some());
@@ -272,12 +272,8 @@ pub(super) mod tests {
     #[test]
     fn memory_goes_through_a_snapshot_and_foreign_words_do_no_harm() {
         let (a, b) = (rock(0.0), Polyhedron::cuboid(&Vec3::new(1.0, 0.6, 0.4)));
-        let (mut pa, mut pb) = (Posed::default(), Posed::default());
-        pa.pose(&a, &Quat::identity());
-        pb.pose(&b, &Quat::from_euler_angles(0.1, 0.2, 0.3));
-        let run = |c: Vec3, memory: &mut Memory| {
-            polyhedron_polyhedron((&a, &pa), (&b, &pb), &c, 0.5, Narrow::Accurate, memory)
-        };
+        let (pa, pb) = (a.posed(&Quat::identity()), b.posed(&Quat::from_euler_angles(0.1, 0.2, 0.3)));
+        let run = |c: Vec3, memory: &mut Memory| polyhedron_polyhedron(&pa, &pb, &c, 0.5, Narrow::Accurate, memory);
         for far in [1.2, 1.6, 2.0, 4.0] {
             let mut memory = Memory::default();
             let first = run(Vec3::new(far, 0.1, 0.2), &mut memory);

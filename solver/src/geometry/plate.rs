@@ -9,23 +9,15 @@ use crate::math::{Quat, Vec3};
 ///
 /// The contact faces are at ± half_lengths.z along the plate's third axis; the rim can be touched too. For many
 /// contacts of one plate keep its [`Polyhedron::cuboid`] and use [`polyhedron_polyhedron`], which this calls.
-pub fn polyhedron_plane(
-    a: (&Polyhedron, &Posed),
-    c: &Vec3,
-    q: &Quat,
-    half_lengths: &Vec3,
-    alert: f64,
-) -> Option<Manifold> {
+pub fn polyhedron_plane(a: &Posed, c: &Vec3, q: &Quat, half_lengths: &Vec3, alert: f64) -> Option<Manifold> {
     // Most bodies are farther than that from one of the faces' planes.
     let n = q * Vec3::z();
     let centre = -n.dot(c);
-    let below = support(a.0, a.1, &-n).1;
-    let above = support(a.0, a.1, &n).1;
+    let below = support(a, &-n).1;
+    let above = support(a, &n).1;
     if (centre - below).max(-centre - above) - half_lengths.z > alert {
         return None;
     }
     let plate = Polyhedron::cuboid(half_lengths);
-    let mut posed = Posed::default();
-    posed.pose(&plate, q);
-    polyhedron_polyhedron(a, (&plate, &posed), c, alert, Narrow::Accurate, &mut Memory::default())
+    polyhedron_polyhedron(a, &plate.posed(q), c, alert, Narrow::Accurate, &mut Memory::default())
 }

@@ -2,9 +2,8 @@
 
 use std::collections::HashMap;
 
-use pulp::NullaryFnOnce;
+use nalgebra::Matrix3;
 
-use crate::math::lanes::{Lanes, Width};
 use crate::math::{Quat, Vec3};
 
 /// Columns are as long as the next multiple of this, so that all widths of vectors fit.
@@ -16,20 +15,17 @@ pub struct Polyhedron {
     vertices: Vec<Vec3>,
     pub(super) planes: Vec<Plane>,
     pub(super) edges: Vec<Edge>,
-    /// Vertices round each face, counter-clockwise seen from outside, and the edge from each to the next; face f has
+    /// Vertices round each face, counter-clockwise seen from outside, then the edge from each to the next; face f has
     /// `starts[f]..starts[f + 1]`.
-    corners: Vec<u32>,
-    sides: Vec<u32>,
+    loops: Vec<u32>,
     starts: Vec<u32>,
     /// Edges that end at each vertex, likewise.
-    spokes: Vec<u32>,
+    spokes: Vec<Spoke>,
     spoke_starts: Vec<u32>,
-    /// Of each side of each face, the plane through it across the face, looking in.
-    walls: Vec<Plane>,
-    /// Columns x, y, z of the vertices, then of the normals, each padded: vertices by the first, normals by zeros.
+    /// Columns x, y, z of the vertices, padded by the first.
     columns: Vec<f64>,
-    /// Offsets of the faces, m, padded with infinity.
-    pub(super) offsets: Vec<f64>,
+    /// Columns x, y, z of the normals, padded by zeros.
+    pub(super) normals: Vec<f64>,
     /// Columns of the edges, each `arc_pad` long: x, y, z of the two normals and of the direction, and the cosine
     /// between the normals.
     pub(super) arcs: Vec<f64>,
@@ -51,6 +47,16 @@ pub(super) struct Edge {
     /// Ends, so that the first face has them in this order: e points along n0 × n1.
     pub ends: [u32; 2],
     pub faces: [u32; 2],
+    /// Of its length, m^2.
+    pub square: f64,
+}
+
+/// An edge seen from one of its ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Spoke {
+    pub edge: u32,
+    /// The vertex at its other end.
+    pub to: u32,
     /// Of its length, m^2.
     pub square: f64,
 }
@@ -88,8 +94,7 @@ impl Polyhedron {
         }
         let mut shape = Polyhedron::bare(kept, circumradius);
         for corners in &loops {
-            shape.corners.extend(corners.iter().map(|&v| number[v as usize]));
-            shape.starts.push(shape.corners.len() as u32);
+            shape.add_loop(corners.iter().map(|&v| number[v as usize]));
             shape.add_plane(flatness)?;
         }
         shape.finish()?;
@@ -117,8 +122,7 @@ impl Polyhedron {
         };
         let vertices = (0..8).map(corner).collect();
         let mut shape = Polyhedron::bare(vertices, half_lengths.norm());
-        shape.corners = corners.to_vec();
-        shape.starts = (0..=6).map(|f| 4 * f).collect();
+        corners.chunks(4).for_each(|corners| shape.add_loop(corners.iter().copied()));
         shape.planes = (0..6).map(|f| Plane { normal: normal(f), offset: half_lengths[f / 2] }).collect();
         shape.finish().expect("a cuboid closes");
         shape
@@ -129,14 +133,12 @@ impl Polyhedron {
             vertices,
             planes: Vec::new(),
             edges: Vec::new(),
-            corners: Vec::new(),
-            sides: Vec::new(),
+            loops: Vec::new(),
             starts: vec![0],
             spokes: Vec::new(),
             spoke_starts: Vec::new(),
-            walls: Vec::new(),
             columns: Vec::new(),
-            offsets: Vec::new(),
+            normals: Vec::new(),
             arcs: Vec::new(),
             arc_pad: 0,
             inradius: f64::INFINITY,
@@ -147,13 +149,18 @@ impl Polyhedron {
     /// Edges, columns and radii, when vertices and faces are there.
     fn finish(&mut self) -> Result<(), String> {
         self.add_edges()?;
-        self.add_walls();
         self.add_columns();
         self.add_arcs();
-        self.offsets = self.planes.iter().map(|plane| plane.offset).collect();
-        self.offsets.resize(self.planes.len().next_multiple_of(PAD), f64::INFINITY);
         self.inradius = self.planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);
         Ok(())
+    }
+
+    /// A face with these corners; its edges come later.
+    fn add_loop(&mut self, corners: impl ExactSizeIterator<Item = u32>) {
+        let end = self.loops.len() + 2 * corners.len();
+        self.loops.extend(corners);
+        self.loops.resize(end, u32::MAX);
+        self.starts.push(end as u32);
     }
 
     /// The plane of the last face.
@@ -201,7 +208,8 @@ impl Polyhedron {
                     }
                     self.edges[edge].faces[1] = face as u32;
                 }
-                self.sides.push(edge as u32);
+                let side = self.starts[face] as usize + corners.len() + k;
+                self.loops[side] = edge as u32;
             }
         }
         let euler = self.vertices.len() + self.planes.len() == self.edges.len() + 2;
@@ -210,7 +218,10 @@ impl Polyhedron {
         }
         let mut spokes = vec![Vec::new(); self.vertices.len()];
         for (e, edge) in self.edges.iter().enumerate() {
-            edge.ends.iter().for_each(|&v| spokes[v as usize].push(e as u32));
+            let [from, to] = edge.ends;
+            let spoke = |to: u32| Spoke { edge: e as u32, to, square: edge.square };
+            spokes[from as usize].push(spoke(to));
+            spokes[to as usize].push(spoke(from));
         }
         self.spoke_starts.push(0);
         for of_one in spokes {
@@ -218,18 +229,6 @@ impl Polyhedron {
             self.spoke_starts.push(self.spokes.len() as u32);
         }
         Ok(())
-    }
-
-    fn add_walls(&mut self) {
-        for face in 0..self.planes.len() {
-            let corners = self.corners(face).to_vec();
-            for (k, &from) in corners.iter().enumerate() {
-                let to = corners[(k + 1) % corners.len()];
-                let (from, to) = (self.vertices[from as usize], self.vertices[to as usize]);
-                let normal = self.planes[face].normal.cross(&(to - from)).normalize();
-                self.walls.push(Plane { normal, offset: normal.dot(&from) });
-            }
-        }
     }
 
     fn add_columns(&mut self) {
@@ -240,7 +239,7 @@ impl Polyhedron {
         }
         for axis in 0..3 {
             let of_normals = self.planes.iter().map(|plane| plane.normal[axis]).chain(std::iter::repeat(0.0));
-            self.columns.extend(of_normals.take(normals));
+            self.normals.extend(of_normals.take(normals));
         }
     }
 
@@ -254,6 +253,11 @@ impl Polyhedron {
             let row = [n0.x, n0.y, n0.z, n1.x, n1.y, n1.z, along.x, along.y, along.z, n0.dot(&n1)];
             row.iter().enumerate().for_each(|(column, x)| self.arcs[column * self.arc_pad + e] = *x);
         }
+    }
+
+    /// The same turned by `q`, body to world.
+    pub fn posed(&self, q: &Quat) -> Posed<'_> {
+        Posed { shape: self, turn: q.to_rotation_matrix().into_inner() }
     }
 
     /// Corners in the body's frame, m.
@@ -276,22 +280,35 @@ impl Polyhedron {
         self.circumradius
     }
 
+    /// x, y and z of the vertices, each as long as a multiple of [`PAD`]: the first comes again.
+    #[inline(always)]
+    pub(super) fn columns(&self) -> [&[f64]; 3] {
+        let (x, rest) = self.columns.split_at(self.columns.len() / 3);
+        let (y, z) = rest.split_at(x.len());
+        [x, y, z]
+    }
+
+    #[inline(always)]
     pub(super) fn corners(&self, face: usize) -> &[u32] {
-        &self.corners[self.starts[face] as usize..self.starts[face + 1] as usize]
+        let of_face = self.of_face(face);
+        &of_face[..of_face.len() / 2]
     }
 
     /// The edges round a face; edge k goes from corner k to the next.
+    #[inline(always)]
     pub(super) fn sides(&self, face: usize) -> &[u32] {
-        &self.sides[self.starts[face] as usize..self.starts[face + 1] as usize]
+        let of_face = self.of_face(face);
+        &of_face[of_face.len() / 2..]
     }
 
-    /// The planes across a face through its sides, looking in.
-    pub(super) fn walls(&self, face: usize) -> &[Plane] {
-        &self.walls[self.starts[face] as usize..self.starts[face + 1] as usize]
+    #[inline(always)]
+    fn of_face(&self, face: usize) -> &[u32] {
+        &self.loops[self.starts[face] as usize..self.starts[face + 1] as usize]
     }
 
     /// The edges at a vertex.
-    pub(super) fn spokes(&self, vertex: usize) -> &[u32] {
+    #[inline(always)]
+    pub(super) fn spokes(&self, vertex: usize) -> &[Spoke] {
         &self.spokes[self.spoke_starts[vertex] as usize..self.spoke_starts[vertex + 1] as usize]
     }
 }
@@ -397,90 +414,49 @@ fn triangle_sides(&[a, b, c]: &[Vec3; 3]) -> impl Iterator<Item = f64> {
     [b - a, c - b, a - c].into_iter().map(|side| side.norm())
 }
 
-/// Vertices and normals of one polyhedron, turned as its body is but not moved: so their precision does not depend on
-/// how far from the origin the body is.
-#[derive(Debug, Clone, Default)]
-pub struct Posed {
-    /// As in the shape.
-    columns: Vec<f64>,
-    /// Length of a column of vertices; of normals.
-    pub(super) vertex_pad: usize,
-    pub(super) normal_pad: usize,
+/// A polyhedron turned as its body is but not moved: so precision does not depend on how far from the origin the body is.
+///
+/// Of a shape only what a contact asks for is turned, then and there: most of the work of a pair is reading memory, and
+/// directions are turned into the shape's frame for less than vertices out of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Posed<'a> {
+    pub(super) shape: &'a Polyhedron,
     /// Body to world.
-    pub(super) turn: nalgebra::Matrix3<f64>,
+    pub(super) turn: Matrix3<f64>,
 }
 
-impl Posed {
-    /// Turns `shape` by `q`, body to world.
-    pub fn pose(&mut self, shape: &Polyhedron, q: &Quat) {
-        self.vertex_pad = shape.vertices.len().next_multiple_of(PAD);
-        self.normal_pad = shape.planes.len().next_multiple_of(PAD);
-        self.turn = q.to_rotation_matrix().into_inner();
-        self.columns.resize(shape.columns.len(), 0.0);
-        match Width::detect() {
-            Width::One(l) => l.run(Turn { l, shape, posed: self }),
-            #[cfg(target_arch = "x86_64")]
-            Width::Four(l) => l.run(Turn { l, shape, posed: self }),
-            #[cfg(target_arch = "x86_64")]
-            Width::Eight(l) => l.run(Turn { l, shape, posed: self }),
-        }
-    }
-
-    /// x, y and z of the vertices.
-    #[inline(always)]
-    pub(super) fn vertex_columns(&self) -> [&[f64]; 3] {
-        let pad = self.vertex_pad;
-        [&self.columns[..pad], &self.columns[pad..2 * pad], &self.columns[2 * pad..3 * pad]]
-    }
-
-    /// x, y and z of the normals.
-    #[inline(always)]
-    pub(super) fn normal_columns(&self) -> [&[f64]; 3] {
-        let (normals, pad) = (&self.columns[3 * self.vertex_pad..], self.normal_pad);
-        [&normals[..pad], &normals[pad..2 * pad], &normals[2 * pad..]]
-    }
-
+impl Posed<'_> {
     #[inline(always)]
     pub(super) fn vertex(&self, k: u32) -> Vec3 {
-        let (k, pad) = (k as usize, self.vertex_pad);
-        Vec3::new(self.columns[k], self.columns[pad + k], self.columns[2 * pad + k])
+        let [x, y, z] = self.shape.columns();
+        let k = k as usize;
+        self.turned(&Vec3::new(x[k], y[k], z[k]))
     }
 
     #[inline(always)]
-    pub(super) fn normal(&self, k: u32) -> Vec3 {
-        let (k, pad) = (3 * self.vertex_pad + k as usize, self.normal_pad);
-        Vec3::new(self.columns[k], self.columns[pad + k], self.columns[2 * pad + k])
+    pub(super) fn normal(&self, face: u32) -> Vec3 {
+        self.turned(&self.shape.planes[face as usize].normal)
     }
-}
 
-struct Turn<'a, L> {
-    l: L,
-    shape: &'a Polyhedron,
-    posed: &'a mut Posed,
-}
-
-impl<L: Lanes> NullaryFnOnce for Turn<'_, L> {
-    type Output = ();
-
+    /// A vector of the shape's frame in the world's. Written out, so that it is the same to the bit wherever it is inlined.
     #[inline(always)]
-    fn call(self) {
-        let Turn { l, shape, posed } = self;
-        let r = &posed.turn;
-        let (vertices, normals) = shape.columns.split_at(3 * posed.vertex_pad);
-        let (turned_vertices, turned_normals) = posed.columns.split_at_mut(3 * posed.vertex_pad);
-        let parts = [(vertices, turned_vertices, posed.vertex_pad), (normals, turned_normals, posed.normal_pad)];
-        for (from, to, pad) in parts {
-            let mut k = 0;
-            while k < pad {
-                let (x, y, z) = (l.load(&from[k..]), l.load(&from[pad + k..]), l.load(&from[2 * pad + k..]));
-                let mut row = 0;
-                while row < 3 {
-                    let (rx, ry, rz) = (l.splat(r[(row, 0)]), l.splat(r[(row, 1)]), l.splat(r[(row, 2)]));
-                    l.store(&mut to[row * pad + k..], l.mul_add(rz, z, l.mul_add(ry, y, l.mul(rx, x))));
-                    row += 1;
-                }
-                k += L::WIDTH;
-            }
-        }
+    pub(super) fn turned(&self, v: &Vec3) -> Vec3 {
+        let m = &self.turn;
+        Vec3::new(
+            m.m11 * v.x + m.m12 * v.y + m.m13 * v.z,
+            m.m21 * v.x + m.m22 * v.y + m.m23 * v.z,
+            m.m31 * v.x + m.m32 * v.y + m.m33 * v.z,
+        )
+    }
+
+    /// The reverse.
+    #[inline(always)]
+    pub(super) fn local(&self, v: &Vec3) -> Vec3 {
+        let m = &self.turn;
+        Vec3::new(
+            m.m11 * v.x + m.m21 * v.y + m.m31 * v.z,
+            m.m12 * v.x + m.m22 * v.y + m.m32 * v.z,
+            m.m13 * v.x + m.m23 * v.y + m.m33 * v.z,
+        )
     }
 }

@@ -8,7 +8,6 @@
 //! is known, only a cone of directions about c is left. And s(n) <= n·x for every point x of the difference B - A, such
 //! as those of the directions tried before.
 
-use nalgebra::Matrix3;
 use pulp::NullaryFnOnce;
 use smallvec::SmallVec;
 
@@ -20,9 +19,9 @@ use crate::math::lanes::{Lanes, Scalar, Width};
 /// Two posed polyhedra.
 pub(super) struct Pair<'a> {
     pub a: &'a Polyhedron,
-    pub pa: &'a Posed,
+    pub pa: &'a Posed<'a>,
     pub b: &'a Polyhedron,
-    pub pb: &'a Posed,
+    pub pb: &'a Posed<'a>,
     /// x_B - x_A, m.
     pub c: Vec3,
     /// Sum of the circumradii, m.
@@ -71,9 +70,10 @@ const LANES: [f64; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 const BLOCK: usize = 8;
 
 impl<'a> Pair<'a> {
-    pub fn new(a: (&'a Polyhedron, &'a Posed), b: (&'a Polyhedron, &'a Posed), c: Vec3, width: Width) -> Self {
-        let (ra, rb) = (a.0.circumradius(), b.0.circumradius());
-        Pair { a: a.0, pa: a.1, b: b.0, pb: b.1, c, sum: ra + rb, small: ra.min(rb), width }
+    pub fn new(pa: &'a Posed, pb: &'a Posed, c: Vec3, width: Width) -> Self {
+        let (a, b) = (pa.shape, pb.shape);
+        let (ra, rb) = (a.circumradius(), b.circumradius());
+        Pair { a, pa, b, pb, c, sum: ra + rb, small: ra.min(rb), width }
     }
 
     /// A direction must be better by this (m) to be preferred to an earlier one: so rounding, and noise of 1e-12 of the
@@ -94,22 +94,16 @@ impl<'a> Pair<'a> {
 
     /// s(n) with the vertices that give it.
     pub fn separation(&self, n: &Vec3) -> (f64, u32, u32) {
-        let (a, high) = support(self.a, self.pa, n);
-        let (b, low) = support(self.b, self.pb, &-n);
+        let (a, high) = support(self.pa, n);
+        let (b, low) = support(self.pb, &-n);
         (n.dot(&self.c) - low - high, a, b)
     }
 }
 
 /// The first vertex farthest along `n`, and how far.
-pub(super) fn support(shape: &Polyhedron, posed: &Posed, n: &Vec3) -> (u32, f64) {
-    let mut best = (0, f64::NEG_INFINITY);
-    for k in 0..shape.vertices().len() as u32 {
-        let height = n.dot(&posed.vertex(k));
-        if height > best.1 {
-            best = (k, height);
-        }
-    }
-    best
+pub(super) fn support(posed: &Posed, n: &Vec3) -> (u32, f64) {
+    let (k, low) = lowest(Scalar, posed, &-n);
+    (k, -low)
 }
 
 /// The best direction, or the first found along which A and B are more than `enough` (m) apart.
@@ -171,7 +165,7 @@ impl<L: Lanes> Search<'_, L> {
         if best.s > enough || from_direction || is_best(l, pair, &best, &witnesses.points[0], narrow) {
             return best;
         }
-        let (a, b) = ((pair.a, pair.pa), (pair.b, pair.pb));
+        let (a, b) = (pair.pa, pair.pb);
         if faces(l, pair, a, b, 1.0, &mut best, &mut witnesses, enough)
             || faces(l, pair, b, a, -1.0, &mut best, &mut witnesses, enough)
         {
@@ -204,16 +198,16 @@ fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -
     let n = match start {
         Start::Feature(Feature::FaceOfA(f)) => {
             let n = pair.pa.normal(f);
-            let (v, low) = lowest(l, pair.pb, pair.b.vertices().len(), &n);
+            let (v, low) = lowest(l, pair.pb, &n);
             witnesses.add(pair.pb.vertex(v) + pair.c - pair.pa.vertex(pair.a.corners(f as usize)[0]));
-            let s = n.dot(&pair.c) - pair.a.offsets[f as usize] + low;
+            let s = n.dot(&pair.c) - pair.a.planes[f as usize].offset + low;
             return Axis { n, s, feature: Feature::FaceOfA(f) };
         }
         Start::Feature(Feature::FaceOfB(f)) => {
             let n = pair.pb.normal(f);
-            let (v, low) = lowest(l, pair.pa, pair.a.vertices().len(), &n);
+            let (v, low) = lowest(l, pair.pa, &n);
             witnesses.add(pair.pb.vertex(pair.b.corners(f as usize)[0]) + pair.c - pair.pa.vertex(v));
-            let s = -n.dot(&pair.c) - pair.b.offsets[f as usize] + low;
+            let s = -n.dot(&pair.c) - pair.b.planes[f as usize].offset + low;
             return Axis { n: -n, s, feature: Feature::FaceOfB(f) };
         }
         Start::Feature(Feature::Edges(ea, eb)) => {
@@ -230,21 +224,22 @@ fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -
     };
     let length = n.norm();
     let n = if length > 0.0 && length.is_finite() { n / length } else { Vec3::x() };
-    let (b, low) = lowest(l, pair.pb, pair.b.vertices().len(), &n);
-    let (a, high) = lowest(l, pair.pa, pair.a.vertices().len(), &-n);
+    let (b, low) = lowest(l, pair.pb, &n);
+    let (a, high) = lowest(l, pair.pa, &-n);
     witnesses.add(pair.pb.vertex(b) + pair.c - pair.pa.vertex(a));
     Axis { n, s: n.dot(&pair.c) + low + high, feature: Feature::None }
 }
 
 /// The first vertex least along `n`, and its height.
 #[inline(always)]
-pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, count: usize, n: &Vec3) -> (u32, f64) {
-    let [x, y, z] = posed.vertex_columns();
+pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> (u32, f64) {
+    let n = posed.local(n);
+    let [x, y, z] = posed.shape.columns();
     let (nx, ny, nz) = (l.splat(n.x), l.splat(n.y), l.splat(n.z));
     let mut least = l.splat(f64::INFINITY);
     let mut at = l.splat(0.0);
     let mut k = 0;
-    while k < count {
+    while k < x.len() {
         let height = l.mul_add(nz, l.load(&z[k..]), l.mul_add(ny, l.load(&y[k..]), l.mul(nx, l.load(&x[k..]))));
         at = l.select_greater(least, height, l.splat(k as f64), at);
         least = l.min(height, least);
@@ -279,8 +274,8 @@ pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, count: usize, n: &Vec3) -> (
 /// s(n).
 #[inline(always)]
 fn separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> f64 {
-    let low = lowest(l, pair.pb, pair.b.vertices().len(), n).1;
-    n.dot(&pair.c) + low + lowest(l, pair.pa, pair.a.vertices().len(), &-n).1
+    let low = lowest(l, pair.pb, n).1;
+    n.dot(&pair.c) + low + lowest(l, pair.pa, &-n).1
 }
 
 /// Whether no direction is better than a feature's, told from the facet of the Minkowski difference that it makes.
@@ -291,10 +286,10 @@ fn separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> f64 {
 #[inline(always)]
 fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -> bool {
     let rho = match axis.feature {
-        Feature::FaceOfA(f) => inside(pair.a, pair.pa, f, &(x + pair.pa.vertex(pair.a.corners(f as usize)[0]))),
-        Feature::FaceOfB(f) => inside(pair.b, pair.pb, f, &(pair.pb.vertex(pair.b.corners(f as usize)[0]) - x)),
+        Feature::FaceOfA(f) => inside(pair.pa, f, &(x + pair.pa.vertex(pair.a.corners(f as usize)[0]))),
+        Feature::FaceOfB(f) => inside(pair.pb, f, &(pair.pb.vertex(pair.b.corners(f as usize)[0]) - x)),
         Feature::Edges(ea, eb) => {
-            let ([a0, a1], [b0, b1]) = (ends(pair.a, pair.pa, ea), ends(pair.b, pair.pb, eb));
+            let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
             let (u, v, w) = (a1 - a0, b1 - b0, b0 + pair.c - a0);
             let across = u.cross(&v);
             let square = across.norm_squared();
@@ -330,11 +325,15 @@ fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -
 
 /// Distance of a point, seen along the normal, from the nearest side of a face; < 0 outside, m.
 #[inline(always)]
-fn inside(shape: &Polyhedron, posed: &Posed, f: u32, point: &Vec3) -> f64 {
-    let local = posed.turn.tr_mul(point);
+fn inside(posed: &Posed, f: u32, point: &Vec3) -> f64 {
+    let (n, corners) = (posed.normal(f), posed.shape.corners(f as usize));
     let mut least = f64::INFINITY;
-    for wall in shape.walls(f as usize) {
-        least = least.min(wall.normal.dot(&local) - wall.offset);
+    let mut from = posed.vertex(corners[corners.len() - 1]);
+    for &corner in corners {
+        let to = posed.vertex(corner);
+        let along = to - from;
+        least = least.min(n.cross(&along).dot(&(point - from)) / along.norm());
+        from = to;
     }
     least
 }
@@ -345,8 +344,8 @@ fn inside(shape: &Polyhedron, posed: &Posed, f: u32, point: &Vec3) -> f64 {
 fn faces<L: Lanes>(
     l: L,
     pair: &Pair,
-    own: (&Polyhedron, &Posed),
-    other: (&Polyhedron, &Posed),
+    own: &Posed,
+    other: &Posed,
     sign: f64,
     best: &mut Axis,
     witnesses: &mut Witnesses,
@@ -355,27 +354,30 @@ fn faces<L: Lanes>(
     let mut kept: SmallVec<[u32; 32]> = SmallVec::new();
     cone(l, pair, own, sign, best, witnesses, &mut kept);
     let tie = pair.tie();
-    let [vx, vy, vz] = other.1.vertex_columns();
-    let count = other.0.vertices().len();
+    let [vx, vy, vz] = other.shape.columns();
+    let count = other.shape.vertices().len();
     let c = pair.c * sign;
     let mut changed = false;
     let mut from = 0;
     while from < kept.len() {
-        // Columns: the normals and offsets of up to eight faces; the rest is no better than anything.
-        let mut block = [[0.0; BLOCK]; 4];
+        // Columns: the normals in the frame of the other body, offsets and n·c of up to eight faces; the rest is no better
+        // than anything.
+        let mut block = [[0.0; BLOCK]; 5];
         block[3] = [f64::INFINITY; BLOCK];
         let mut k = 0;
         while k < BLOCK && from + k < kept.len() {
             let f = kept[from + k];
-            let n = own.1.normal(f);
-            (block[0][k], block[1][k], block[2][k], block[3][k]) = (n.x, n.y, n.z, own.0.offsets[f as usize]);
+            let n = own.normal(f);
+            (block[3][k], block[4][k]) = (own.shape.planes[f as usize].offset, n.dot(&c));
+            let n = other.local(&n);
+            (block[0][k], block[1][k], block[2][k]) = (n.x, n.y, n.z);
             k += 1;
         }
         let filled = k;
         let mut k = 0;
         while k < filled {
             let (nx, ny, nz) = (l.load(&block[0][k..]), l.load(&block[1][k..]), l.load(&block[2][k..]));
-            let along = l.mul_add(nz, l.splat(c.z), l.mul_add(ny, l.splat(c.y), l.mul(nx, l.splat(c.x))));
+            let along = l.load(&block[4][k..]);
             let (mut even, mut odd) = (l.splat(f64::INFINITY), l.splat(f64::INFINITY));
             let mut v = 0;
             // The last vertex may be taken twice: columns are padded by the first.
@@ -397,7 +399,7 @@ fn faces<L: Lanes>(
                     if values[lane] > better_than(best, tie) {
                         let f = kept[from + k + lane];
                         let feature = if sign > 0.0 { Feature::FaceOfA(f) } else { Feature::FaceOfB(f) };
-                        *best = Axis { n: own.1.normal(f) * sign, s: values[lane], feature };
+                        *best = Axis { n: own.normal(f) * sign, s: values[lane], feature };
                         changed = true;
                         // At once, so that where it ends does not depend on the width.
                         if best.s > enough {
@@ -412,9 +414,9 @@ fn faces<L: Lanes>(
     }
     if changed {
         let (Feature::FaceOfA(f) | Feature::FaceOfB(f)) = best.feature else { return false };
-        let (v, _) = lowest(l, other.1, count, &(best.n * sign));
-        let corner = own.1.vertex(own.0.corners(f as usize)[0]);
-        witnesses.add((other.1.vertex(v) - corner) * sign + pair.c);
+        let (v, _) = lowest(l, other, &(best.n * sign));
+        let corner = own.vertex(own.shape.corners(f as usize)[0]);
+        witnesses.add((other.vertex(v) - corner) * sign + pair.c);
     }
     false
 }
@@ -424,31 +426,37 @@ fn faces<L: Lanes>(
 fn cone<L: Lanes>(
     l: L,
     pair: &Pair,
-    own: (&Polyhedron, &Posed),
+    own: &Posed,
     sign: f64,
     best: &Axis,
     witnesses: &Witnesses,
     kept: &mut SmallVec<[u32; 32]>,
 ) {
-    let [x, y, z] = own.1.normal_columns();
+    // In the frame of the body whose faces they are.
+    let shape = own.shape;
+    let c = own.local(&pair.c) * sign;
+    let mut witness = [Vec3::zeros(); 3];
+    let mut i = 0;
+    while i < witnesses.count {
+        witness[i] = own.local(&witnesses.points[i]) * sign;
+        i += 1;
+    }
+    let pad = shape.normals.len() / 3;
+    let (x, y, z) = (&shape.normals[..pad], &shape.normals[pad..2 * pad], &shape.normals[2 * pad..]);
     let least = best.s - slack(pair, best);
-    let count = own.0.planes.len();
+    let count = shape.planes.len();
     let mut k = 0;
     while k < count {
         let (nx, ny, nz) = (l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]));
         macro_rules! along {
             ($v:expr) => {
-                l.mul_add(
-                    nz,
-                    l.splat(sign * $v.z),
-                    l.mul_add(ny, l.splat(sign * $v.y), l.mul(nx, l.splat(sign * $v.x))),
-                )
+                l.mul_add(nz, l.splat($v.z), l.mul_add(ny, l.splat($v.y), l.mul(nx, l.splat($v.x))))
             };
         }
-        let mut mask = l.mask_greater(along!(pair.c), l.splat(least + pair.inner()));
+        let mut mask = l.mask_greater(along!(c), l.splat(least + pair.inner()));
         let mut i = 0;
         while i < witnesses.count {
-            mask &= l.mask_greater(along!(witnesses.points[i]), l.splat(least));
+            mask &= l.mask_greater(along!(witness[i]), l.splat(least));
             i += 1;
         }
         while mask != 0 {
@@ -479,11 +487,11 @@ fn slack(pair: &Pair, best: &Axis) -> f64 {
 fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, enough: f64) {
     let tie = pair.tie();
     let (mut of_a, mut of_b): (SmallVec<[u32; 64]>, SmallVec<[u32; 64]>) = (SmallVec::new(), SmallVec::new());
-    arcs(l, pair, (pair.a, pair.pa), 1.0, best, witnesses, &mut of_a);
+    arcs(l, pair, pair.pa, 1.0, best, witnesses, &mut of_a);
     if of_a.is_empty() {
         return;
     }
-    arcs(l, pair, (pair.b, pair.pb), -1.0, best, witnesses, &mut of_b);
+    arcs(l, pair, pair.pb, -1.0, best, witnesses, &mut of_b);
     let mut from = 0;
     while from < of_b.len() {
         // Columns: a point, the direction, the two normals, of up to eight edges of B; the rest can cross nothing.
@@ -492,7 +500,7 @@ fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, en
         while count < BLOCK && from + count < of_b.len() {
             let e = of_b[from + count];
             let edge = &pair.b.edges[e as usize];
-            let [b0, b1] = ends(pair.b, pair.pb, e);
+            let [b0, b1] = ends(pair.pb, e);
             let (along, n0, n1) = (b1 - b0, pair.pb.normal(edge.faces[0]), pair.pb.normal(edge.faces[1]));
             let b0 = b0 + pair.c;
             let row = [b0.x, b0.y, b0.z, along.x, along.y, along.z, n0.x, n0.y, n0.z, n1.x, n1.y, n1.z];
@@ -508,7 +516,7 @@ fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, en
         while i < of_a.len() {
             let ea = of_a[i];
             let edge = &pair.a.edges[ea as usize];
-            let [a0, a1] = ends(pair.a, pair.pa, ea);
+            let [a0, a1] = ends(pair.pa, ea);
             let (along, n0, n1) = (a1 - a0, pair.pa.normal(edge.faces[0]), pair.pa.normal(edge.faces[1]));
             let mut k = 0;
             while k < count {
@@ -593,19 +601,19 @@ fn cross<L: Lanes>(
 fn arcs<L: Lanes>(
     l: L,
     pair: &Pair,
-    (shape, posed): (&Polyhedron, &Posed),
+    posed: &Posed,
     sign: f64,
     best: &Axis,
     witnesses: &Witnesses,
     kept: &mut SmallVec<[u32; 64]>,
 ) {
     let slack = slack(pair, best);
-    let turn: &Matrix3<f64> = &posed.turn;
-    let c = turn.tr_mul(&pair.c) * sign;
+    let shape = posed.shape;
+    let c = posed.local(&pair.c) * sign;
     let mut x = [Vec3::zeros(); 3];
     let mut i = 0;
     while i < witnesses.count {
-        x[i] = turn.tr_mul(&witnesses.points[i]) * sign;
+        x[i] = posed.local(&witnesses.points[i]) * sign;
         i += 1;
     }
     let cone = l.splat(best.s + pair.inner() - slack);
@@ -702,7 +710,7 @@ fn all(pair: &Pair, enough: f64) -> Axis {
 #[inline(always)]
 fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     let (a, b) = (&pair.a.edges[ea as usize], &pair.b.edges[eb as usize]);
-    let ([a0, a1], [b0, b1]) = (ends(pair.a, pair.pa, ea), ends(pair.b, pair.pb, eb));
+    let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
     let (along_a, along_b) = (a1 - a0, b1 - b0);
     let (na0, na1) = (pair.pa.normal(a.faces[0]), pair.pa.normal(a.faces[1]));
     let (nb0, nb1) = (pair.pb.normal(b.faces[0]), pair.pb.normal(b.faces[1]));
@@ -717,22 +725,22 @@ fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
 
 /// Whether two edges are parallel but for noise.
 pub(super) fn parallel(pair: &Pair, ea: u32, eb: u32) -> bool {
-    let ([a0, a1], [b0, b1]) = (ends(pair.a, pair.pa, ea), ends(pair.b, pair.pb, eb));
+    let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
     let squares = pair.a.edges[ea as usize].square * pair.b.edges[eb as usize].square;
     (a1 - a0).cross(&(b1 - b0)).norm_squared() <= NEARLY_PARALLEL * NEARLY_PARALLEL * squares
 }
 
 #[inline(always)]
-pub(super) fn ends(shape: &Polyhedron, posed: &Posed, e: u32) -> [Vec3; 2] {
+pub(super) fn ends(posed: &Posed, e: u32) -> [Vec3; 2] {
     // No closure: it would be left outside the instruction set.
-    let [from, to] = shape.edges[e as usize].ends;
+    let [from, to] = posed.shape.edges[e as usize].ends;
     [posed.vertex(from), posed.vertex(to)]
 }
 
 /// The faces whose common part is looked at.
 #[inline(always)]
 fn support_faces<L: Lanes>(l: L, pair: &Pair, axis: &Axis) -> (u32, u32) {
-    let (a, b) = ((pair.a, pair.pa), (pair.b, pair.pb));
+    let (a, b) = (pair.pa, pair.pb);
     match axis.feature {
         Feature::FaceOfA(f) => (f, seen(l, b, &-axis.n)),
         Feature::FaceOfB(f) => (seen(l, a, &axis.n), f),
@@ -743,25 +751,25 @@ fn support_faces<L: Lanes>(l: L, pair: &Pair, axis: &Axis) -> (u32, u32) {
 
 /// The face that looks along `n` where the body reaches farthest that way.
 #[inline(always)]
-pub(super) fn seen<L: Lanes>(l: L, (shape, posed): (&Polyhedron, &Posed), n: &Vec3) -> u32 {
-    let (top, _) = lowest(l, posed, shape.vertices().len(), &-n);
+pub(super) fn seen<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> u32 {
+    let (top, _) = lowest(l, posed, &-n);
+    let from = posed.vertex(top);
     // The edge that falls least from there; a face along it has the next vertex.
     let (mut best, mut least) = (0, f64::INFINITY);
-    for &e in shape.spokes(top as usize) {
-        let [v, w] = ends(shape, posed, e);
-        let fall = (v - w).dot(n);
-        let square = fall * fall / shape.edges[e as usize].square;
+    for spoke in posed.shape.spokes(top as usize) {
+        let fall = (posed.vertex(spoke.to) - from).dot(n);
+        let square = fall * fall / spoke.square;
         if square < least {
-            (best, least) = (e, square);
+            (best, least) = (spoke.edge, square);
         }
     }
-    aligned((shape, posed), best, n)
+    aligned(posed, best, n)
 }
 
 /// The face of an edge that looks more along `n`; of two alike the first.
 #[inline(always)]
-pub(super) fn aligned((shape, posed): (&Polyhedron, &Posed), e: u32, n: &Vec3) -> u32 {
-    let [f, g] = shape.edges[e as usize].faces;
+pub(super) fn aligned(posed: &Posed, e: u32, n: &Vec3) -> u32 {
+    let [f, g] = posed.shape.edges[e as usize].faces;
     let (first, second) = (f.min(g), f.max(g));
     if posed.normal(second).dot(n) > posed.normal(first).dot(n) + ALIGNED { second } else { first }
 }
@@ -775,7 +783,7 @@ pub(super) fn own_point(pair: &Pair, axis: &Axis) -> Option<Point> {
         Feature::FaceOfA(f) => (b - half, (face(f), vertex(vb))),
         Feature::FaceOfB(f) => (a + half, (vertex(va), face(f))),
         Feature::Edges(ea, eb) => {
-            let ([a0, a1], [b0, b1]) = (ends(pair.a, pair.pa, ea), ends(pair.b, pair.pb, eb));
+            let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
             (Corner::crossing([a0, a1], [b0 + pair.c, b1 + pair.c]), (edge(ea), edge(eb)))
         }
         Feature::None => ((a + b) * 0.5, (vertex(va), vertex(vb))),

@@ -1,6 +1,6 @@
 //! A polyhedron against a sphere: the point of the polyhedron that is nearest to the centre.
 
-use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
+use super::{Manifold, Point, Posed, edge, face, vertex};
 use crate::math::Vec3;
 
 /// Polyhedron A against a sphere of `radius` (m) at `c` = x_B - x_A, m; `None` where they are more than `alert` apart.
@@ -8,20 +8,19 @@ use crate::math::Vec3;
 /// From a centre inside, through the nearest face. The sphere's feature is 0.
 ///
 /// ```
-/// # use cd_solve::geometry::{Polyhedron, Posed, polyhedron_sphere, face};
+/// # use cd_solve::geometry::{Polyhedron, polyhedron_sphere, face};
 /// # use cd_solve::math::{Quat, Vec3};
 /// let cube = Polyhedron::cuboid(&Vec3::repeat(1.0));
-/// let mut posed = Posed::default();
-/// posed.pose(&cube, &Quat::identity());
-/// let found = polyhedron_sphere((&cube, &posed), &Vec3::new(0.2, 0.1, 1.75), 0.5, 1.0).unwrap();
+/// let posed = cube.posed(&Quat::identity());
+/// let found = polyhedron_sphere(&posed, &Vec3::new(0.2, 0.1, 1.75), 0.5, 1.0).unwrap();
 /// assert_eq!((found.normal, found.gap()), (-Vec3::z(), 0.25));
 /// assert_eq!(found.points[0].position, Vec3::new(0.2, 0.1, 1.125));
 /// ```
-pub fn polyhedron_sphere(a: (&Polyhedron, &Posed), c: &Vec3, radius: f64, alert: f64) -> Option<Manifold> {
-    let (shape, posed) = a;
+pub fn polyhedron_sphere(a: &Posed, c: &Vec3, radius: f64, alert: f64) -> Option<Manifold> {
+    let in_frame = a.local(c);
     let (mut nearest, mut height) = (0, f64::NEG_INFINITY);
-    for (f, plane) in shape.planes.iter().enumerate() {
-        let above = posed.normal(f as u32).dot(c) - plane.offset;
+    for (f, plane) in a.shape.planes.iter().enumerate() {
+        let above = plane.normal.dot(&in_frame) - plane.offset;
         if above > height {
             (nearest, height) = (f as u32, above);
         }
@@ -29,8 +28,8 @@ pub fn polyhedron_sphere(a: (&Polyhedron, &Posed), c: &Vec3, radius: f64, alert:
     if height - radius > alert {
         return None;
     }
-    let n = posed.normal(nearest);
-    let (n, distance, on_a, feature) = match nearest_beside_faces(shape, posed, c) {
+    let n = a.normal(nearest);
+    let (n, distance, on_a, feature) = match nearest_beside_faces(a, c) {
         Some((point, feature)) if height > 0.0 => {
             let between = c - point;
             let distance = between.norm();
@@ -44,7 +43,8 @@ pub fn polyhedron_sphere(a: (&Polyhedron, &Posed), c: &Vec3, radius: f64, alert:
 }
 
 /// The nearest point on an edge or vertex, unless the centre is right above or below a face that it is in front of.
-fn nearest_beside_faces(shape: &Polyhedron, posed: &Posed, c: &Vec3) -> Option<(Vec3, u32)> {
+fn nearest_beside_faces(posed: &Posed, c: &Vec3) -> Option<(Vec3, u32)> {
+    let shape = posed.shape;
     let mut best: Option<(f64, Vec3, u32)> = None;
     for (f, plane) in shape.planes.iter().enumerate() {
         let n = posed.normal(f as u32);

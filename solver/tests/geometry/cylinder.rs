@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, SQRT_2};
 
-use cd_solve::geometry::{Manifold, Posed, Range, polyhedron_cylinder};
+use cd_solve::geometry::{Manifold, Range, polyhedron_cylinder};
 use cd_solve::math::{Quat, Vec3};
 
 use crate::check;
@@ -19,9 +19,7 @@ fn at(a: &Solid, qa: &Quat, x: Vec3, size: [f64; 2], range: impl Into<Range>) ->
 
 /// The same, all turned.
 fn turned(a: &Solid, qa: &Quat, x: Vec3, turn: &Quat, size: [f64; 2], range: impl Into<Range>) -> Option<Manifold> {
-    let mut posed = Posed::default();
-    posed.pose(&a.shape, &(turn * qa));
-    polyhedron_cylinder((&a.shape, &posed), &-(turn * x), turn, size, range)
+    polyhedron_cylinder(&a.shape.posed(&(turn * qa)), &-(turn * x), turn, size, range)
 }
 
 /// s(m) for a unit m from the cylinder to vertices about its centre.

@@ -8,7 +8,7 @@ mod random;
 mod shapes;
 mod table;
 
-use cd_solve::geometry::{Manifold, Memory, Narrow, Posed, polyhedron_polyhedron};
+use cd_solve::geometry::{Manifold, Memory, Narrow, polyhedron_polyhedron};
 use cd_solve::math::{Quat, Vec3};
 
 use oracle::Solid;
@@ -29,10 +29,7 @@ pub fn remembered(
     narrow: Narrow,
     memory: &mut Memory,
 ) -> Option<Manifold> {
-    let (mut pa, mut pb) = (Posed::default(), Posed::default());
-    pa.pose(&a.shape, qa);
-    pb.pose(&b.shape, qb);
-    polyhedron_polyhedron((&a.shape, &pa), (&b.shape, &pb), c, alert, narrow, memory)
+    polyhedron_polyhedron(&a.shape.posed(qa), &b.shape.posed(qb), c, alert, narrow, memory)
 }
 
 /// What holds for every contact, whatever the shapes.

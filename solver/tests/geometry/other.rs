@@ -1,6 +1,6 @@
 //! Spheres and plates against the nearest points by trying everything.
 
-use cd_solve::geometry::{Posed, polyhedron_hollow_cylinder, polyhedron_plane, polyhedron_sphere};
+use cd_solve::geometry::{polyhedron_hollow_cylinder, polyhedron_plane, polyhedron_sphere};
 use cd_solve::math::Vec3;
 
 use crate::check;
@@ -28,11 +28,9 @@ fn spheres_touch_the_nearest_point() {
         if random.index(10) == 0 {
             c *= 0.0;
         }
-        let mut posed = Posed::default();
-        posed.pose(&a.shape, &q);
         let alert = 0.1;
         let (expected, n) = nearest_to(&a, &q, &c);
-        let Some(found) = polyhedron_sphere((&a.shape, &posed), &c, radius, alert) else {
+        let Some(found) = polyhedron_sphere(&a.shape.posed(&q), &c, radius, alert) else {
             assert!(expected - radius > alert - 1e-14, "{k}: {expected}");
             continue;
         };
@@ -62,11 +60,9 @@ fn plates_touch_as_cuboids_do() {
             half.z + random.between(-0.5, 1.0),
         );
         let c = -(turn * local);
-        let mut posed = Posed::default();
-        posed.pose(&a.shape, &q);
         let alert = 0.1;
         let (expected, _) = separation(&a, &q, &plate, &turn, &c);
-        match polyhedron_plane((&a.shape, &posed), &c, &turn, &half, alert) {
+        match polyhedron_plane(&a.shape.posed(&q), &c, &turn, &half, alert) {
             None => assert!(expected > alert, "{k}: {expected}"),
             Some(found) => {
                 check(&found, alert, 1.0 + half.norm(), &|| format!("{k}"));
@@ -86,9 +82,7 @@ fn drums_are_touched_where_bodies_reach_farthest() {
         let (q, turn, radius, half_height) =
             (random.turn(), random.turn(), random.between(1.0, 3.0), random.between(0.3, 3.0));
         let c = turn * Vec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-3.0, 3.0));
-        let mut posed = Posed::default();
-        posed.pose(&a.shape, &q);
-        let found = polyhedron_hollow_cylinder((&a.shape, &posed), &c, &turn, [half_height, radius], 0.5);
+        let found = polyhedron_hollow_cylinder(&a.shape.posed(&q), &c, &turn, [half_height, radius], 0.5);
         // Farthest from the axis and along it, of many points of the surface.
         let turned: Vec<Vec3> = a.turned(&q).iter().map(|v| turn.inverse() * (v - c)).collect();
         let (mut wide, mut high) = (0.0f64, 0.0f64);

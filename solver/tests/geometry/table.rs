@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, SQRT_2};
 
-use cd_solve::geometry::{Manifold, Memory, Narrow, Posed, Range, polyhedron_polyhedron};
+use cd_solve::geometry::{Manifold, Memory, Narrow, Range, polyhedron_polyhedron};
 use cd_solve::math::{Quat, Vec3};
 
 use crate::oracle::{Solid, common_area, hull, separation};
@@ -199,11 +199,8 @@ fn area_counts_as_far_as_it_is_near() {
         let low = cube.turned(&turn).iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
         let c = Vec3::z() * (low - 1.0);
         let area = |range: Range| {
-            let (mut pa, mut pb) = (Posed::default(), Posed::default());
-            pa.pose(&cube.shape, &turn);
-            pb.pose(&table.shape, &Quat::identity());
-            let (a, b) = ((&cube.shape, &pa), (&table.shape, &pb));
-            let found = polyhedron_polyhedron(a, b, &c, range, Narrow::Accurate, &mut Memory::default()).unwrap();
+            let (a, b) = (cube.shape.posed(&turn), table.shape.posed(&Quat::identity()));
+            let found = polyhedron_polyhedron(&a, &b, &c, range, Narrow::Accurate, &mut Memory::default()).unwrap();
             assert!((found.normal - Vec3::z()).norm() < ROUNDING, "{found:?}");
             found.area
         };

@@ -1,0 +1,330 @@
+//! Two faces seen along a normal: the corners of what they have in common, with their gaps.
+//!
+//! A corner is a vertex of either polygon that lies in the other, or a crossing of two sides. Which those are is told for
+//! several corners at once, so that the program branches only where one is found.
+
+use pulp::NullaryFnOnce;
+
+use super::patch::{Corner, EDGE_ON};
+use super::polyhedron::PAD;
+use super::search::Pair;
+use super::{Posed, edge, face, vertex};
+use crate::math::lanes::{Lanes, Width};
+use crate::math::{Vec3, local_frame};
+
+/// Columns of an outline: x, y and height of the corners, and the unit direction of the side from each to the next.
+const COLUMNS: usize = 5;
+
+/// Adds the corners of the common part of two faces, those of `faces`, seen along `n` from A to B.
+///
+/// `tiny`: distance up to which a corner is on a side, m.
+pub(super) fn common(pair: &Pair, n: &Vec3, faces: (u32, u32), tiny: f64, take: &mut Corners) {
+    let counts = [pair.a.corners(faces.0 as usize).len(), pair.b.corners(faces.1 as usize).len()];
+    // The first corner comes again after the last; vectors begun at the last may read beyond.
+    let strides = counts.map(|count| count.next_multiple_of(PAD) + PAD);
+    // On the stack for all but faces of many corners.
+    let (mut few, mut many) = ([0.0; 4 * COLUMNS * PAD], Vec::new());
+    let all = COLUMNS * (strides[0] + strides[1]);
+    let storage = if all <= few.len() {
+        &mut few[..]
+    } else {
+        many.resize(all, 0.0);
+        &mut many[..]
+    };
+    match pair.width {
+        Width::One(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
+        #[cfg(target_arch = "x86_64")]
+        Width::Four(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
+        #[cfg(target_arch = "x86_64")]
+        Width::Eight(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
+    }
+}
+
+/// Corners that have been found.
+pub(super) type Corners = smallvec::SmallVec<[Corner; 12]>;
+
+/// A face seen along the normal, counter-clockwise.
+struct Outline<'a> {
+    posed: &'a Posed<'a>,
+    corners: &'a [u32],
+    sides: &'a [u32],
+    /// Where the body is, m.
+    moved: Vec3,
+    /// Whether the face looks against the normal: then corners and sides go the other way round.
+    turned: bool,
+    x: &'a mut [f64],
+    y: &'a mut [f64],
+    z: &'a mut [f64],
+    /// Of the sides; zero where one is seen end on.
+    dx: &'a mut [f64],
+    dy: &'a mut [f64],
+    /// Height above the plane's height at 0: h = height - slope·(x, y).
+    height: f64,
+    slope: [f64; 2],
+}
+
+impl<'a> Outline<'a> {
+    #[inline(always)]
+    fn new(posed: &'a Posed, of: u32, moved: Vec3, turned: bool, stride: usize, storage: &'a mut [f64]) -> Self {
+        let (corners, sides) = (posed.shape.corners(of as usize), posed.shape.sides(of as usize));
+        let (x, rest) = storage.split_at_mut(stride);
+        let (y, rest) = rest.split_at_mut(stride);
+        let (z, rest) = rest.split_at_mut(stride);
+        let (dx, dy) = rest.split_at_mut(stride);
+        Outline { posed, corners, sides, moved, turned, x, y, z, dx, dy, height: 0.0, slope: [0.0; 2] }
+    }
+
+    #[inline(always)]
+    fn vertex(&self, k: usize) -> u32 {
+        self.corners[if self.turned { self.corners.len() - 1 - k } else { k }]
+    }
+
+    #[inline(always)]
+    fn edge(&self, k: usize) -> u32 {
+        let count = self.sides.len();
+        let k = match self.turned {
+            true if k + 1 == count => k,
+            true => count - 2 - k,
+            false => k,
+        };
+        self.sides[k]
+    }
+
+    #[inline(always)]
+    fn next(&self, k: usize) -> usize {
+        if k + 1 == self.corners.len() { 0 } else { k + 1 }
+    }
+
+    #[inline(always)]
+    fn at(&self, k: usize) -> Vec3 {
+        self.posed.vertex(self.vertex(k)) + self.moved
+    }
+
+    #[inline(always)]
+    fn fill<L: Lanes>(&mut self, l: L, of: u32, [n, t, s]: &[Vec3; 3], tiny: f64) {
+        let count = self.corners.len();
+        let mut k = 0;
+        while k < count {
+            let at = self.at(k);
+            (self.x[k], self.y[k], self.z[k]) = (at.dot(t), at.dot(s), at.dot(n));
+            k += 1;
+        }
+        (self.x[count], self.y[count], self.z[count]) = (self.x[0], self.y[0], self.z[0]);
+        let mut k = 0;
+        while k < count {
+            let dx = l.sub(l.load(&self.x[k + 1..]), l.load(&self.x[k..]));
+            let dy = l.sub(l.load(&self.y[k + 1..]), l.load(&self.y[k..]));
+            let length = l.sqrt(l.add(l.mul(dx, dx), l.mul(dy, dy)));
+            let (tiny, zero) = (l.splat(tiny), l.splat(0.0));
+            l.store(&mut self.dx[k..], l.select_greater(length, tiny, l.div(dx, length), zero));
+            l.store(&mut self.dy[k..], l.select_greater(length, tiny, l.div(dy, length), zero));
+            k += L::WIDTH;
+        }
+        let normal = self.posed.normal(of);
+        let rise = normal.dot(n);
+        if rise.abs() < EDGE_ON {
+            // A line: level, at the height that comes nearest to the other body.
+            let mut height = self.z[0];
+            for &z in &self.z[1..count] {
+                height = if self.turned { height.min(z) } else { height.max(z) };
+            }
+            self.height = height;
+            return;
+        }
+        self.slope = [normal.dot(t) / rise, normal.dot(s) / rise];
+        self.height = (self.posed.shape.planes[of as usize].offset + normal.dot(&self.moved)) / rise;
+    }
+
+    /// Height of the plane at a place.
+    #[inline(always)]
+    fn height(&self, x: f64, y: f64) -> f64 {
+        self.height - (self.slope[0] * x + self.slope[1] * y)
+    }
+
+    /// Distance of places from the inside of side `k`.
+    #[inline(always)]
+    fn distance<L: Lanes>(&self, l: L, k: usize, x: L::V, y: L::V) -> L::V {
+        let along = l.mul(l.splat(self.dx[k]), l.sub(y, l.splat(self.y[k])));
+        l.sub(along, l.mul(l.splat(self.dy[k]), l.sub(x, l.splat(self.x[k]))))
+    }
+
+    /// Of the corners of `other` from `k` on, which lie in this, and which of these on a side of it.
+    #[inline(always)]
+    fn has<L: Lanes>(&self, l: L, other: &Outline, k: usize, tiny: f64) -> (u32, u32) {
+        let (x, y) = (l.load(&other.x[k..]), l.load(&other.y[k..]));
+        let (mut inside, mut on_side) = (filled::<L>(k, other.corners.len()), 0);
+        let mut side = 0;
+        while side < self.sides.len() {
+            // A side seen end on bounds nothing.
+            if self.dx[side] != 0.0 || self.dy[side] != 0.0 {
+                let distance = self.distance(l, side, x, y);
+                inside &= l.mask_greater(distance, l.splat(-tiny));
+                on_side |= !l.mask_greater(distance, l.splat(tiny));
+            }
+            side += 1;
+        }
+        (inside, on_side & inside)
+    }
+
+    /// The height at a corner of `other` that is on a side, which is that of the sides: beside a ridge as sharp as a
+    /// knife the plane falls away within rounding. `sign`: 1 for the least of the heights, -1 for the greatest.
+    #[inline(always)]
+    fn side_height(&self, x: f64, y: f64, sign: f64, plane: f64, tiny: f64) -> f64 {
+        let mut height = plane;
+        let mut k = 0;
+        while k < self.sides.len() {
+            let (dx, dy) = (self.dx[k], self.dy[k]);
+            let distance = dx * (y - self.y[k]) - dy * (x - self.x[k]);
+            if (dx != 0.0 || dy != 0.0) && distance <= tiny {
+                let length = (self.x[k + 1] - self.x[k]) * dx + (self.y[k + 1] - self.y[k]) * dy;
+                let share = ((x - self.x[k]) * dx + (y - self.y[k]) * dy) / length;
+                let of_side = self.z[k] + (self.z[k + 1] - self.z[k]) * share.clamp(0.0, 1.0);
+                height = if sign * of_side < sign * height { of_side } else { height };
+            }
+            k += 1;
+        }
+        height
+    }
+}
+
+/// The lanes from `k` on that are below `count`.
+#[inline(always)]
+fn filled<L: Lanes>(k: usize, count: usize) -> u32 {
+    (1 << L::WIDTH.min(count - k)) - 1
+}
+
+struct Common<'a, L> {
+    l: L,
+    pair: &'a Pair<'a>,
+    n: &'a Vec3,
+    faces: (u32, u32),
+    counts: [usize; 2],
+    strides: [usize; 2],
+    tiny: f64,
+    storage: &'a mut [f64],
+    take: &'a mut Corners,
+}
+
+impl<L: Lanes> NullaryFnOnce for Common<'_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Common { l, pair, n, faces, counts: [na, nb], strides, tiny, storage, take } = self;
+        let frame = local_frame(*n);
+        let (of_a, of_b) = storage.split_at_mut(COLUMNS * strides[0]);
+        let mut a = Outline::new(pair.pa, faces.0, Vec3::zeros(), false, strides[0], of_a);
+        let mut b = Outline::new(pair.pb, faces.1, pair.c, true, strides[1], &mut of_b[..COLUMNS * strides[1]]);
+        a.fill(l, faces.0, &frame, tiny);
+        b.fill(l, faces.1, &frame, tiny);
+        let first = take.len();
+        let mut from = 0;
+        while from < na {
+            let (mut inside, on_side) = b.has(l, &a, from, tiny);
+            while inside != 0 {
+                let lane = inside.trailing_zeros() as usize;
+                inside &= inside - 1;
+                let k = from + lane;
+                let (x, y, z) = (a.x[k], a.y[k], a.z[k]);
+                let mut height = b.height(x, y);
+                if on_side >> lane & 1 != 0 {
+                    height = b.side_height(x, y, 1.0, height, tiny);
+                }
+                let gap = height - z;
+                let point = a.at(k) + n * (0.5 * gap);
+                let features = (vertex(a.vertex(k)), face(faces.1));
+                take.push(Corner { point: point.into(), flat: [x, y], gap, features });
+            }
+            from += L::WIDTH;
+        }
+        let of_vertices_of_a = take.len();
+        let mut from = 0;
+        while from < nb {
+            let (mut inside, on_side) = a.has(l, &b, from, tiny);
+            while inside != 0 {
+                let lane = inside.trailing_zeros() as usize;
+                inside &= inside - 1;
+                let k = from + lane;
+                let (x, y, z) = (b.x[k], b.y[k], b.z[k]);
+                let mut same = first;
+                while same < of_vertices_of_a && !take[same].is_near([x, y], pair.small) {
+                    same += 1;
+                }
+                if same < of_vertices_of_a {
+                    // Two vertices meet: their own heights.
+                    let same = &mut take[same];
+                    let gap = z - (Vec3::from(same.point).dot(n) - 0.5 * same.gap);
+                    same.point = (Vec3::from(same.point) + n * (0.5 * (gap - same.gap))).into();
+                    (same.gap, same.features.1) = (gap, vertex(b.vertex(k)));
+                    continue;
+                }
+                let mut height = a.height(x, y);
+                if on_side >> lane & 1 != 0 {
+                    height = a.side_height(x, y, -1.0, height, tiny);
+                }
+                let gap = z - height;
+                let point = b.at(k) - n * (0.5 * gap);
+                let features = (face(faces.0), vertex(b.vertex(k)));
+                take.push(Corner { point: point.into(), flat: [x, y], gap, features });
+            }
+            from += L::WIDTH;
+        }
+        let of_vertices = take.len();
+        let mut i = 0;
+        while i < na {
+            let mut from = 0;
+            while from < nb {
+                // Corners of B from this side of A, and the ends of this side from those of B.
+                let (x, y) = (l.load(&b.x[from..]), l.load(&b.y[from..]));
+                let (next_x, next_y) = (l.load(&b.x[from + 1..]), l.load(&b.y[from + 1..]));
+                let (w0, w1) = (a.distance(l, i, x, y), a.distance(l, i, next_x, next_y));
+                let (dx, dy) = (l.load(&b.dx[from..]), l.load(&b.dy[from..]));
+                macro_rules! from_sides {
+                    ($k:expr) => {
+                        l.sub(l.mul(dx, l.sub(l.splat(a.y[$k]), y)), l.mul(dy, l.sub(l.splat(a.x[$k]), x)))
+                    };
+                }
+                let (v0, v1) = (from_sides!(i), from_sides!(i + 1));
+                macro_rules! apart {
+                    ($p:expr, $q:expr) => {
+                        (l.mask_greater($p, l.splat(tiny)) & l.mask_greater(l.splat(-tiny), $q))
+                            | (l.mask_greater(l.splat(-tiny), $p) & l.mask_greater($q, l.splat(tiny)))
+                    };
+                }
+                let mut crossing = apart!(w0, w1) & apart!(v0, v1) & filled::<L>(from, nb);
+                if crossing != 0 {
+                    let mut distances = [[0.0; 8]; 4];
+                    l.store(&mut distances[0], v0);
+                    l.store(&mut distances[1], v1);
+                    l.store(&mut distances[2], w0);
+                    l.store(&mut distances[3], w1);
+                    while crossing != 0 {
+                        let lane = crossing.trailing_zeros() as usize;
+                        crossing &= crossing - 1;
+                        let j = from + lane;
+                        let [v0, v1, w0, w1] =
+                            [distances[0][lane], distances[1][lane], distances[2][lane], distances[3][lane]];
+                        let (p, q) = (v0 / (v0 - v1), w0 / (w0 - w1));
+                        let on_a = a.at(i) * (1.0 - p) + a.at(a.next(i)) * p;
+                        let on_b = b.at(j) * (1.0 - q) + b.at(b.next(j)) * q;
+                        let point = (on_a + on_b) * 0.5;
+                        let flat = [point.dot(&frame[1]), point.dot(&frame[2])];
+                        let gap = n.dot(&(on_b - on_a));
+                        let mut same = first;
+                        while same < of_vertices && !take[same].is_near(flat, pair.small) {
+                            same += 1;
+                        }
+                        if same < of_vertices {
+                            take[same].gap = take[same].gap.min(gap);
+                            continue;
+                        }
+                        let features = (edge(a.edge(i)), edge(b.edge(j)));
+                        take.push(Corner { point: point.into(), flat, gap, features });
+                    }
+                }
+                from += L::WIDTH;
+            }
+            i += 1;
+        }
+    }
+}
