@@ -66,6 +66,11 @@ impl Progress {
         self.bar.suspend(|| eprintln!("{message}"));
     }
 
+    /// Any line, beside the bar.
+    pub fn tell(&self, message: &str) {
+        self.bar.suspend(|| tell(format_args!("{message}")));
+    }
+
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }

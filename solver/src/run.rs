@@ -10,7 +10,7 @@ use crate::assemble::potential_energy;
 use crate::math::Vec3;
 use crate::progress::Progress;
 use crate::scene::Scene;
-use crate::state::State;
+use crate::state::{SolvedContact, State};
 use crate::step::{Clock, Motion, next_problem, step};
 use crate::write::summary::{Course, text};
 use crate::write::{Results, errors};
@@ -63,6 +63,9 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         let first = state.step;
         let report = step(scene, &mut state, &mut lap);
         expect_finite(&state).inspect_err(|_| progress.finish())?;
+        if course.steps == 0 && !resumed {
+            overlaps(scene, &state.contacts).into_iter().for_each(|message| progress.tell(&message));
+        }
         course.steps += 1;
         course.units += state.step - first;
         course.longest = course.longest.max(report.h);
@@ -89,6 +92,27 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     let sources = course.tally.sources(scene, &state);
     errors::write(case, &sources)?;
     Ok(text(scene, &state, &course, &sources))
+}
+
+/// Overlap over the mean radius from which a run tells that it began with it.
+const DEEP: f64 = 1e-2;
+
+/// What to tell of the contacts of the first step, if deep overlaps are among them: no step has made those.
+fn overlaps(scene: &Scene, contacts: &[SolvedContact]) -> Option<String> {
+    let deep =
+        || contacts.iter().map(|solved| &solved.contact).filter(|contact| -contact.gap > DEEP * scene.mean_radius);
+    let deepest = deep().min_by(|a, b| a.gap.total_cmp(&b.gap))?;
+    let mut pairs: Vec<[u32; 2]> = deep().map(|contact| [contact.candidate, contact.antagonist]).collect();
+    pairs.dedup();
+    let (count, share) = (pairs.len(), -100.0 * deepest.gap / scene.mean_radius);
+    Some(format!(
+        "cd-solve: from the start bodies overlap by more than {} % of the mean radius: {count} pair{}, most bodies {}-{} by {:.3e} m, {share:.1} %; laws other than GAP_SGR_CLB keep what they find, as a push adds energy",
+        100.0 * DEEP,
+        if count == 1 { "" } else { "s" },
+        deepest.candidate + 1,
+        deepest.antagonist + 1,
+        -deepest.gap,
+    ))
 }
 
 /// Writes the state; returns the time that it took.

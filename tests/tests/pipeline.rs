@@ -171,6 +171,27 @@ fn a_plan_tells_and_writes_nothing() {
 }
 
 #[test]
+fn deep_overlaps_at_the_start_are_told() {
+    let case = Case::of(&cloud(2, 0.4, 1, "dt: 1.0, steps: 2, output_every: 1")).solved(&[]);
+    let told = |case: &Case| String::from_utf8(process(case, "--force").output().unwrap().stdout).unwrap();
+    assert!(!told(&case).contains("overlap"));
+    // The second 1 m beside the first.
+    let bodies = case.snapshot(0).bodies;
+    let mut dof = Dof::read(&case.datbox("DOF.INI")).unwrap();
+    for (k, beside) in [1.0, 0.0, 0.0].into_iter().enumerate() {
+        dof.bodies[1].displacement[k] += bodies.body_x[0][k] + beside - bodies.body_x[1][k];
+    }
+    fs::write(case.datbox("DOF.INI"), dof.to_text()).unwrap();
+    let text = told(&case);
+    let (sum, mean) =
+        (bodies.body_radius[0] + bodies.body_radius[1], 0.5 * (bodies.body_radius[0] + bodies.body_radius[1]));
+    let share = format!("{:.1} %;", 100.0 * (sum - 1.0) / mean);
+    for words in [": 1 pair,", "bodies 1-2", &share] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+}
+
+#[test]
 fn a_flag_wins_over_its_option() {
     let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10, tol: 1.0e-4, theta: 0.6"));
     let case = case.solved(&[]);
