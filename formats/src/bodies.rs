@@ -142,7 +142,9 @@ fn read_body(scan: &mut Scan, begin: usize, number: &mut u64) -> Option<Body> {
     scan.expect_keyword("nodty")?;
     let node = scan.expect("expected NO6xx", |line| line.keyword() == "NO6xx")?;
     let position = scan.grid(node, COORDINATES);
-    scan.expect_continuation("coo4 coo5 coo6")?; // LMGC90 sets them to zero
+    // Numbers, but LMGC90 sets them to zero.
+    let angles = scan.expect_continuation("coo4 coo5 coo6")?;
+    scan.grid(angles, ["coo4", "coo5", "coo6"]);
 
     let tacty = scan.expect_keyword("tacty")?;
     let body = scan.object().to_string();
