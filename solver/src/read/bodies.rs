@@ -128,6 +128,22 @@ fn notes(bodies: &[Body], frames: &[(Vec3, Quat)]) -> Vec<String> {
     )]
 }
 
+/// Periods that the widest plate does not span, in words: what falls beside it falls on. `q`: orientations.
+pub fn gaps(scene: &Scene, q: &[Quat]) -> Vec<String> {
+    let width = |plate: &u32, axis: usize| {
+        let plate = *plate as usize;
+        let Shape::Plane { half_lengths } = scene.bodies[plate].shape else { unreachable!("planes lists planes") };
+        2.0 * q[plate].to_rotation_matrix().matrix().row(axis).abs().transpose().dot(&half_lengths)
+    };
+    let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
+    let missed = periods.into_iter().enumerate().filter_map(|(axis, (name, period))| {
+        let widest = scene.planes.iter().map(|plate| width(plate, axis)).reduce(f64::max)?;
+        let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // as the files round
+        Some(format!("{name}: the widest plate spans {widest} of {period} m; what falls beside it falls on"))
+    });
+    missed.collect()
+}
+
 fn motion_imposed(datbox: &Path, driven: &DrvDof, bodies: &mut [Body], faults: &mut Faults) -> (Vec<Drive>, Vec<Load>) {
     let file = datbox.join("DRV_DOF.DAT");
     let mut velocities: Vec<(usize, usize, [Option<Evolution>; 6])> = Vec::new();

@@ -49,6 +49,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     behaviour::check_events(&scene, &mut faults);
     behaviour::check_text(&mut scene);
     let (x, q, v, w) = bodies::motion(&datbox, &bodies, &dof, &scene, &mut faults);
+    scene.notes.extend(bodies::gaps(&scene, &q));
     let contacts = behaviour::history(&datbox, &history, &mut scene, &q, &mut faults);
     let spin =
         (scene.turning.iter().map(|&i| i as usize)).map(|i| scene.bodies[i].angular_momentum(&q[i], &w[i])).collect();

@@ -367,3 +367,26 @@ fn a_folder_that_cannot_be_written() {
     let (code, text) = spawn(&case, &[]);
     assert!(code == 2 && text.starts_with("cd-solve: CASE/OUTBOX"), "{code} {text}");
 }
+
+#[test]
+fn a_floor_narrower_than_the_period_is_told_of() {
+    let told = |half: [f64; 3], axes: [[f64; 3]; 3]| {
+        let mut case = Case::new();
+        case.law("IQS_CLB", &[0.3]);
+        case.plate(half, [0.0, 0.0, -0.5], axes);
+        case.sphere(0.5, [0.0, 0.0, 0.5]);
+        case.options.steps = Some(2);
+        (case.options.xperiode, case.options.yperiode) = (Some(4.0), Some(6.0));
+        case.write();
+        let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
+        assert_eq!(output.status.code(), Some(0));
+        let text = String::from_utf8(output.stdout).unwrap();
+        text.lines().find(|line| line.contains("widest")).map(String::from)
+    };
+    let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+    assert_eq!(told([2.0, 3.0, 0.5], [x, y, z]), None);
+    // Turned by 90 degrees about z.
+    assert_eq!(told([3.0, 2.0, 0.5], [y, x.map(|c| -c), z]), None);
+    let note = "cd-solve: xperiode: the widest plate spans 3.8 of 4 m; what falls beside it falls on";
+    assert_eq!(told([1.9, 3.0, 0.5], [x, y, z]).as_deref(), Some(note));
+}
