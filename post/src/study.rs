@@ -16,11 +16,16 @@ const ROOMS: [(&str, &[&str]); 3] =
     [("gravity", &["gravity"]), ("detection", &["detection"]), ("contacts", &["assembly", "solve"])];
 
 /// Columns of runs.csv beside those of series.csv: name, unit, meaning.
-pub const COLUMNS: [(&str, &str, &str); 8] = [
+pub const COLUMNS: [(&str, &str, &str); 9] = [
     (
         "pressure_homogeneous",
         "Pa",
         "mean pressure 3 G M² / (20 π R⁴) of a homogeneous ball of the mass and of R_enclosing",
+    ),
+    (
+        "pressure_by_inertia",
+        "1",
+        "5 p V R_i / (G M²), V the enclosing ball, R_i = (a b c)^(1/3): pressure over that of a homogeneous ball of the same mass and moments of inertia, both over V",
     ),
     (
         "Z_isostatic",
@@ -156,8 +161,19 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
         })
         .sum::<f64>()
         / taken.len() as f64;
+    let by_inertia: f64 = taken
+        .iter()
+        .map(|&k| {
+            let of = |name: &str| series[name][k];
+            let volume = 4.0 / 3.0 * std::f64::consts::PI * of("R_enclosing").powi(3);
+            let radius = (of("a") * of("b") * of("c")).cbrt();
+            5.0 * of("pressure") * volume * radius / (constant * of("mass").powi(2))
+        })
+        .sum::<f64>()
+        / taken.len() as f64;
     let room = |names: &[&str]| names.iter().map(|name| per_step(&timer, name)).sum::<f64>();
     values.push(homogeneous);
+    values.push(by_inertia);
     values.push(6.0 - 12.0 / mean("n_grains"));
     values.push(per_step(&steps, "sweeps"));
     values.push(per_step(&steps, "contacts_active"));
