@@ -1,0 +1,25 @@
+# What goes round, or has left, the largest remnant at the end, by orbits of two bodies:
+#   awk -v csv=secondaries.csv -f secondaries.awk left-f0/POSTPRO/state-020000/fragments.csv ...
+# A row a group of three grains or more; distances over the remnant's radius (a b c)^(1/3), angles in degrees, periods in hours.
+# Columns go by their names.
+
+BEGIN {
+    FS = ","; LEAST = 3; PI = atan2(0, -1)
+    print "cohesion,grains,mass_share,bound,orbit_a,orbit_e,inclination,pericentre,period" > csv
+    print "   f_c [N]  grains  mass share  bound   a/R      e  inclination  pericentre/R  period [h]"
+}
+
+FNR == 1 {
+    for (k = 1; k <= NF; k++) column[$k] = k
+    name = FILENAME; sub(/\/POSTPRO.*/, "", name); sub(/.*left-f/, "", name)
+    next
+}
+FNR == 2 { mass = $column["mass"]; radius = ($column["a"] * $column["b"] * $column["c"]) ^ (1 / 3); next }
+
+$column["grains"] + 0 >= LEAST {
+    share = $column["mass"] / mass
+    a = $column["orbit_a"] / radius; e = $column["orbit_e"]; tilt = $column["inclination"] * 180 / PI
+    near = $column["pericentre"] / radius; period = $column["orbit_period"] == "" ? "" : $column["orbit_period"] / 3600
+    printf "%10g %7d %11.4f %6s %5.1f %6.3f %12.1f %13.2f  %s\n", name, $column["grains"], share, $column["bound"] ? "yes" : "no", a, e, tilt, near, period == "" ? "-" : sprintf("%.1f", period)
+    printf "%g,%d,%.6g,%d,%.6g,%.6g,%.6g,%.6g,%s\n", name, $column["grains"], share, $column["bound"], a, e, tilt, near, period == "" ? "-" : sprintf("%.6g", period) > csv
+}
