@@ -1,6 +1,11 @@
 # `make study` of an example whose scene is one cloud: the same with other numbers of grains, coefficients of friction and
-# cohesions between two grains (N), a folder a run. The Makefile that includes this says NUMBERS, FRICTIONS, COHESIONS, the
-# times FROM and END between which means are taken, and REST, until when what still moves is brought to rest, s.
+# cohesions between two grains (N), a folder a run. The Makefile that includes this says
+#
+#   NUMBERS, FRICTIONS, COHESIONS   every combination is a run
+#   LARGER, LARGER_FRICTIONS        more numbers and their coefficients of friction, without cohesion; may be empty
+#   FROM, END, REST                 means are taken between the first two; what still moves then is brought to rest until REST, s
+#   STILL, STILL_TIME               numbers whose frictionless run goes on until true rest, for so long, s; may be empty
+#   BESIDE                          runs of another study whose pressures are shown beside these; may be empty
 
 EMPTY :=
 COMMA := ,
@@ -11,17 +16,21 @@ part = $(patsubst $(2)%,%,$(filter $(2)%,$(subst -, ,$(notdir $(1)))))
 group = mu$(call part,$(1),mu)-f$(call part,$(1),f)
 law = $(if $(filter 0,$(2)),IQS_CLB(friction: $(1)),IQS_WET_DS_CLB(cohesion: $(2), range: 0.1, dynamic_friction: $(1), static_friction: $(1)))
 
-RUNS := $(foreach f,$(COHESIONS),$(foreach mu,$(FRICTIONS),$(NUMBERS:%=study/N%-mu$(mu)-f$(f))))
+RUNS := $(foreach f,$(COHESIONS),$(foreach mu,$(FRICTIONS),$(NUMBERS:%=study/N%-mu$(mu)-f$(f)))) \
+	$(foreach mu,$(LARGER_FRICTIONS),$(LARGER:%=study/N%-mu$(mu)-f0))
+STILLED := $(STILL:%=study/still-N%)
 LARGEST := $(lastword $(NUMBERS))
-BY_NUMBER := $(NUMBERS:%=study/N%-mu$(lastword $(filter-out 1,$(FRICTIONS)))-f0)
+BY_NUMBER := $(filter %-mu$(lastword $(filter-out 1,$(FRICTIONS)))-f0,$(RUNS))
 BY_LAW := $(filter study/N$(LARGEST)-%,$(RUNS))
 TIMES := Ec_mean,Z,nu,pressure
 
 ifneq ($(filter study,$(MAKECMDGOALS)),)
-CASES := $(RUNS)
+CASES := $(RUNS) $(STILLED)
 POST_FLAGS := --no-vtk
 FIGURES = $(CD_BIN)/cd-post study $(RUNS) -o study/figures --from $(FROM) --until $(END) --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \
 	$(CD_BIN)/cd-post study $(RUNS) -o study/figures/rest --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \
+	$(if $(STILLED),$(CD_BIN)/cd-post study $(STILLED) -o study/figures/still;) \
+	$(if $(BESIDE),$(CD_BIN)/cd-post study $(RUNS) $(BESIDE) -o study/figures/beside --groups $(call listed,$(RUNS:%=here) $(BESIDE:%=there));) \
 	$(if $(word 2,$(BY_NUMBER)),$(CD_BIN)/cd-post compare $(BY_NUMBER) -o study/figures/by-number --columns $(TIMES);) \
 	$(if $(word 2,$(BY_LAW)),$(CD_BIN)/cd-post compare $(BY_LAW) -o study/figures/by-law --columns $(TIMES))
 endif
@@ -29,6 +38,10 @@ $(foreach run,$(RUNS),$(eval INPUT_$(run) := scene.ron))
 $(foreach run,$(RUNS),$(eval PRE_$(run) = $$(CD_BIN)/cd-pre scene.ron -o $(run) --set grains.1.number=$(call part,$(run),N) \
 	--set 'laws.1.kind=$(call law,$(call part,$(run),mu),$(call part,$(run),f))' --set compute.end_time=$(REST) \
 	--set 'compute.events=[(time: $(END), action: SetQuench(0.01))]'))
+# Close to critical damping of the whole, and solved so finely that what carries no force is told from what does.
+$(foreach run,$(STILLED),$(eval INPUT_$(run) := study/N$(run:study/still-N%=%)-mu0-f0/OUTBOX/.done))
+$(foreach run,$(STILLED),$(eval PRE_$(run) = $$(CD_BIN)/cd-pre from-outbox study/N$(run:study/still-N%=%)-mu0-f0 $(run) \
+	--set 'compute=(dt: 4.0, end_time: $(STILL_TIME), tol: 1.0e-6, self_gravity: true, quench: 0.004, output_every: 1000)'))
 
 include $(dir $(lastword $(MAKEFILE_LIST)))example.mk
 
