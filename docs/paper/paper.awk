@@ -3,6 +3,7 @@
 # Lines pass as they are, but
 #   @figure FILE NAME CAPTION...            copies the figure to docs/images/paper-NAME.svg and shows it
 #   @table FILE COLUMN,COLUMN...            a table of columns of a CSV file; text as it is, numbers to four digits
+#   @minutes FOLDER...                      how long the runs in these folders took, by their TIMER.csv
 #   @columns CLAIM                          heads of a table of claims
 #   @claim LOW HIGH NUMBER | CLAIM | WHERE | REMARK   a row: agrees if LOW <= NUMBER <= HIGH; `-` is no bound
 # NUMBER is one of
@@ -12,6 +13,7 @@
 #   share FILE COLUMN TIME                  the column at a time over its largest value
 #   ratio FILE COLUMN TIME TIME             the column at the second time over that at the first
 #   range FILE COLUMN TIME TIME             largest less smallest value between two times
+#   last FILE COLUMN                        the column in the last row
 # An empty or missing number is a fault: the paper says nothing that was not measured.
 
 function fault(text) { print FILENAME ":" FNR ": " text > "/dev/stderr"; failed = 1; exit 1 }
@@ -66,6 +68,7 @@ function number(words, n,    file, name, k, x, y, low, high, from, to) {
         x = cell(file, words, 3, k - 1); y = cell(file, words, k + 1, n)
         return words[1] == "over" ? x / y : x - y
     }
+    if (words[1] == "last") return value(file, rows[file], name)
     if (words[1] == "ratio") return value(file, row_at(file, words[5]), name) / value(file, row_at(file, words[4]), name)
     if (words[1] == "share") { from = 1; to = row_at(file, words[4]) }
     else if (words[1] == "range") { from = row_at(file, words[4]); to = row_at(file, words[5]) }
@@ -93,6 +96,22 @@ $1 == "@table" {
         for (k = 1; k <= n; k++) line = line " " shown(value($2, r, names[k])) " |"
         print line
     }
+    next
+}
+
+$1 == "@minutes" {
+    seconds = runs = 0
+    for (k = 2; k <= NF; k++) {
+        list = "ls " $k "/*/TIMER.csv"
+        while ((list | getline file) > 0) {
+            runs++
+            while ((getline line < file) > 0) { n = split(line, parts, ","); for (r = 2; r <= n; r++) seconds += parts[r] }
+            close(file)
+        }
+        close(list)
+    }
+    if (!runs) fault("no TIMER.csv in the folders; run the examples first")
+    printf "The %d runs took %.0f minutes together, by their own clocks.\n", runs, seconds / 60
     next
 }
 
