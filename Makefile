@@ -37,12 +37,15 @@ trade: build ## runs examples/trade, in some minutes, and writes its figures int
 	awk -f docs/accuracy/trade.awk docs/accuracy.md > docs/accuracy.md.part
 	mv docs/accuracy.md.part docs/accuracy.md
 
-extremes: ## runs scenes at the ends of what parameters can be, and writes docs/limits.md
-	CD_TESTS_LONG=1 $(CARGO) test --package cd-solve --test cases -- --nocapture $(EXTREMES) > docs/limits.log 2> docs/limits.err \
-	    || { grep -h panicked -A3 docs/limits.log docs/limits.err; exit 1; }
-	awk -f docs/limits/limits.awk docs/limits.log docs/limits/limits.md.in > docs/limits.md.part
+extremes: ## runs scenes at the ends of what parameters can be, with 1 and 2 threads, checked and optimised, and writes docs/limits.md
+	for profile in dev release; do for threads in 1 2; do \
+	    CD_TESTS_LONG=1 CD_TESTS_THREADS=$$threads $(CARGO) test --profile $$profile --package cd-solve --test cases -- --nocapture $(EXTREMES) \
+	        > docs/limits-$$profile-$$threads.log 2> docs/limits.err \
+	        || { grep -h panicked -A3 docs/limits-$$profile-$$threads.log docs/limits.err; exit 1; }; \
+	done; done
+	awk -f docs/limits/limits.awk docs/limits-*.log docs/limits/limits.md.in > docs/limits.md.part
 	mv docs/limits.md.part docs/limits.md
-	rm docs/limits.log docs/limits.err
+	rm docs/limits-*.log docs/limits.err
 
 test: ## all tests; CD_REQUIRE_VTK=1 and CD_REQUIRE_CHROMIUM=1 make what is missing an error
 	$(CARGO) test --workspace --no-fail-fast

@@ -54,7 +54,8 @@ impl Case {
         let options = Compute {
             tol: Some(1e-12),
             max_sweeps: Some(20_000),
-            threads: 1,
+            threads: std::env::var("CD_TESTS_THREADS")
+                .map_or(1, |threads| threads.parse().expect("a number of threads")),
             output_every: 1 << 40,
             ..Compute::default()
         };

@@ -8,8 +8,8 @@ const X: [f64; 3] = [1.0, 0.0, 0.0];
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
 const Z: [f64; 3] = [0.0, 0.0, 1.0];
 
-/// A dozen bounces of two balls on a floor, in units of radius R and of sqrt(R/g).
-fn bounces(radius: f64, g: f64, density: f64) -> [[f64; 3]; 4] {
+/// A dozen bounces of two balls on a floor, in units of radius R and of sqrt(R/g), that many steps each unit of time.
+fn bounces(steps: u32, radius: f64, g: f64, density: f64) -> [[f64; 3]; 4] {
     let mut case = Case::new();
     case.law_of_all("RST_CLB", &[0.5, 0.25, 0.5]);
     case.gravity = [0.0, 0.0, -g];
@@ -18,16 +18,15 @@ fn bounces(radius: f64, g: f64, density: f64) -> [[f64; 3]; 4] {
     let time = (radius / g).sqrt();
     let below = case.sphere(radius, [0.0, 0.0, 1.5 * radius]);
     let above = case.sphere(radius, [0.5 * radius, 0.25 * radius, 4.0 * radius]);
-    case.options.dt = time / 64.0;
+    case.options.dt = time / f64::from(steps);
     case.options.tol = Some(1e-12);
-    let end = case.run(256);
+    let end = case.run(4 * u64::from(steps));
     [end.x(below) / radius, end.x(above) / radius, end.v(below) * time / radius, end.w(above) * time]
         .map(|v| [v.x, v.y, v.z])
 }
 
 #[test]
 fn the_same_at_every_scale() {
-    let expected = bounces(1.0, 9.81, 2700.0);
     let scales = [
         (1e-6, 9.81, 2700.0),
         (1e4, 9.81, 2700.0),
@@ -39,12 +38,14 @@ fn the_same_at_every_scale() {
         (1e4, 9.81e-9, 1.0),
     ];
     let mut worst = 0f64;
-    for (radius, g, density) in scales {
-        let found = bounces(radius, g, density);
-        for (found, expected) in found.into_iter().zip(expected) {
-            // Files have eight digits of radii, densities and g; a dozen bounces make their errors grow by as many times.
-            near(found, expected, 1e-5);
-            worst = worst.max((Vec3::from(found) - Vec3::from(expected)).norm());
+    for steps in [16, 64, 256] {
+        let expected = bounces(steps, 1.0, 9.81, 2700.0);
+        for (radius, g, density) in scales {
+            for (found, expected) in bounces(steps, radius, g, density).into_iter().zip(expected) {
+                // Files have eight digits of radii, densities and g; a dozen bounces make their errors grow by as many times.
+                near(found, expected, 1e-5);
+                worst = worst.max((Vec3::from(found) - Vec3::from(expected)).norm());
+            }
         }
     }
     let holds = "a dozen bounces the same in units of radius and √(radius/g), difference";
@@ -127,15 +128,15 @@ fn energy_never_grows_whatever_the_law() {
 fn a_spin_of_a_thousand_becomes_the_motion_of_rolling() {
     let spins = [1.0, 1e3];
     let mut worst = 0f64;
-    for spin in spins {
+    for (spin, steps) in spins.into_iter().flat_map(|spin| [10, 100, 1000].map(|steps| (spin, steps))) {
         let mut case = Case::new();
         case.law_of_all("IQS_CLB", &[0.5]);
         case.gravity = [0.0, 0.0, -8.0 * spin];
         case.floor();
         let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
         case.launch(ball, [0.0; 3], [0.0, spin, 0.0]);
-        case.options.dt = 1e-3;
-        let end = case.run(100);
+        case.options.dt = 0.1 / steps as f64;
+        let end = case.run(steps);
         // Friction until v = ω R: v = 2/7 ω R. To rounding of the first speed, 1e2 times.
         near(end.v(ball), [spin / 7.0, 0.0, 0.0], 1e-12 * spin);
         near(end.w(ball), [0.0, spin * 2.0 / 7.0, 0.0], 1e-12 * spin);
@@ -148,91 +149,101 @@ fn a_spin_of_a_thousand_becomes_the_motion_of_rolling() {
 #[test]
 fn cohesion_far_above_weight_holds_a_chain_that_hangs() {
     // Each ball hangs by the one above; the first by a plate. 1e6 times the weight of all.
-    let mut case = Case::new();
-    case.gravity = [0.0, 0.0, -8.0];
-    case.law_of_all("IQS_WET_DS_CLB", &[1e6 * 8.0 * 10.0 * 0.53, 0.0, 0.01, 0.5, 0.5]);
-    case.plate([4.0, 4.0, 0.5], [0.0, 0.0, 0.5], [X, Y, Z]);
-    let balls: Vec<usize> = (0..10).map(|k| case.sphere(0.5, [0.0, 0.0, -0.5 - f64::from(k)])).collect();
-    let end = case.run(200);
-    for (k, &ball) in balls.iter().enumerate() {
-        // Solved to 1e-12 of h times the cohesion, 4e4 N s on half a kilogram.
-        near(end.x(ball), [0.0, 0.0, -0.5 - k as f64], 1e-7);
-        near(end.v(ball), [0.0; 3], 1e-6);
+    let mut slid = 0f64;
+    for h in [1e-4, 1e-3, 1e-2] {
+        let mut case = Case::new();
+        case.gravity = [0.0, 0.0, -8.0];
+        case.law_of_all("IQS_WET_DS_CLB", &[1e6 * 8.0 * 10.0 * 0.53, 0.0, 0.01, 0.5, 0.5]);
+        case.plate([4.0, 4.0, 0.5], [0.0, 0.0, 0.5], [X, Y, Z]);
+        let balls: Vec<usize> = (0..10).map(|k| case.sphere(0.5, [0.0, 0.0, -0.5 - f64::from(k)])).collect();
+        case.options.dt = h;
+        let end = case.run(200);
+        for (k, &ball) in balls.iter().enumerate() {
+            // Solved to 1e-12 of h times the cohesion, 4e7 N h on half a kilogram.
+            near(end.x(ball), [0.0, 0.0, -0.5 - k as f64], 0.1 * h * h);
+            near(end.v(ball), [0.0; 3], 1e-3 * h);
+            slid = slid.max(end.v(ball).norm());
+        }
     }
-    let slid = balls.iter().map(|&ball| end.v(ball).norm()).fold(0.0, f64::max);
     shown("cohesion over weight", &range(&[1e6]), "a chain of ten hangs, speed, m/s", slid);
 }
 
 #[test]
 fn a_ball_squeezed_by_walls_stays_between_them() {
     // Nothing rigid fits: the overlap is shared, and the ball neither leaps nor becomes a number that is none.
-    let mut case = Case::new();
-    case.law_of_all("IQS_CLB", &[0.5]);
-    let wall = |case: &mut Case, z: f64| case.plate([4.0, 4.0, 0.5], [0.0, 0.0, z], [X, Y, Z]);
-    let (below, above) = (wall(&mut case, -1.0), wall(&mut case, 1.0));
-    case.drive_along(below, 2, Evolution::constant(0.1));
-    case.drive_along(above, 2, Evolution::constant(-0.1));
-    let ball = case.sphere(0.5, [0.0, 0.0, 0.0]);
-    case.options.dt = 0.01;
-    case.options.max_sweeps = Some(500);
-    for state in case.states(100, 10) {
-        let depth = 0.1 * state.meta.time;
-        assert!(state.x(ball).norm() <= depth + 1e-9 && state.v(ball).norm() <= 0.1 + 1e-9, "{}", state.v(ball));
+    let mut fastest = 0f64;
+    for h in [1e-3, 1e-2, 1e-1] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        let wall = |case: &mut Case, z: f64| case.plate([4.0, 4.0, 0.5], [0.0, 0.0, z], [X, Y, Z]);
+        let (below, above) = (wall(&mut case, -1.0), wall(&mut case, 1.0));
+        case.drive_along(below, 2, Evolution::constant(0.1));
+        case.drive_along(above, 2, Evolution::constant(-0.1));
+        let ball = case.sphere(0.5, [0.0, 0.0, 0.0]);
+        case.options.dt = h;
+        case.options.max_sweeps = Some(500);
+        for state in case.states((1.0 / h) as u64, (0.1 / h) as u64) {
+            let depth = 0.1 * state.meta.time;
+            assert!(state.x(ball).norm() <= depth + 1e-9 && state.v(ball).norm() <= 0.1 + 1e-9, "{}", state.v(ball));
+            fastest = fastest.max(state.v(ball).norm());
+        }
     }
+    let holds = "between driven walls it stays, speed over theirs";
+    shown("overlap of a squeezed ball over its radius", &range(&[0.0, 0.2]), holds, fastest / 0.1);
 }
 
 #[test]
 fn what_is_symmetric_stays_so() {
     // Four balls in a square and one on top, under a law that lets it sink between them.
-    let mut case = Case::new();
-    case.law_of_all("IQS_CLB", &[0.1]);
-    case.gravity = [0.0, 0.0, -8.0];
-    case.floor();
-    let square: Vec<usize> = [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]
-        .iter()
-        .map(|[x, y]| case.sphere(0.5, [*x, *y, 0.5]))
-        .collect();
-    let top = case.sphere(0.5, [0.0, 0.0, 0.5 + 0.5f64.sqrt()]);
-    let end = case.run(1000);
-    let turned = |v: Vec3| Vec3::new(-v.y, v.x, v.z);
-    assert!(end.x(square[0]).xy().norm() > 0.75, "they part: {}", end.x(square[0]));
-    for pair in square.windows(2) {
-        // Contacts are solved one after the other, to 1e-12 of h g in a thousand steps of 1 ms that add up.
-        near(end.x(pair[1]), turned(end.x(pair[0])), 1e-9);
+    let mut worst = 0f64;
+    for steps in [100, 1000] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.1]);
+        case.gravity = [0.0, 0.0, -8.0];
+        case.options.dt = 1.0 / steps as f64;
+        case.floor();
+        let square: Vec<usize> = [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]
+            .iter()
+            .map(|[x, y]| case.sphere(0.5, [*x, *y, 0.5]))
+            .collect();
+        let top = case.sphere(0.5, [0.0, 0.0, 0.5 + 0.5f64.sqrt()]);
+        let end = case.run(steps);
+        let turned = |v: Vec3| Vec3::new(-v.y, v.x, v.z);
+        assert!(end.x(square[0]).xy().norm() > 0.75, "they part: {}", end.x(square[0]));
+        for pair in square.windows(2) {
+            // Contacts are solved one after the other, to 1e-12 of h g in steps that add up.
+            near(end.x(pair[1]), turned(end.x(pair[0])), 1e-9);
+        }
+        equal(end.x(top).xy().norm(), 0.0, 1e-9);
+        worst = worst.max(end.x(top).xy().norm());
     }
-    equal(end.x(top).xy().norm(), 0.0, 1e-9);
-    shown(
-        "steps of a symmetric pile",
-        &range(&[1000.0]),
-        "it stays symmetric while it collapses, m",
-        end.x(top).xy().norm(),
-    );
+    let holds = "it stays symmetric while it collapses, m";
+    shown("steps of a symmetric pile", &range(&[100.0, 1000.0]), holds, worst);
 }
 
 #[test]
 fn a_chain_of_a_thousand_carries_itself() {
     // Under 1 m/s² from the wall at its lower end; what the last of them carries is exact to the tolerance.
-    let mut case = Case::new();
-    case.law_of_all("IQS_CLB", &[0.5]);
-    case.gravity = [0.0, 0.0, -1.0];
-    let floor = case.floor();
-    let first = case.sphere(0.5, [0.0, 0.0, 0.5]);
-    for k in 1..1000 {
-        case.sphere(0.5, [0.0, 0.0, 0.5 + f64::from(k)]);
+    let mut worst = 0f64;
+    for h in [1e-3, 1e-2] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        case.gravity = [0.0, 0.0, -1.0];
+        let floor = case.floor();
+        let first = case.sphere(0.5, [0.0, 0.0, 0.5]);
+        for k in 1..1000 {
+            case.sphere(0.5, [0.0, 0.0, 0.5 + f64::from(k)]);
+        }
+        (case.options.tol, case.options.dt) = (Some(1e-2), h);
+        let end = case.run(100);
+        let weight: f64 = (first..first + 1000).map(|i| end.mass(i)).sum();
+        // A hundred steps, each solved to 1e-2 of what gravity does in it from where the last one ended.
+        let carried = end.force(first, floor).unwrap().x / weight;
+        equal(carried, 1.0, 0.05);
+        worst = worst.max((carried - 1.0).abs());
+        assert!((first..first + 1000).all(|i| end.v(i).norm() < 100.0 * h));
+        // Nothing slides, so that momentum carries the forces down in some hundred sweeps.
+        assert!(case.column("converged").iter().all(|converged| *converged == 1.0));
     }
-    case.options.tol = Some(1e-2);
-    let end = case.run(100);
-    let weight: f64 = (first..first + 1000).map(|i| end.mass(i)).sum();
-    // A hundred steps, each solved to 1e-2 of what gravity does in it from where the last one ended.
-    let carried = end.force(first, floor).unwrap().x / weight;
-    equal(carried, 1.0, 0.05);
-    shown(
-        "length of a chain",
-        &range(&[1000.0]),
-        "it is carried at tol 1e-2, error of the force",
-        (carried - 1.0).abs(),
-    );
-    assert!((first..first + 1000).all(|i| end.v(i).norm() < 0.1));
-    // Nothing slides, so that momentum carries the forces down in some hundred sweeps.
-    assert!(case.column("converged").iter().all(|converged| *converged == 1.0));
+    shown("length of a chain", &range(&[1000.0]), "it is carried at tol 1e-2, error of the force", worst);
 }

@@ -45,10 +45,10 @@ fn one_sphere_alone() {
 fn coincident_spheres_part_or_stay_but_are_sound() {
     let mut farthest = 0f64;
     for (law, parts) in [("IQS_CLB", false), ("GAP_SGR_CLB", true)] {
-        for gravity in [false, true] {
+        for (gravity, h) in [(false, 1e-3), (true, 1e-3), (true, 1e-2), (true, 1e-4)] {
             let mut case = Case::new();
             case.law(law, &[0.5]);
-            case.options.self_gravity = gravity;
+            (case.options.self_gravity, case.options.dt) = (gravity, h);
             case.options.gravity_constant = 1.0;
             for _ in 0..2 {
                 case.sphere(0.5, [1.0, 1.0, 1.0]);
@@ -88,40 +88,44 @@ fn overlaps_do_not_explode() {
 #[test]
 fn far_out_only_the_digits_suffer() {
     // 1e9 m out a position is good to 1e-7 m.
-    let mut case = Case::new();
-    case.law("RST_CLB", &[1.0, 0.0, 0.0]);
-    case.options.dt = 1.0 / 64.0;
     let out = 1e9;
-    case.sphere(0.5, [out, 0.0, 0.0]);
-    let ball = case.sphere(0.5, [out, 2.0, 0.0]);
-    case.launch(ball, [0.0, -1.0, 0.0], [0.0; 3]);
-    case.sphere(0.5, [-out, -out, out]);
-    let end = case.run(128);
-    near(end.v(0), [0.0, -1.0, 0.0], 1e-14);
-    near(end.v(1), [0.0; 3], 1e-14);
-    shown("distance from the origin, m", &range(&[1e9]), "an elastic blow, error of velocities", end.v(1).norm());
+    let mut worst = 0f64;
+    for steps in [16u32, 128, 1024] {
+        let mut case = Case::new();
+        case.law("RST_CLB", &[1.0, 0.0, 0.0]);
+        case.options.dt = 2.0 / f64::from(steps);
+        case.sphere(0.5, [out, 0.0, 0.0]);
+        let ball = case.sphere(0.5, [out, 2.0, 0.0]);
+        case.launch(ball, [0.0, -1.0, 0.0], [0.0; 3]);
+        case.sphere(0.5, [-out, -out, out]);
+        let end = case.run(steps.into());
+        near(end.v(0), [0.0, -1.0, 0.0], 1e-14);
+        near(end.v(1), [0.0; 3], 1e-14);
+        worst = worst.max(end.v(1).norm());
+    }
+    shown("distance from the origin, m", &range(&[out]), "an elastic blow, error of velocities", worst);
 }
 
 #[test]
 fn sizes_may_differ_ten_thousandfold() {
     // A pebble of 1e-4 on a ball of 1, under its attraction: it stays, carried by its weight.
-    let mut case = Case::new();
-    case.law("IQS_CLB", &[0.5]);
-    case.options.self_gravity = true;
-    case.options.gravity_constant = 1.0;
-    case.sphere(1.0, [0.0; 3]);
-    let pebble = case.sphere(1e-4, [0.0, 1.0001, 0.0]);
-    let end = case.run(1000);
-    let weight = end.mass(0) * end.mass(pebble) / 1.0001f64.powi(2);
-    let error = end.force(0, pebble).unwrap().x / weight - 1.0;
-    near(end.force(0, pebble).unwrap() / weight, [1.0, 0.0, 0.0], 1e-9); // masses 1e12 apart
-    shown(
-        "ratio of radii that attract and touch",
-        &range(&[1e4]),
-        "the pebble rests, error of its weight",
-        error.abs(),
-    );
-    near(end.x(pebble), [0.0, 1.0001, 0.0], 1e-12);
+    let mut worst = 0f64;
+    for h in [1e-4, 1e-3, 1e-2] {
+        let mut case = Case::new();
+        case.law("IQS_CLB", &[0.5]);
+        case.options.self_gravity = true;
+        case.options.gravity_constant = 1.0;
+        case.options.dt = h;
+        case.sphere(1.0, [0.0; 3]);
+        let pebble = case.sphere(1e-4, [0.0, 1.0001, 0.0]);
+        let end = case.run(1000);
+        let weight = end.mass(0) * end.mass(pebble) / 1.0001f64.powi(2);
+        near(end.force(0, pebble).unwrap() / weight, [1.0, 0.0, 0.0], 1e-9); // masses 1e12 apart
+        near(end.x(pebble), [0.0, 1.0001, 0.0], 1e-12);
+        worst = worst.max((end.force(0, pebble).unwrap().x / weight - 1.0).abs());
+    }
+    let holds = "the pebble rests, error of its weight";
+    shown("ratio of radii that attract and touch", &range(&[1e4]), holds, worst);
 }
 
 #[test]
