@@ -77,7 +77,7 @@ function draw(    k) {
     print "<path d=\"M70 40 V270 H470\" fill=\"none\" stroke=\"black\"/>" > svg
     print "<text x=\"270\" y=\"315\" text-anchor=\"middle\">ω² / πGρ</text>" > svg
     print "<text x=\"22\" y=\"155\" text-anchor=\"middle\" transform=\"rotate(-90 22 155)\">c / a</text>" > svg
-    print "<text x=\"70\" y=\"25\">Dots: spheres without friction. Grey: Maclaurin's fluid. Red: limit at a friction angle of 5.8°.</text>" > svg
+    print "<text x=\"70\" y=\"25\">Dots: spheres without friction. Grey: fluid. Red: limit at φ = 5.8°.</text>" > svg
     print "</svg>" > svg
     close(svg)
     print "drawn in " svg
