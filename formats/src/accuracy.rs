@@ -105,5 +105,5 @@ knobs! {
     max_sweeps: u64 = [200, 10_000, 10_000, 10_000];
     narrow_phase: NarrowPhase = [NarrowPhase::Fast, NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate];
     gravity_error: f64 = [1e-2, 1e-3, 1e-4, 1e-6];
-    gravity_refresh: u64 = [8, 1, 1, 1];
+    gravity_refresh: u64 = [16, 16, 16, 1];
 }

@@ -283,6 +283,14 @@ impl Scene {
         gravity
     }
 
+    /// Most steps from one evaluation of self-gravity to the next. Direct sums are of few bodies, which may be on
+    /// orbits: they are evaluated at every step if nothing else is asked for.
+    pub fn gravity_refresh(&self) -> u64 {
+        let exact = self.gravity().method_for(self.free.len()) == Method::Direct;
+        let set = self.options.gravity_refresh.is_some();
+        if !self.options.self_gravity || (exact && !set) { 1 } else { self.options.gravity_refresh() }
+    }
+
     /// The fields that act from outside.
     pub fn outside(&self) -> Vec<Outside> {
         let constant = self.options.gravity_constant;

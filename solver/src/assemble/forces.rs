@@ -220,6 +220,9 @@ const DIRECT_ENERGY: usize = 50_000;
 /// Steps between two looks at the error of self-gravity.
 const LOOK_EVERY: u64 = 100;
 
+/// Of the error asked of self-gravity, the part that its extrapolation may reach.
+const STALE: f64 = 0.25;
+
 /// Bodies feel each other's quadrupoles where they are nearer than this times the sum of their radii.
 const NEAR: f64 = 3.0;
 
@@ -240,14 +243,14 @@ fn attraction(scene: &Scene, state: &State, q_c: &Configuration) -> Pull {
         return Pull { acceleration, energy: 0.0, report: GravityReport::default(), next: None };
     }
     let (positions, masses) = points(scene, &q_c.x);
-    let mut pull = if scene.options.gravity_refresh() == 1 {
+    let mut pull = if scene.gravity_refresh() == 1 {
         let (acceleration, energy, removed) = evaluated(scene, &positions, &masses);
         let report = GravityReport { removed, ..GravityReport::default() };
         Pull { acceleration, energy, report, next: None }
     } else {
         extrapolated(scene, state, q_c, &positions, &masses)
     };
-    let approximate = scene.options.gravity_refresh() > 1 || scene.gravity().method_for(masses.len()) == Method::Fmm;
+    let approximate = scene.gravity_refresh() > 1 || scene.gravity().method_for(masses.len()) == Method::Fmm;
     let looks = state.step.next_multiple_of(LOOK_EVERY) < state.step + q_c.units;
     if approximate && looks {
         let constant = scene.options.gravity_constant;
@@ -309,8 +312,9 @@ fn evaluated(scene: &Scene, positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f
     (acceleration, 0.5 * potential.iter().zip(masses).map(|(p, m)| p * m).sum::<f64>(), removed)
 }
 
-/// Self-gravity from its last two evaluations, as far apart as those at most, or evaluated again. In between the error
-/// goes as the square of the time since; forces and torques sum to zero all the same.
+/// Self-gravity from its last two evaluations, or evaluated again. In between the error goes as the square of the time
+/// since: that is at most the time between the two, and less where their error says so. Forces and torques sum to zero
+/// all the same.
 fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[Vec3], masses: &[f64]) -> Pull {
     let options = &scene.options;
     let now = state.time + (1.0 - options.theta) * q_c.h;
@@ -330,10 +334,11 @@ fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[
     let part = if last > before { (now - last) / (last - before) } else { 0.0 };
     let mut acceleration: Vec<Vec3> = old.last.iter().zip(&old.before).map(|(a, b)| a + (a - b) * part).collect();
     let (age, moved) = (record.age + q_c.units, record.moved + fastest * q_c.h);
+    let fit = (STALE * options.gravity_error() / record.extrapolation_error).sqrt().min(1.0);
     // A thousandth of a step of slack, as times are sums.
-    let reached = last > before && now - last <= last - before + 1e-3 * options.dt;
+    let reached = last > before && now - last <= (last - before) * fit + 1e-3 * options.dt;
     let report = |removed, extrapolation| GravityReport { removed, sampled: None, extrapolation };
-    if reached && age < options.gravity_refresh() && moved < options.gravity_moved * scene.mean_radius {
+    if reached && age < scene.gravity_refresh() && moved < options.gravity_moved * scene.mean_radius {
         let removed = balance(positions, masses, &mut acceleration);
         let energy = record.potentials[0] + (record.potentials[0] - record.potentials[1]) * part;
         let report = report(record.removed.max(removed), record.extrapolation_error);

@@ -153,6 +153,9 @@ fn falling(side: i64, refresh: u64, dt: f64) -> Case {
 fn extrapolated_gravity_errs_to_second_order_and_keeps_momentum() {
     let worst = |dt: f64| {
         let mut case = falling(6, 8, dt);
+        // An error that no stretch here passes, of sums that are far better.
+        let options = &mut case.options;
+        (options.gravity_error, options.gravity_order, options.gravity_opening) = (Some(0.1), Some(8), Some(0.4));
         let last = case.run((0.4 / dt).round() as u64);
         near(last.momentum(), [0.0; 3], 1e-14 * last.momentum_scale());
         // About the origin, with bodies some 3 m out.
@@ -160,8 +163,24 @@ fn extrapolated_gravity_errs_to_second_order_and_keeps_momentum() {
         case.column("gravity_extrapolation").into_iter().fold(0.0, f64::max)
     };
     let (coarse, fine) = (worst(0.004), worst(0.002));
-    // A quarter at half the step. The sum's own error of 1e-4, and the first evaluation that falls late, are part of it.
+    // A quarter at half the step, but for the first evaluation that falls late.
     assert!(coarse < 0.02 && (2.5..6.0).contains(&(coarse / fine)), "{coarse} {fine}");
+}
+
+#[test]
+fn self_gravity_is_evaluated_as_often_as_its_error_asks() {
+    let evaluations = |error: f64| {
+        let mut case = falling(6, 64, 0.004);
+        case.options.gravity_error = Some(error);
+        case.run(120);
+        let errors = case.column("gravity_extrapolation");
+        // What an evaluation finds is of the first step that was not extrapolated any more.
+        assert!(errors.iter().all(|&missed| missed < error), "{errors:?}");
+        errors.windows(2).filter(|pair| pair[0] != pair[1]).count()
+    };
+    let (rough, fine) = (evaluations(1e-2), evaluations(1e-3));
+    // The error goes as the square of the time: three times as many, when stretches are long.
+    assert!(2 * rough < fine && 2 * fine < 120, "{rough} {fine}");
 }
 
 #[test]
