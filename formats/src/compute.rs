@@ -211,6 +211,8 @@ options! {
     solver: ContactSolver = ContactSolver::Auto, ContactSolver, [value_enum, value_name = "SOLVER"];
     /// Sweeps, or iterations, after which a step is reported as not converged, and goes on; without it, as accuracy asks.
     max_sweeps: Option<u64> = None, u64, [value_name = "N"];
+    /// Sweeps from one check of convergence to the next, the first after as many; without it, when the changes that sweeps make suggest it. LMGC90's examples check every 50.
+    check_every: Option<u64> = None, u64, [value_name = "N"];
     /// Also writes LMGC90's stopping criteria of each step's solution to steps.csv.
     lmgc90_norms: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Distance within which contacts are listed, m; without it, that of each row of TACT_BEHAV.DAT.
@@ -321,6 +323,7 @@ impl Compute {
             "more than 0 and less than 1",
         );
         expect(self.max_sweeps() > 0, "max_sweeps", format!("{}", self.max_sweeps()), "at least 1");
+        expect(self.check_every != Some(0), "check_every", format!("{:?}", self.check_every), "at least 1");
         expect(
             self.alert.is_none_or(|a| a.is_finite() && a >= 0.0),
             "alert",
@@ -460,7 +463,7 @@ mod tests {
         let file: Compute = from_ron(path, "(accuracy: draft, tol: 0.5, adaptive: (most: 3))", "options").unwrap();
         let flags = Flags { accuracy: Some(Accuracy::Fine), gravity_refresh: Some(7), ..Flags::default() };
         let [read, flagged] = [file.clone(), file.with(&flags)];
-        assert_eq!((read.tol(), read.max_sweeps(), read.gravity_refresh()), (0.5, 200, 8));
+        assert_eq!((read.tol(), read.max_sweeps(), read.gravity_refresh()), (0.5, 200, 16));
         assert_eq!((flagged.tol(), flagged.max_sweeps(), flagged.gravity_refresh()), (0.5, 10_000, 7));
         assert_eq!(flagged.adaptive(), Adaptive { most: 3, ..Adaptive::default() });
         let again: Compute = from_ron(path, &flagged.to_text(), "options").unwrap();

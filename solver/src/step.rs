@@ -12,7 +12,7 @@ use crate::math::lanes::Width;
 use crate::math::{Quat, Vec3, to_local, to_world};
 use crate::scene::Scene;
 use crate::solve::norms::{Norms, norms};
-use crate::solve::{self, Solution, Task};
+use crate::solve::{self, Solution, Task, Until};
 use crate::state::{Bonding, Contact, SolvedContact, State, Status};
 
 /// Time spent in each room.
@@ -98,7 +98,8 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
 
 fn task(scene: &Scene) -> Task {
     let options = &scene.options;
-    Task { solver: options.solver, tol: options.tol(), max_sweeps: options.max_sweeps(), width: Width::detect() }
+    let until = Until { check_every: options.check_every, ..Until::new(options.tol(), options.max_sweeps()) };
+    Task { solver: options.solver, until, width: Width::detect() }
 }
 
 /// Units of `dt` in the next step, and the contact problem that it would solve, written out.

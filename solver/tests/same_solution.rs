@@ -4,7 +4,7 @@
 mod packing;
 
 use cd_solve::math::lanes::Width;
-use cd_solve::solve::nlgs;
+use cd_solve::solve::{Until, nlgs};
 
 /// Enough bodies for four ranges, and sweeps for momentum to grow and, without friction, to start again.
 #[test]
@@ -13,7 +13,7 @@ fn neither_threads_nor_vectors_change_a_solution() {
         let system = packing::packing(17, friction);
         let solve = |width, threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let solution = pool.install(|| nlgs(&system, 1e-12, 120, width));
+            let solution = pool.install(|| nlgs(&system, Until::new(1e-12, 120), width));
             (solution.impulses, solution.records, solution.residual, solution.sweeps, solution.worst)
         };
         let plain = solve(Width::all()[0], 1);

@@ -5,7 +5,7 @@ use cd_formats::compute::ContactSolver;
 use crate::assemble::{StoredProblem, System};
 use crate::math::lanes::Width;
 use crate::math::{to_local, to_world};
-use crate::solve::nlgs::{ROUND, Solution, closing_outside, nlgs};
+use crate::solve::nlgs::{ROUND, Solution, Until, closing_outside, nlgs};
 use crate::solve::residual::Judge;
 use crate::solve::rolling;
 use crate::solve::stored::{Limits, Problem, Solver, newton_cost, residual, solve};
@@ -14,9 +14,7 @@ use crate::solve::stored::{Limits, Problem, Solver, newton_cost, residual, solve
 #[derive(Debug, Clone, Copy)]
 pub struct Task {
     pub solver: ContactSolver,
-    /// E to reach.
-    pub tol: f64,
-    pub max_sweeps: u64,
+    pub until: Until,
     pub width: Width,
 }
 
@@ -36,28 +34,29 @@ const AIM: f64 = 0.9;
 /// `stored` writes the rows that can close as a problem with its Delassus matrix.
 pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> StoredProblem) -> Solution {
     if !system.rolls.is_empty() {
-        return rolling::nlgs(system, task.tol, task.max_sweeps, task.width);
+        return rolling::nlgs(system, task.until, task.width);
     }
+    let Until { tol, max_sweeps: limit, .. } = task.until;
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
     let budget = PATIENCE * SWEPT * contacts as f64;
     let pays = contacts < LARGE && budget >= WORTH * newton_cost(contacts);
-    let swept = |sweeps| nlgs(system, task.tol, sweeps, task.width);
+    let swept = |max_sweeps| nlgs(system, Until { max_sweeps, ..task.until }, task.width);
     let (solver, max_sweeps, max_cost) = match task.solver {
-        ContactSolver::Nlgs => return swept(task.max_sweeps),
-        _ if contacts >= LARGE => return swept(task.max_sweeps),
-        ContactSolver::Auto if !pays => return swept(task.max_sweeps),
+        ContactSolver::Nlgs => return swept(limit),
+        _ if contacts >= LARGE => return swept(limit),
+        ContactSolver::Auto if !pays => return swept(limit),
         ContactSolver::Auto => (Solver::Auto, u64::MAX, budget),
-        ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, task.max_sweeps, f64::INFINITY),
-        ContactSolver::ProxNewton => (Solver::ProxNewton, task.max_sweeps, f64::INFINITY),
-        ContactSolver::Admm => (Solver::Admm, task.max_sweeps, f64::INFINITY),
+        ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, limit, f64::INFINITY),
+        ContactSolver::ProxNewton => (Solver::ProxNewton, limit, f64::INFINITY),
+        ContactSolver::Admm => (Solver::Admm, limit, f64::INFINITY),
     };
     // `auto` gives the sweeps a round of their momentum's caps; the others go on from the warm start.
-    let sweeps = if solver == Solver::Auto { task.max_sweeps.min(ROUND) } else { 0 };
+    let sweeps = if solver == Solver::Auto { limit.min(ROUND) } else { 0 };
     let start = swept(sweeps);
     if start.converged {
         return start;
     }
-    let limits = Limits { tol: task.tol, max_sweeps, max_time: None, max_cost };
+    let limits = Limits { tol, max_sweeps, max_time: None, max_cost };
     by_stored(system, start, solver, limits, task.width, stored)
 }
 

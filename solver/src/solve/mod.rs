@@ -27,4 +27,4 @@ pub mod stored;
 pub mod sweep;
 
 pub use choice::{Task, contact_problem};
-pub use nlgs::{Solution, nlgs};
+pub use nlgs::{Solution, Until, nlgs};

@@ -42,11 +42,30 @@ pub struct Solution {
     pub taken_over: bool,
 }
 
-/// Solves to E <= `tol`, or stops after `max_sweeps`.
+/// When sweeping ends.
+#[derive(Debug, Clone, Copy)]
+pub struct Until {
+    /// E to reach.
+    pub tol: f64,
+    pub max_sweeps: u64,
+    /// Sweeps from one look at E to the next, the first after as many, as LMGC90's blocks; without it, when the changes
+    /// that sweeps make suggest it.
+    pub check_every: Option<u64>,
+}
+
+impl Until {
+    /// To E <= `tol`, or `max_sweeps`.
+    pub fn new(tol: f64, max_sweeps: u64) -> Self {
+        Until { tol, max_sweeps, check_every: None }
+    }
+}
+
+/// Solves until E is reached or all sweeps are spent.
 ///
 /// Only rows that can close within the step are swept. A row left out that the solution would close
 /// nevertheless - a body may become faster than its free velocity - is taken in, and sweeping goes on.
-pub fn nlgs(system: &System, tol: f64, max_sweeps: u64, width: Width) -> Solution {
+pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
+    let Until { tol, max_sweeps, .. } = until;
     let mut active: Vec<u32> = (0..system.rows.len() as u32).filter(|&k| system.rows[k as usize].can_close).collect();
     let mut impulses = vec![Vec3::zeros(); system.rows.len()];
     for &k in &active {
@@ -55,7 +74,7 @@ pub fn nlgs(system: &System, tol: f64, max_sweeps: u64, width: Width) -> Solutio
     let mut sweeps = 0;
     loop {
         let judge = Judge::new(system, &active, width);
-        let (residual, motions) = sweep_until(system, &judge, &active, &mut impulses, tol, max_sweeps, &mut sweeps);
+        let (residual, motions) = sweep_until(system, &judge, &active, &mut impulses, until, &mut sweeps);
         let records = judge.records(&motions);
         let missed = closing_outside(system, &active, &records);
         if missed.is_empty() || sweeps >= max_sweeps {
@@ -76,20 +95,20 @@ pub fn nlgs(system: &System, tol: f64, max_sweeps: u64, width: Width) -> Solutio
     }
 }
 
-/// Sweeps the rows `active` until they are solved or `sweeps` has reached `max_sweeps`; returns what is left, and the
-/// motions that the impulses lead to.
+/// Sweeps the rows `active`, counting on in `sweeps`; returns what is left, and the motions that the impulses lead to.
 fn sweep_until(
     system: &System,
     judge: &Judge,
     active: &[u32],
     impulses: &mut Vec<Vec3>,
-    tol: f64,
-    max_sweeps: u64,
+    until: Until,
     sweeps: &mut u64,
 ) -> (Residual, Vec<Motion>) {
+    let Until { tol, max_sweeps, check_every } = until;
     let motions = judge.motions(impulses);
     let mut best = (judge.residual_at(impulses, &motions), motions);
-    if best.0.value <= tol || *sweeps >= max_sweeps {
+    let solved = best.0.value <= tol && (check_every.is_none() || active.is_empty());
+    if solved || *sweeps >= max_sweeps {
         return best;
     }
     let mut problem = Laid::new(system, active, impulses, &judge.records(&best.1));
@@ -106,7 +125,10 @@ fn sweep_until(
         momentum.after(sums.is_uphill(), *sweeps);
         *sweeps += 1;
         patience += 1;
-        let due = scale.is_none_or(|scale| sums.change() <= scale * tol) || patience > 20 + *sweeps / 10;
+        let due = match check_every {
+            Some(block) => patience >= block,
+            None => scale.is_none_or(|scale| sums.change() <= scale * tol) || patience > 20 + *sweeps / 10,
+        };
         if due || *sweeps >= max_sweeps {
             problem.read_back(&mut trial);
             let motions = judge.motions(&trial);

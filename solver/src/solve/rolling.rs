@@ -11,18 +11,19 @@ use crate::assemble::{Record, Roll, System};
 use crate::math::Vec3;
 use crate::math::lanes::{Scalar, Width};
 use crate::solve::local::signorini_coulomb;
-use crate::solve::nlgs::{Momentum, Solution, closing_outside};
+use crate::solve::nlgs::{Momentum, Solution, Until, closing_outside};
 use crate::solve::residual::{Judge, Motion, Residual, motion};
 
-/// Solves to E <= `tol`, or stops after `max_sweeps`, as [`crate::solve::nlgs`].
-pub fn nlgs(system: &System, tol: f64, max_sweeps: u64, width: Width) -> Solution {
+/// Solves until E is reached or all sweeps are spent, as [`crate::solve::nlgs`].
+pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
+    let Until { tol, max_sweeps, .. } = until;
     let mut active: Vec<u32> = (0..system.rows.len() as u32).filter(|&k| system.rows[k as usize].can_close).collect();
     let mut sweeper = Sweeper::new(system);
     sweeper.start(&active);
     let mut sweeps = 0;
     loop {
         let judge = Judge::new(system, &active, width);
-        let residual = sweep_until(&mut sweeper, &judge, &active, tol, max_sweeps, &mut sweeps);
+        let residual = sweep_until(&mut sweeper, &judge, &active, until, &mut sweeps);
         let records = sweeper.exact_records(&judge);
         let missed = closing_outside(system, &active, &records);
         if missed.is_empty() || sweeps >= max_sweeps {
@@ -46,19 +47,18 @@ pub fn nlgs(system: &System, tol: f64, max_sweeps: u64, width: Width) -> Solutio
 /// Judging costs about two sweeps.
 const JUDGED_EVERY: u64 = 4;
 
-fn sweep_until(
-    sweeper: &mut Sweeper,
-    judge: &Judge,
-    active: &[u32],
-    tol: f64,
-    max_sweeps: u64,
-    sweeps: &mut u64,
-) -> Residual {
+fn sweep_until(sweeper: &mut Sweeper, judge: &Judge, active: &[u32], until: Until, sweeps: &mut u64) -> Residual {
+    let Until { tol, max_sweeps, check_every } = until;
+    let first = *sweeps;
     let mut momentum = Momentum::new(sweeper.system.rows.iter().any(|row| row.friction > 0.0));
     let mut best: Option<(Residual, Vec<Vec3>, Vec<Vec3>)> = None;
     sweeper.rest(judge);
     loop {
-        if sweeps.is_multiple_of(JUDGED_EVERY) || *sweeps >= max_sweeps {
+        let due = match check_every {
+            Some(block) => *sweeps > first && (*sweeps - first).is_multiple_of(block),
+            None => sweeps.is_multiple_of(JUDGED_EVERY),
+        };
+        if due || *sweeps >= max_sweeps {
             let residual = sweeper.residual(judge);
             if best.as_ref().is_none_or(|best| residual.value < best.0.value) {
                 best = Some((residual, sweeper.r.clone(), sweeper.m.clone()));

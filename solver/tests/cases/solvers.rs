@@ -92,3 +92,18 @@ fn criteria_of_lmgc90_fall_with_the_residual() {
         assert!(loose > 1e-6 && loose < 1.0 && tight < 1e-3 * loose, "{loose} {tight}");
     }
 }
+
+#[test]
+fn convergence_is_checked_where_it_is_asked_for() {
+    for law in ["IQS_CLB", "IQS_DS_ROLL_CLB"] {
+        let mut case = packed(Nlgs, 0.3);
+        if law == "IQS_DS_ROLL_CLB" {
+            case.law(law, &[0.3, 0.3, 0.1, 0.1]);
+        }
+        (case.options.tol, case.options.check_every) = (Some(1e-2), Some(30));
+        case.run(4);
+        // The first blocks too: a start that is right already is not asked.
+        assert!(case.column("sweeps").iter().all(|sweeps| *sweeps >= 30.0 && sweeps % 30.0 == 0.0), "{law}");
+        assert!(all_converged(&case), "{law}");
+    }
+}

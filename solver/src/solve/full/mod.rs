@@ -17,8 +17,8 @@ mod tests {
     use crate::assemble::{Full, Record, Row, System};
     use crate::math::Vec3;
     use crate::math::lanes::Width;
-    use crate::solve::nlgs;
     use crate::solve::residual::Judge;
+    use crate::solve::{Until, nlgs};
 
     /// A stack of `count` bodies with arms and inertia by arithmetic alone, on a ground that does not move: up to five
     /// contacts between neighbours, every third body also against the one two below.
@@ -69,7 +69,7 @@ mod tests {
     fn a_judge_that_solves_nothing_finds_it_solved() {
         for (friction, tol) in [(0.0, 1e-9), (0.3, 1e-6)] {
             let system = heap(60, friction);
-            let solution = nlgs(&system, tol, 100_000, Width::detect());
+            let solution = nlgs(&system, Until::new(tol, 100_000), Width::detect());
             assert!(solution.converged, "{friction}: {:e} after {}", solution.residual, solution.sweeps);
             let all: Vec<u32> = (0..system.rows.len() as u32).collect();
             assert!(Judge::new(&system, &all, Width::detect()).residual(&solution.impulses).value <= tol);
@@ -82,7 +82,7 @@ mod tests {
         let system = heap(1500, 0.4);
         let solve = |width, threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| nlgs(&system, 1e-12, 30, width).impulses)
+            pool.install(|| nlgs(&system, Until::new(1e-12, 30), width).impulses)
         };
         let first = solve(Width::all()[0], 1);
         assert!(first.iter().any(|r| r.norm() > 0.1));
