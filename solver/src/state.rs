@@ -1,5 +1,7 @@
 //! Shelf: what changes during a run.
 
+use std::sync::Arc;
+
 use cd_formats::compute::Action;
 use cd_formats::snapshot::Ledger;
 
@@ -92,9 +94,9 @@ pub struct SolvedContact {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attraction {
     pub record: cd_formats::snapshot::Attraction,
-    /// m/s^2
-    pub last: Vec<Vec3>,
-    pub before: Vec<Vec3>,
+    /// m/s^2; shared by the states that extrapolate from the same evaluations.
+    pub last: Arc<[Vec3]>,
+    pub before: Arc<[Vec3]>,
 }
 
 #[derive(Debug, Clone, PartialEq)]

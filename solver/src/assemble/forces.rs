@@ -1,5 +1,7 @@
 //! Everything that moves a body besides contacts: gravity, imposed forces and velocities, events.
 
+use std::sync::Arc;
+
 use cd_formats::compute::Action;
 use cd_formats::snapshot::Attraction as Record;
 
@@ -321,18 +323,19 @@ fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[
     let mass: f64 = masses.iter().sum();
     let velocities = || scene.free.iter().map(|&i| state.v[i as usize]);
     let mean = velocities().zip(masses).map(|(v, m)| v * *m).sum::<Vec3>() / mass;
-    let fastest = velocities().map(|v| (v - mean).norm()).fold(0.0, f64::max);
+    let fastest = velocities().map(|v| (v - mean).norm_squared()).fold(0.0, f64::max).sqrt();
     let Some(old) = &state.attraction else {
         let (acceleration, energy, removed) = evaluated(scene, positions, masses);
         let record = Record { times: [now; 2], potentials: [energy; 2], removed, ..Record::default() };
-        let next = Attraction { record, last: acceleration.clone(), before: acceleration.clone() };
+        let rows: Arc<[Vec3]> = acceleration.as_slice().into();
+        let next = Attraction { record, last: rows.clone(), before: rows };
         let report = GravityReport { removed, ..GravityReport::default() };
         return Pull { acceleration, energy, report, next: Some(next) };
     };
     let record = &old.record;
     let [last, before] = record.times;
     let part = if last > before { (now - last) / (last - before) } else { 0.0 };
-    let mut acceleration: Vec<Vec3> = old.last.iter().zip(&old.before).map(|(a, b)| a + (a - b) * part).collect();
+    let mut acceleration: Vec<Vec3> = old.last.iter().zip(&*old.before).map(|(a, b)| a + (a - b) * part).collect();
     let (age, moved) = (record.age + q_c.units, record.moved + fastest * q_c.h);
     let fit = (STALE * options.gravity_error() / record.extrapolation_error).sqrt().min(1.0);
     // A thousandth of a step of slack, as times are sums.
@@ -353,7 +356,7 @@ fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[
     let times = [now, last];
     let potentials = [energy, record.potentials[0]];
     let record = Record { age: 0, times, potentials, moved: 0.0, removed, extrapolation_error };
-    let next = Attraction { record, last: fresh.clone(), before: old.last.clone() };
+    let next = Attraction { record, last: fresh.as_slice().into(), before: old.last.clone() };
     Pull { acceleration: fresh, energy, report: report(removed, extrapolation_error), next: Some(next) }
 }
 

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::integrate::Configuration;
 use crate::laws::{Approach, Rolling};
-use crate::math::{Quat, Vec3, to_local, to_world};
+use crate::math::{Quat, Vec3, morton, to_local, to_world};
 use crate::scene::{Body, Scene, Shape};
 use crate::state::{Bonding, Contact, SolvedContact, State, Status, UNKNOWN};
 
@@ -347,27 +347,13 @@ fn warm_start(old: &SolvedContact, contact: &Contact, impulse_shift: f64, scale:
     n * normal + (tangential - n * n.dot(&tangential)) * scale
 }
 
-/// Bodies along Morton's curve through their bounding box.
+/// Bodies along Morton's curve.
 fn order_of_space(x: &[Vec3]) -> Vec<u32> {
-    let bound = |pick: fn(f64, f64) -> f64| {
-        x.iter().fold(None, |b: Option<Vec3>, p| Some(b.map_or(*p, |b| b.zip_map(p, pick))))
-    };
-    let (Some(low), Some(high)) = (bound(f64::min), bound(f64::max)) else { return Vec::new() };
-    let scale = f64::from(1 << 21) / (high - low).max().max(f64::MIN_POSITIVE);
-    let key =
-        |p: &Vec3| (0..3).fold(0, |key, k| key | spread((((p[k] - low[k]) * scale) as u64).min((1 << 21) - 1)) << k);
-    let mut keyed: Vec<(u64, u32)> = x.par_iter().enumerate().map(|(i, p)| (key(p), i as u32)).collect();
-    keyed.par_sort_unstable();
-    keyed.into_iter().map(|(_, i)| i).collect()
-}
-
-/// The 21 low bits, each followed by two zeros.
-fn spread(bits: u64) -> u64 {
-    let bits = (bits | bits << 32) & 0x001f_0000_0000_ffff;
-    let bits = (bits | bits << 16) & 0x001f_0000_ff00_00ff;
-    let bits = (bits | bits << 8) & 0x100f_00f0_0f00_f00f;
-    let bits = (bits | bits << 4) & 0x10c3_0c30_c30c_30c3;
-    (bits | bits << 2) & 0x1249_2492_4924_9249
+    let mut keys = morton::unsorted(x.len());
+    if !x.is_empty() {
+        morton::sort(&mut keys, x);
+    }
+    keys.into_iter().map(|key| key.index).collect()
 }
 
 impl System {

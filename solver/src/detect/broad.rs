@@ -46,7 +46,10 @@ impl Level {
 
     fn cell(&self, x: &Vec3) -> [i64; 3] {
         // Far out the conversion saturates, and spheres share a cell: slow, but right.
-        [x.x, x.y, x.z].map(|c| (c * self.inverse_width).floor() as i64)
+        [x.x, x.y, x.z].map(|c| {
+            let (scaled, whole) = (c * self.inverse_width, (c * self.inverse_width) as i64);
+            whole.saturating_sub((scaled < whole as f64) as i64)
+        })
     }
 
     fn slot(&self, cell: [i64; 3]) -> u32 {

@@ -12,16 +12,9 @@ const PART: usize = 4096;
 /// of mass, with F = sum m a, T = sum x x m a. Returns the RMS of what was removed over that of `a`, by mass.
 pub fn balance(positions: &[Vec3], masses: &[f64], acceleration: &mut [Vec3]) -> f64 {
     let Some(origin) = positions.first() else { return 0.0 };
-    let parts = positions.par_chunks(PART).zip(masses.par_chunks(PART));
-    // m (r r^T | r) and m
-    let parts = parts.map(|(x, m)| {
-        x.iter().zip(m).fold((Matrix3x4::zeros(), 0.0), |(sum, mass), (x, m)| {
-            let r = x - origin;
-            (sum + r * r.push(1.0).transpose() * *m, mass + m)
-        })
-    });
-    let parts: Vec<(Matrix3x4<f64>, f64)> = parts.collect();
-    let (second, mass) = parts.iter().fold((Matrix3x4::zeros(), 0.0), |(a, m), (b, n)| (a + b, m + n));
+    let parts = positions.par_chunks(PART).zip(masses.par_chunks(PART)).zip(acceleration.par_chunks(PART));
+    let parts: Vec<Sums> = parts.map(|((x, m), a)| Sums::of(origin, x, m, a)).collect();
+    let Sums { second, mass, force, torque, square } = parts.into_iter().fold(Sums::default(), Sums::add);
     if mass <= 0.0 {
         return 0.0;
     }
@@ -30,43 +23,74 @@ pub fn balance(positions: &[Vec3], masses: &[f64], acceleration: &mut [Vec3]) ->
     let inertia = Matrix3::identity() * second.trace() - second;
     // A little more inertia than there is serves bodies in a line too; a second round makes up for it.
     let inverse = (inertia + Matrix3::identity() * (1e-13 * inertia.trace())).try_inverse().unwrap_or_default();
-    let bodies = Bodies { positions, masses, centre: origin + offset };
-    let [force, torque, squares] = bodies.sums(acceleration, None);
-    let (mut rigid, mut removed) = ((force / mass, inverse * torque), 0.0);
-    for _ in 0..2 {
-        let (push, spin) = rigid;
-        removed += mass * push.norm_squared() + spin.dot(&(inertia * spin)).max(0.0);
-        let [force, torque, _] = bodies.sums(acceleration, Some(rigid));
-        rigid = (force / mass, inverse * torque);
-    }
-    if squares.x > 0.0 { (removed / squares.x).sqrt() } else { 0.0 }
+    let centre = origin + offset;
+    let motion = |force: Vec3, torque: Vec3| (force / mass, inverse * torque);
+    let share = |(push, spin): (Vec3, Vec3)| mass * push.norm_squared() + spin.dot(&(inertia * spin)).max(0.0);
+    let first = motion(force, torque - offset.cross(&force));
+    let [force, torque] = taken(&centre, first, positions, masses, acceleration);
+    let second = motion(force, torque);
+    taken(&centre, second, positions, masses, acceleration);
+    if square > 0.0 { ((share(first) + share(second)) / square).sqrt() } else { 0.0 }
 }
 
-struct Bodies<'a> {
-    positions: &'a [Vec3],
-    masses: &'a [f64],
-    centre: Vec3,
+/// Sums over bodies at r from an origin.
+#[derive(Default)]
+struct Sums {
+    /// m (r r^T | r)
+    second: Matrix3x4<f64>,
+    mass: f64,
+    force: Vec3,
+    torque: Vec3,
+    /// m a^2
+    square: f64,
 }
 
-impl Bodies<'_> {
-    /// Takes a rigid acceleration (of the centre, of turning) away, and sums what is left: m a, x x m a, and m a^2 in
-    /// the first component of the third.
-    fn sums(&self, acceleration: &mut [Vec3], rigid: Option<(Vec3, Vec3)>) -> [Vec3; 3] {
-        let parts = self.positions.par_chunks(PART).zip(self.masses.par_chunks(PART));
-        let parts = parts.zip(acceleration.par_chunks_mut(PART)).map(|((x, m), a)| {
-            let mut sums = [Vec3::zeros(); 3];
-            for ((x, m), a) in x.iter().zip(m).zip(a) {
-                let r = x - self.centre;
-                if let Some((push, spin)) = &rigid {
-                    *a -= push + spin.cross(&r);
-                }
-                sums[0] += *a * *m;
-                sums[1] += r.cross(a) * *m;
-                sums[2].x += m * a.norm_squared();
-            }
-            sums
-        });
-        let parts: Vec<[Vec3; 3]> = parts.collect();
-        parts.iter().fold([Vec3::zeros(); 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]])
+impl Sums {
+    fn of(origin: &Vec3, positions: &[Vec3], masses: &[f64], acceleration: &[Vec3]) -> Self {
+        let mut sums = Sums::default();
+        for ((x, m), a) in positions.iter().zip(masses).zip(acceleration) {
+            let (r, force) = (x - origin, a * *m);
+            sums.second += r * r.push(1.0).transpose() * *m;
+            sums.mass += m;
+            sums.force += force;
+            sums.torque += r.cross(&force);
+            sums.square += force.dot(a);
+        }
+        sums
     }
+
+    fn add(self, other: Sums) -> Self {
+        Sums {
+            second: self.second + other.second,
+            mass: self.mass + other.mass,
+            force: self.force + other.force,
+            torque: self.torque + other.torque,
+            square: self.square + other.square,
+        }
+    }
+}
+
+/// Takes the acceleration `push` of the centre and `spin` about it away; returns the force and the torque about the
+/// centre of what is left.
+fn taken(
+    centre: &Vec3,
+    (push, spin): (Vec3, Vec3),
+    positions: &[Vec3],
+    masses: &[f64],
+    acceleration: &mut [Vec3],
+) -> [Vec3; 2] {
+    let parts = positions.par_chunks(PART).zip(masses.par_chunks(PART));
+    let parts = parts.zip(acceleration.par_chunks_mut(PART)).map(|((x, m), a)| {
+        let mut sums = [Vec3::zeros(); 2];
+        for ((x, m), a) in x.iter().zip(m).zip(a) {
+            let r = x - centre;
+            *a -= push + spin.cross(&r);
+            let force = *a * *m;
+            sums[0] += force;
+            sums[1] += r.cross(&force);
+        }
+        sums
+    });
+    let parts: Vec<[Vec3; 2]> = parts.collect();
+    parts.iter().fold([Vec3::zeros(); 2], |a, b| [a[0] + b[0], a[1] + b[1]])
 }

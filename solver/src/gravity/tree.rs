@@ -6,12 +6,9 @@ use super::expansion::narrow_len;
 use super::upward::{Out, Upward, axes};
 use crate::math::Vec3;
 use crate::math::lanes::Lanes;
+use crate::math::morton::{self, CHUNK, Key};
 
 pub type Line = [f64; 8];
-
-/// Bits of a Morton key along each axis. A range that they cannot divide gets keys of its own box, so that depth is
-/// bounded by the digits of f64.
-const BITS: u32 = 21;
 
 /// Below this many bodies a subtree is one task: large against the cost of a task, small against a thread's share.
 pub const GRAIN: usize = 2048;
@@ -86,126 +83,9 @@ pub struct Tree {
     pub mass: f64,
 }
 
-#[derive(Clone, Copy)]
-struct Key {
-    key: u64,
-    index: u32,
-}
-
 /// The power of two at or above a positive number; 1 for others.
 fn power_of_two(x: f64) -> f64 {
     if x.is_normal() { 2f64.powi(x.log2().ceil().clamp(-1000.0, 1000.0) as i32) } else { 1.0 }
-}
-
-/// Spreads the low 21 bits of `x` to every third.
-fn spread(x: u64) -> u64 {
-    let x = (x | x << 32) & 0x001f_0000_0000_ffff;
-    let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
-    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-    (x | x << 2) & 0x1249_2492_4924_9249
-}
-
-/// Bodies that a task treats alike, one after the other.
-const CHUNK: usize = 1 << 14;
-
-/// Gives `keys` the Morton keys of their bodies in the cube around them, and sorts them; false if all coincide.
-fn sort(keys: &mut [Key], positions: &[Vec3]) -> bool {
-    let bounds = |keys: &[Key]| {
-        let none = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
-        keys.iter().fold(none, |(low, high), key| {
-            let x = &positions[key.index as usize];
-            (low.inf(x), high.sup(x))
-        })
-    };
-    let all = keys.par_chunks(CHUNK).map(bounds).reduce_with(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)));
-    let (low, high) = all.expect("a cell has bodies");
-    let scale = (1u64 << BITS) as f64 / (high - low).max();
-    if !scale.is_finite() {
-        return false;
-    }
-    let most = (1u64 << BITS) - 1;
-    keys.par_chunks_mut(CHUNK).flatten_iter().for_each(|key| {
-        let at = (positions[key.index as usize] - low) * scale;
-        let [x, y, z] = [at.x, at.y, at.z].map(|x| spread((x as u64).min(most)));
-        key.key = x << 2 | y << 1 | z;
-    });
-    let parts = if keys.len() < 2 * CHUNK { 1 } else { rayon::current_num_threads().next_power_of_two() };
-    merge_sort(keys, &mut keys.to_vec(), parts, false);
-    true
-}
-
-/// Sorts as many `parts` side by side and merges them, in `keys` or `into` the other, which has the same content. The
-/// result does not depend on the parts: no two keys are equal in key and index.
-fn merge_sort(keys: &mut [Key], other: &mut [Key], parts: usize, into: bool) {
-    if parts <= 1 {
-        radix_sort(keys, other);
-        if into {
-            other.copy_from_slice(keys);
-        }
-        return;
-    }
-    let middle = keys.len() / 2;
-    let ((one, two), (other_one, other_two)) = (keys.split_at_mut(middle), other.split_at_mut(middle));
-    rayon::join(|| merge_sort(one, other_one, parts / 2, !into), || merge_sort(two, other_two, parts / 2, !into));
-    if into { merge(one, two, other) } else { merge(other_one, other_two, keys) }
-}
-
-/// Merges two sorted runs.
-fn merge(one: &[Key], two: &[Key], out: &mut [Key]) {
-    let place = |k: &Key| (k.key, k.index);
-    if out.len() > 2 * CHUNK {
-        let (long, short) = if one.len() >= two.len() { (one, two) } else { (two, one) };
-        let half = long.len() / 2;
-        let cut = short.partition_point(|k| place(k) < place(&long[half]));
-        let (low, high) = out.split_at_mut(half + cut);
-        rayon::join(|| merge(&long[..half], &short[..cut], low), || merge(&long[half..], &short[cut..], high));
-        return;
-    }
-    let (mut i, mut j) = (0, 0);
-    for key in out {
-        let first = j == two.len() || (i < one.len() && place(&one[i]) < place(&two[j]));
-        *key = if first { one[i] } else { two[j] };
-        (i, j) = (i + first as usize, j + !first as usize);
-    }
-}
-
-/// Sorts by key: by counting over the first bits, then by comparison among the few whose first bits agree.
-fn radix_sort(keys: &mut [Key], other: &mut [Key]) {
-    const DIGIT: u32 = 11;
-    const LOWEST: u32 = 3 * BITS - 3 * DIGIT;
-    if keys.len() < 1 << 10 {
-        return keys.sort_unstable_by_key(|k| (k.key, k.index));
-    }
-    let mut starts = [[0u32; 1 << DIGIT]; 3];
-    let digit = |k: &Key, pass: usize| (k.key >> (LOWEST + pass as u32 * DIGIT)) as usize & ((1 << DIGIT) - 1);
-    for k in &*keys {
-        for (pass, starts) in starts.iter_mut().enumerate() {
-            starts[digit(k, pass)] += 1;
-        }
-    }
-    for starts in &mut starts {
-        let mut sum = 0;
-        for start in starts {
-            (sum, *start) = (sum + *start, sum);
-        }
-    }
-    let mut count_out = |from: &[Key], to: &mut [Key], pass: usize| {
-        for k in from {
-            let start = &mut starts[pass][digit(k, pass)];
-            to[*start as usize] = *k;
-            *start += 1;
-        }
-    };
-    count_out(keys, other, 0);
-    count_out(other, keys, 1);
-    count_out(keys, other, 2);
-    keys.copy_from_slice(other);
-    for run in keys.chunk_by_mut(|a, b| a.key >> LOWEST == b.key >> LOWEST) {
-        if run.len() > 1 {
-            run.sort_unstable_by_key(|k| (k.key, k.index));
-        }
-    }
 }
 
 /// Divides `keys` by the first bit in which they differ, down to leaves.
@@ -214,7 +94,7 @@ fn divide(cells: &mut Vec<Cell>, keys: &mut [Key], positions: &[Vec3], leaf: usi
     cells.push(Cell { first: first as u32, count: keys.len() as u32, second: 0 });
     let ends = |keys: &[Key]| (keys[0].key, keys[keys.len() - 1].key);
     let small = keys.len() <= leaf || depth == DEEPEST;
-    if small || (keys[0].key == ends(keys).1 && !sort(keys, positions)) {
+    if small || (keys[0].key == ends(keys).1 && !morton::sort(keys, positions)) {
         return;
     }
     let (low, high) = ends(keys);
@@ -230,7 +110,7 @@ impl Tree {
     /// The tree over at least one body, of leaves of at most `leaf` bodies (more where they coincide), with moments to
     /// order P.
     pub fn new<L: Lanes, const P: usize>(lanes: L, positions: &[Vec3], masses: &[f64], leaf: usize) -> Self {
-        let mut keys: Vec<Key> = (0..positions.len() as u32).map(|index| Key { key: 0, index }).collect();
+        let mut keys = morton::unsorted(positions.len());
         let mut cells = Vec::new();
         divide(&mut cells, &mut keys, positions, leaf, 0, 0);
 

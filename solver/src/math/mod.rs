@@ -1,6 +1,7 @@
-//! Bench: vectors, rotations, orthonormal frames.
+//! Bench: vectors, rotations, orthonormal frames, order in space.
 
 pub mod lanes;
+pub mod morton;
 pub mod rotation;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
@@ -55,7 +56,10 @@ pub fn rotate(q: &Quat, angle: &Vec3) -> Quat {
         ((0.5 * a).cos(), (0.5 * a).sin() / a)
     };
     let v = angle * sinc;
-    Quat::new_normalize(Quaternion::new(cos, v.x, v.y, v.z) * q.into_inner())
+    let turned = Quaternion::new(cos, v.x, v.y, v.z) * q.into_inner();
+    // A step of Newton for 1/sqrt, which a norm so near 1 leaves exact to round-off.
+    let off = turned.norm_squared() - 1.0;
+    if off.abs() < 1e-8 { Quat::new_unchecked(turned * (1.0 - 0.5 * off)) } else { Quat::new_normalize(turned) }
 }
 
 /// Places 0.. of `keys` grouped by key (each below `groups`) and in order within a group, and where

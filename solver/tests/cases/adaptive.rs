@@ -119,6 +119,7 @@ fn motion_imposed_in_time_is_followed_step_by_step() {
 fn a_draft_is_a_draft_but_for_what_is_set_alone() {
     let mut case = Case::new();
     case.sphere(0.5, [0.0; 3]);
+    case.options.self_gravity = true;
     (case.options.tol, case.options.max_sweeps) = (None, Some(77));
     case.write();
     assert_eq!(case.solve(&["--accuracy", "draft", "--gravity-refresh", "3", "--steps", "4"]), 0);

@@ -214,7 +214,7 @@ fn the_texts_of_a_stack_start_another() {
     let cylinder = case.plate([1.0; 3], [0.75, 0.0, 0.5], [Y, Z, X]);
     let shape = Shape::Cylinder { half_height: 0.25, radius: 0.25, hollow: false };
     case.bodies[cylinder].contactors[0].shape = shape;
-    (case.options.dt, case.options.tol, case.options.text, case.options.output_every) = (0.01, Some(1e-6), true, 60);
+    (case.options.dt, case.options.tol, case.options.text, case.options.output_every) = (0.01, Some(1e-3), true, 60);
     let settled = case.run(60);
     let sweeps = |case: &Case| case.column("sweeps")[0];
     let cold = sweeps(&case);
@@ -232,7 +232,7 @@ fn the_texts_of_a_stack_start_another() {
         (sweeps(case), case.written().last().unwrap().contacts.clone())
     };
     let (warm, contacts) = again(&case);
-    // Seven digits of the forces are enough for the tolerance.
+    // Seven digits of places are gaps to 1e-7 m: over h a ten-thousandth of the speed that weight gives in a step.
     assert!(4.0 * warm < cold, "{warm} {cold}");
     assert_eq!(contacts.contact_body, settled.contacts.contact_body);
     // The same from files that name the sides the other way round.
