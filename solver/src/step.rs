@@ -176,13 +176,22 @@ fn book(
     solved: &Solved,
 ) -> StepReport {
     let h = q_c.h;
-    let of_some = |(rows, contacts): (&[Row], &[SolvedContact])| {
-        let touching = rows.iter().zip(contacts).filter(|(_, contact)| contact.impulse != Vec3::zeros());
-        touching
-            .fold(Given::default(), |given, (row, contact)| given + at_contact(scene, state, q_c, row, contact, solved))
+    let of_some = |((rows, impulses), contacts): ((&[Row], &[Vec3]), &[SolvedContact])| {
+        let mut given = Given::default();
+        for ((row, r), contact) in rows.iter().zip(impulses).zip(contacts) {
+            let depth = (-contact.contact.gap).max(0.0);
+            given.penetration_largest = given.penetration_largest.max(depth);
+            given.penetration_sum += depth;
+            if contact.impulse != Vec3::zeros() {
+                given.contacts_active += 1;
+                at_contact(scene, state, q_c, row, r, contact, solved, &mut given);
+            }
+        }
+        given
     };
     // In parts that the number of rows alone decides.
-    let parts: Vec<Given> = system.rows.par_chunks(PART).zip(solved.contacts.par_chunks(PART)).map(of_some).collect();
+    let rows = system.rows.par_chunks(PART).zip(solution.impulses.par_chunks(PART));
+    let parts: Vec<Given> = rows.zip(solved.contacts.par_chunks(PART)).map(of_some).collect();
     let given = parts.into_iter().fold(Given::default(), Given::add);
     let ledger = &mut state.ledger;
     ledger.contact_work += given.contact_work;
@@ -200,17 +209,7 @@ fn book(
     let motion = Motion::of(scene, &q_c.q, &solved.v, &solved.w);
     ledger.momentum_scale = ledger.momentum_scale.max(motion.scale);
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
-    let counted = |contacts: &[SolvedContact]| {
-        contacts.iter().fold((0usize, 0.0f64, 0.0), |(active, largest, sum), s| {
-            let depth = (-s.contact.gap).max(0.0);
-            (active + usize::from(s.impulse != Vec3::zeros()), largest.max(depth), sum + depth)
-        })
-    };
-    let parts: Vec<(usize, f64, f64)> = solved.contacts.par_chunks(PART).map(counted).collect();
-    let (contacts_active, penetration_largest, penetration_sum) = parts
-        .into_iter()
-        .fold((0, 0.0f64, 0.0), |(n, largest, sum), part| (n + part.0, largest.max(part.1), sum + part.2));
-    ledger.penetration_largest = ledger.penetration_largest.max(penetration_largest / scene.mean_radius);
+    ledger.penetration_largest = ledger.penetration_largest.max(given.penetration_largest / scene.mean_radius);
     ledger.sweeps += solution.sweeps;
     if !solution.converged {
         ledger.steps_unconverged += 1;
@@ -224,15 +223,15 @@ fn book(
         h,
         contacts_listed: solved.contacts.len(),
         contacts_solved: solution.active,
-        contacts_active,
+        contacts_active: given.contacts_active,
         sweeps: solution.sweeps,
         residual: solution.residual,
         converged: solution.converged,
         taken_over: solution.taken_over,
         norms: scene.options.lmgc90_norms.then(|| norms(system, &solution.impulses, &solution.records)),
         worst_pair: solution.worst.map(pair),
-        penetration_largest,
-        penetration_mean: penetration_sum / contacts_active.max(1) as f64,
+        penetration_largest: given.penetration_largest,
+        penetration_mean: given.penetration_sum / given.contacts_active.max(1) as f64,
         virial: given.virial / h,
         kinetic: motion.kinetic,
         rotational: motion.rotational,
@@ -248,6 +247,10 @@ const PART: usize = 1024;
 /// What contacts do in a step.
 #[derive(Debug, Clone, Copy, Default)]
 struct Given {
+    contacts_active: usize,
+    /// m, of the listed contacts.
+    penetration_largest: f64,
+    penetration_sum: f64,
     /// J
     contact_work: f64,
     friction_work: f64,
@@ -264,6 +267,9 @@ impl Add for Given {
 
     fn add(self, other: Given) -> Given {
         Given {
+            contacts_active: self.contacts_active + other.contacts_active,
+            penetration_largest: self.penetration_largest.max(other.penetration_largest),
+            penetration_sum: self.penetration_sum + other.penetration_sum,
             contact_work: self.contact_work + other.contact_work,
             friction_work: self.friction_work + other.friction_work,
             virial: self.virial + other.virial,
@@ -274,35 +280,33 @@ impl Add for Given {
     }
 }
 
-/// What one contact does.
+/// Adds what one contact with the impulse `r` of its row does.
+#[allow(clippy::too_many_arguments)]
 fn at_contact(
     scene: &Scene,
     state: &State,
     q_c: &Configuration,
     row: &Row,
+    r: &Vec3,
     contact: &SolvedContact,
     solved: &Solved,
-) -> Given {
+    given: &mut Given,
+) {
     let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
-    if *impulse == Vec3::zeros() && *moment == Vec3::zeros() {
-        return Given::default();
-    }
     let mean = 0.5 * (velocity + row.u_before);
     let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
-    let frame = contact.frame();
-    let (force, moment) = (to_world(&frame, impulse), to_world(&frame, moment));
+    let force = r + contact.normal * row.impulse_shift;
     let arms = assemble::arms(contact, &q_c.x);
     let turned = |body: usize| solved.w[body] + q_c.w[body];
-    let turning_work = 0.5 * moment.dot(&(turned(candidate) - turned(antagonist)));
+    let rolls = *moment != Vec3::zeros();
+    let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
+    let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };
     let wall = scene.bodies[antagonist].driven;
     // A wall's centre has no meaning for the stress of the grains.
     let branch = if wall { -arms[0] } else { arms[1] - arms[0] };
-    let mut given = Given {
-        contact_work: impulse.dot(&mean) + turning_work,
-        virial: force.dot(&branch),
-        friction_work: impulse.y * mean.y + impulse.z * mean.z + turning_work,
-        ..Given::default()
-    };
+    given.contact_work += impulse.dot(&mean) + turning_work;
+    given.virial += force.dot(&branch);
+    given.friction_work += impulse.y * mean.y + impulse.z * mean.z + turning_work;
     if !wall {
         // What it takes acts at its own place, not at that of the image.
         given.angular_momentum += contact.image.cross(&force);
@@ -316,7 +320,6 @@ fn at_contact(
         given.momentum += force;
         given.angular_momentum += contact.point.cross(&force) - moment * sign;
     }
-    given
 }
 
 /// Sums over the free bodies.

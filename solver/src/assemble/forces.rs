@@ -225,6 +225,9 @@ const LOOK_EVERY: u64 = 100;
 /// Of the error asked of self-gravity, the part that its extrapolation may reach.
 const STALE: f64 = 0.25;
 
+/// How much farther self-gravity is extrapolated than its last two evaluations are apart.
+const FARTHER: f64 = 2.0;
+
 /// Bodies feel each other's quadrupoles where they are nearer than this times the sum of their radii.
 const NEAR: f64 = 3.0;
 
@@ -315,7 +318,7 @@ fn evaluated(scene: &Scene, positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f
 }
 
 /// Self-gravity from its last two evaluations, or evaluated again. In between the error goes as the square of the time
-/// since: that is at most the time between the two, and less where their error says so. Forces and torques sum to zero
+/// since: that is at most twice the time between the two, and less where their error says so. Forces and torques sum to zero
 /// all the same.
 fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[Vec3], masses: &[f64]) -> Pull {
     let options = &scene.options;
@@ -337,9 +340,11 @@ fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[
     let part = if last > before { (now - last) / (last - before) } else { 0.0 };
     let mut acceleration: Vec<Vec3> = old.last.iter().zip(&*old.before).map(|(a, b)| a + (a - b) * part).collect();
     let (age, moved) = (record.age + q_c.units, record.moved + fastest * q_c.h);
-    let fit = (STALE * options.gravity_error() / record.extrapolation_error).sqrt().min(1.0);
+    // The error of a stretch s after one of t goes as s (s + t).
+    let allowed = STALE * options.gravity_error() / record.extrapolation_error;
+    let stretch = 0.5 * ((1.0 + 8.0 * allowed).sqrt() - 1.0).min(2.0 * FARTHER);
     // A thousandth of a step of slack, as times are sums.
-    let reached = last > before && now - last <= (last - before) * fit + 1e-3 * options.dt;
+    let reached = last > before && now - last <= (last - before) * stretch + 1e-3 * options.dt;
     let report = |removed, extrapolation| GravityReport { removed, sampled: None, extrapolation };
     if reached && age < scene.gravity_refresh() && moved < options.gravity_moved * scene.mean_radius {
         let removed = balance(positions, masses, &mut acceleration);
