@@ -6,7 +6,7 @@ use cd_formats::compute::NarrowPhase;
 
 use crate::detect::{narrow, periodic};
 use crate::geometry::{
-    Manifold, Memory, Narrow, Point, Posed, Range, polyhedron_cylinder, polyhedron_hollow_cylinder,
+    self, Manifold, Memory, Narrow, Point, Posed, Range, polyhedron_cylinder, polyhedron_hollow_cylinder,
     polyhedron_polyhedron, polyhedron_sphere,
 };
 use crate::integrate::Configuration;
@@ -80,17 +80,20 @@ pub fn contacts(
         .zip(memory.par_chunks_mut(CHUNK))
         .map(|(pairs, memories)| {
             let mut listed = Listed { contacts: Vec::with_capacity(2 * CHUNK), ends: Vec::with_capacity(CHUNK) };
-            for ((parts, see), memory) in pairs.iter().zip(memories) {
-                let [a, b] = parts.map(|k| &places[k as usize]);
-                let radius = 1.0 / (a.curvature + b.curvature);
-                let law = &scene.laws[see.law as usize];
-                let alert = law.range(radius).max(see.alert).max(a.travel + b.travel);
-                let range = Range { alert, area: law.range_of_stress(radius) };
-                let image = scene.image(&a.centre, &b.centre);
-                let c = b.centre + image - a.centre;
-                let mut list = |found: &Manifold| list(a, b, image, found, alert, see.law, &mut listed.contacts);
-                touch(a, b, &c, range, narrow, memory, &mut list);
-                listed.ends.push(listed.contacts.len());
+            for (pairs, memories) in pairs.chunks(AHEAD).zip(memories.chunks_mut(AHEAD)) {
+                std::hint::black_box(read_ahead(pairs, memories, &places));
+                for ((parts, see), memory) in pairs.iter().zip(memories) {
+                    let [a, b] = parts.map(|k| &places[k as usize]);
+                    let radius = 1.0 / (a.curvature + b.curvature);
+                    let law = &scene.laws[see.law as usize];
+                    let alert = law.range(radius).max(see.alert).max(a.travel + b.travel);
+                    let range = Range { alert, area: law.range_of_stress(radius) };
+                    let image = scene.image(&a.centre, &b.centre);
+                    let c = b.centre + image - a.centre;
+                    let mut list = |found: &Manifold| list(a, b, image, found, alert, see.law, &mut listed.contacts);
+                    touch(a, b, &c, range, narrow, memory, &mut list);
+                    listed.ends.push(listed.contacts.len());
+                }
             }
             listed
         })
@@ -121,6 +124,18 @@ fn sorted(found: &[Listed], order: &[u32]) -> Vec<Contact> {
         }
     }
     contacts
+}
+
+/// Pairs that are read ahead together: what they ask for stays in the nearest cache until their turn.
+const AHEAD: usize = 8;
+
+/// See [`geometry::read_ahead`].
+fn read_ahead(pairs: &[([u32; 2], See)], memories: &[Memory], places: &[Place]) -> f64 {
+    let of_pair = |((parts, _), memory): (&([u32; 2], See), &Memory)| match parts.map(|k| &places[k as usize].shape) {
+        [Shape::Polyhedron(a), Shape::Polyhedron(b)] => geometry::read_ahead(a, b, memory),
+        _ => 0.0,
+    };
+    pairs.iter().zip(memories).map(of_pair).sum()
 }
 
 /// Pairs that one task looks at.

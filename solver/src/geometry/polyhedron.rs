@@ -438,6 +438,11 @@ impl Posed<'_> {
         self.turned(&self.shape.planes[face as usize].normal)
     }
 
+    /// A number of each cache line of what every pair asks for, added up.
+    pub(super) fn read_ahead(&self) -> f64 {
+        self.shape.columns.iter().step_by(PAD).sum::<f64>() + self.turn.m11 + self.turn.m33
+    }
+
     /// A vector of the shape's frame in the world's. Written out, so that it is the same to the bit wherever it is inlined.
     #[inline(always)]
     pub(super) fn turned(&self, v: &Vec3) -> Vec3 {
