@@ -5,12 +5,11 @@ use serde::{Deserialize, Serialize};
 use crate::compute::{Compute, NarrowPhase};
 
 /// How accurate a run is to be.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Accuracy {
     /// For a first look.
     Draft,
-    #[default]
     Standard,
     Fine,
     /// What the others are measured by.
@@ -73,12 +72,14 @@ impl std::str::FromStr for Adaptive {
 }
 
 macro_rules! knobs {
-    ($($name:ident: $type:ty = [$draft:expr, $standard:expr, $fine:expr, $reference:expr];)+) => {
+    ($($name:ident: $type:ty = [$none:expr, $draft:expr, $standard:expr, $fine:expr, $reference:expr];)+) => {
         impl Compute {
             $(
-                /// What is in force: the option of this name, or what `accuracy` makes of it.
+                /// What is in force: the option of this name, or what `accuracy` makes of it; without that as `standard`,
+                /// in steps of `dt`.
                 pub fn $name(&self) -> $type {
-                    self.$name.unwrap_or([$draft, $standard, $fine, $reference][self.accuracy as usize])
+                    let column = self.accuracy.map_or(0, |accuracy| accuracy as usize + 1);
+                    self.$name.unwrap_or([$none, $draft, $standard, $fine, $reference][column])
                 }
             )+
 
@@ -99,11 +100,11 @@ const fn up_to(most: u64, travel: f64, penetration: f64) -> Adaptive {
 const FIXED: Adaptive = up_to(1, 0.1, 1e-3);
 
 knobs! {
-    // draft, standard, fine, reference
-    adaptive: Adaptive = [up_to(16, 0.3, 1e-2), FIXED, FIXED, FIXED];
-    tol: f64 = [5e-2, 1e-2, 1e-3, 1e-4];
-    max_sweeps: u64 = [200, 10_000, 10_000, 10_000];
-    narrow_phase: NarrowPhase = [NarrowPhase::Fast, NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate];
-    gravity_error: f64 = [1e-2, 1e-3, 1e-4, 1e-6];
-    gravity_refresh: u64 = [16, 16, 16, 1];
+    // none, draft, standard, fine, reference
+    adaptive: Adaptive = [FIXED, up_to(16, 0.3, 1e-2), up_to(4, 0.1, 1e-3), FIXED, FIXED];
+    tol: f64 = [1e-2, 5e-2, 1e-2, 1e-3, 1e-4];
+    max_sweeps: u64 = [10_000, 200, 10_000, 10_000, 10_000];
+    narrow_phase: NarrowPhase = [NarrowPhase::Accurate, NarrowPhase::Fast, NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate];
+    gravity_error: f64 = [1e-3, 1e-2, 1e-3, 1e-4, 1e-6];
+    gravity_refresh: u64 = [16, 16, 16, 16, 1];
 }

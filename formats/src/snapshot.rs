@@ -115,7 +115,7 @@ pub struct LawName {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Parameters {
     pub theta: f64,
-    /// If not standard.
+    /// If it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<crate::compute::Accuracy>,
     /// If steps can differ.

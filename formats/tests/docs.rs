@@ -48,11 +48,12 @@ fn options_are_those_of_compute_ron() {
 fn presets_are_those_of_accuracy() {
     let (_, text) = page();
     let (_, rest) = text.split_once("\n### Accuracy\n").unwrap();
-    let documented = rows(rest.split("\n### ").next().unwrap(), 5);
+    let documented = rows(rest.split("\n### ").next().unwrap(), 6);
     let of = |accuracy| Compute { accuracy, ..Compute::default() }.knobs();
-    let presets = Accuracy::ALL.map(of);
+    let [draft, standard, fine, reference] = Accuracy::ALL.map(|accuracy| of(Some(accuracy)));
+    let presets = [of(None), draft, standard, fine, reference];
     for (k, row) in documented.iter().enumerate() {
-        let expected = [0, 1, 2, 3].map(|preset| presets[preset][k].1.clone());
+        let expected = [0, 1, 2, 3, 4].map(|preset| presets[preset][k].1.clone());
         assert_eq!((row[0].clone(), &row[1..]), (format!("`{}`", presets[0][k].0), &expected[..]));
     }
     assert_eq!(documented.len(), presets[0].len());

@@ -39,7 +39,7 @@ struct Run {
     name: String,
     group: String,
     value: f64,
-    accuracy: Accuracy,
+    accuracy: Option<Accuracy>,
     seconds: f64,
     /// Z, nu, pressure, a, b, c and the energy at the times (s) of the snapshots that count.
     observed: Vec<(f64, [f64; 7])>,
@@ -90,7 +90,7 @@ pub fn write(
     };
     let runs: Vec<Run> = cases.iter().enumerate().filter_map(measured).collect();
     faults.into_result(())?;
-    let finest = runs.iter().position(|run| run.accuracy == Accuracy::Reference).unwrap_or(runs.len() - 1);
+    let finest = runs.iter().position(|run| run.accuracy == Some(Accuracy::Reference)).unwrap_or(runs.len() - 1);
     let compared = runs.iter().map(|run| against(run, &runs[finest])).collect::<Result<Vec<_>, Faults>>()?;
     let others: Vec<Compared> =
         compared.iter().enumerate().filter(|(k, _)| *k != finest).map(|(_, run)| run.clone()).collect();
@@ -132,7 +132,7 @@ fn measured(case: &Path, group: String, value: f64, from: Option<f64>) -> Result
         name: compare::name_of(case),
         group,
         value,
-        accuracy: last.meta.parameters.accuracy.unwrap_or_default(),
+        accuracy: last.meta.parameters.accuracy,
         seconds,
         observed: taken.iter().map(observed).collect(),
         estimated: estimated(&case.join("ERRORS.csv"))?,
@@ -348,7 +348,7 @@ mod tests {
             name: "run".into(),
             group: String::new(),
             value: f64::NAN,
-            accuracy: Accuracy::Standard,
+            accuracy: None,
             seconds: 1.0,
             observed: vec![(1.0, [4.0, 0.5, pressure, 3.0, 2.0, 1.0, -1.0])],
             estimated,

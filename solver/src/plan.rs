@@ -137,7 +137,8 @@ pub fn text(scene: &Scene, state: &State) -> String {
     let knob =
         |(name, value, alone): &(&str, String, bool)| format!("{name} {value}{}", if *alone { " (set)" } else { "" });
     let knobs: Vec<String> = knobs.iter().map(knob).collect();
-    lines.push(("accuracy", format!("{}: {}", scene.options.accuracy, knobs.join(", "))));
+    let preset = scene.options.accuracy.map_or("none".into(), |accuracy| accuracy.to_string());
+    lines.push(("accuracy", format!("{preset}: {}", knobs.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);
     lines.push((
         "run",

@@ -1,6 +1,6 @@
 //! The state as a snapshot.
 
-use cd_formats::compute::{Accuracy, Adaptive};
+use cd_formats::compute::Adaptive;
 use cd_formats::snapshot::{
     BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, GravityArrays, MemoryArrays, Meta, Parameters, SHAPE_PARTS,
     SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
@@ -34,7 +34,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
         h: state.h,
         parameters: Parameters {
             theta: options.theta,
-            accuracy: (options.accuracy != Accuracy::default()).then_some(options.accuracy),
+            accuracy: options.accuracy,
             adaptive: Some(options.adaptive()).filter(Adaptive::is_on),
             tol: options.tol(),
             solver: options.solver,
