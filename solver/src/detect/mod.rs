@@ -67,15 +67,20 @@ fn among_spheres(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<[u32
 }
 
 fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64], h: f64) -> Vec<[u32; 2]> {
-    let reaches = |plane: u32| {
+    let with = |&plane: &u32| {
         let p = plane as usize;
         let Shape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
         // A wall's travel is that of its farthest corner.
-        travel[p] + h * q_c.w[p].norm() * half_lengths.norm()
-    };
-    let with = |&plane: &u32| {
-        let swept = reaches(plane);
-        let near = move |&sphere: &u32| is_listed(scene, q_c, sphere, plane, travel[sphere as usize] + swept);
+        let swept = travel[p] + h * q_c.w[p].norm() * half_lengths.norm();
+        let into_axes = q_c.q[p].inverse().to_rotation_matrix();
+        let near = move |&sphere: &u32| {
+            let s = sphere as usize;
+            let travel = travel[s] + swept;
+            // Most are far off: that takes no law and no geometry.
+            let from = q_c.x[s] - q_c.x[p] - scene.image(&q_c.x[s], &q_c.x[p]);
+            let gap = ((into_axes * from).abs() - half_lengths).max() - scene.bodies[s].radius;
+            gap <= scene.listing_range + travel && is_listed(scene, q_c, sphere, plane, travel)
+        };
         scene.spheres.par_iter().copied().with_min_len(512).filter(near).map(move |sphere| [sphere, plane])
     };
     scene.planes.par_iter().flat_map(with).collect()
