@@ -24,7 +24,7 @@ demo: build ## runs examples/accretion: a thousand grains fall together
 	@echo "  DISPLAY/grains.pvd     for ParaView; contacts.pvd beside it"
 	@echo "  OUTBOX/steps.csv       cost and error of every step"
 
-paper: build ## runs the studies, in less than half an hour on two cores, and writes docs/paper.md
+paper: build ## runs the studies, in less than half an hour, and writes docs/paper.md
 	$(MAKE) --no-print-directory -C examples/accretion study CD_BIN=$(BIN)
 	$(MAKE) --no-print-directory -C examples/accretion-polyhedra study CD_BIN=$(BIN)
 	$(MAKE) --no-print-directory -C examples/spin-up CD_BIN=$(BIN)

@@ -3,7 +3,6 @@
 # Lines pass as they are, but
 #   @figure FILE NAME CAPTION...            copies the figure to docs/images/paper-NAME.svg and shows it
 #   @table FILE COLUMN,COLUMN...            a table of columns of a CSV file; text as it is, numbers to four digits
-#   @minutes FOLDER...                      how long the runs in these folders took, by their TIMER.csv
 #   @columns CLAIM                          heads of a table of claims
 #   @claim LOW HIGH NUMBER | CLAIM | WHERE | REMARK   a row: agrees if LOW <= NUMBER <= HIGH; `-` is no bound
 # NUMBER is one of
@@ -96,22 +95,6 @@ $1 == "@table" {
         for (k = 1; k <= n; k++) line = line " " shown(value($2, r, names[k])) " |"
         print line
     }
-    next
-}
-
-$1 == "@minutes" {
-    seconds = runs = 0
-    for (k = 2; k <= NF; k++) {
-        list = "ls " $k "/*/TIMER.csv"
-        while ((list | getline file) > 0) {
-            runs++
-            while ((getline line < file) > 0) { n = split(line, parts, ","); for (r = 2; r <= n; r++) seconds += parts[r] }
-            close(file)
-        }
-        close(list)
-    }
-    if (!runs) fault("no TIMER.csv in the folders; run the examples first")
-    printf "The %d runs took %.0f minutes together, by their own clocks.\n", runs, seconds / 60
     next
 }
 
