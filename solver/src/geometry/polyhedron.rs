@@ -1,6 +1,6 @@
 //! A convex polyhedron in its body's frame, and the same turned as its body is.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use nalgebra::Matrix3;
 
@@ -192,7 +192,7 @@ impl Polyhedron {
     }
 
     fn add_edges(&mut self) -> Result<(), String> {
-        let mut known: HashMap<[u32; 2], usize> = HashMap::new();
+        let mut known: BTreeMap<[u32; 2], usize> = BTreeMap::new();
         for face in 0..self.starts.len() - 1 {
             let corners = self.corners(face).to_vec();
             for (k, &a) in corners.iter().enumerate() {
@@ -317,7 +317,7 @@ impl Polyhedron {
 struct Regions {
     of: Vec<u32>,
     /// The triangle with each directed edge.
-    with_edge: HashMap<[u32; 2], usize>,
+    with_edge: BTreeMap<[u32; 2], usize>,
     count: usize,
 }
 
@@ -325,7 +325,7 @@ impl Regions {
     /// From the largest triangle on, each takes its neighbours that lie within `tolerance` (m) of its plane, and those
     /// of these.
     fn grow(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> Result<Self, String> {
-        let mut with_edge = HashMap::new();
+        let mut with_edge = BTreeMap::new();
         for (k, t) in triangles.iter().enumerate() {
             for edge in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
                 if with_edge.insert(edge, k).is_some() {
@@ -374,7 +374,7 @@ impl Regions {
     /// The corners round each region, without vertices where only two regions meet.
     fn loops(&self, vertices: usize, triangles: &[[u32; 3]]) -> Result<Vec<Vec<u32>>, String> {
         let mut meeting = vec![Vec::new(); vertices];
-        let mut next: Vec<HashMap<u32, u32>> = vec![HashMap::new(); self.count];
+        let mut next: Vec<BTreeMap<u32, u32>> = vec![BTreeMap::new(); self.count];
         for (t, &region) in triangles.iter().zip(&self.of) {
             for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
                 if !meeting[a as usize].contains(&region) {

@@ -9,6 +9,7 @@ use crate::case::{Case, shaken_lattice};
 /// Functions of models that some scenes have not.
 const POLYHEDRA: &[&str] = &[
     "cd_solve::geometry::gjk::",
+    "cd_solve::geometry::outline::",
     "cd_solve::geometry::patch::",
     "cd_solve::geometry::polyhedron::",
     "cd_solve::geometry::search::",
