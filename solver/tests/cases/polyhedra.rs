@@ -214,7 +214,7 @@ fn the_texts_of_a_stack_start_another() {
     let cylinder = case.plate([1.0; 3], [0.75, 0.0, 0.5], [Y, Z, X]);
     let shape = Shape::Cylinder { half_height: 0.25, radius: 0.25, hollow: false };
     case.bodies[cylinder].contactors[0].shape = shape;
-    (case.options.dt, case.options.tol, case.options.text, case.options.output_every) = (0.01, Some(1e-3), true, 60);
+    (case.options.dt, case.options.tol, case.options.text, case.options.output_every) = (0.01, Some(1e-4), true, 60);
     let settled = case.run(60);
     let sweeps = |case: &Case| case.column("sweeps")[0];
     let cold = sweeps(&case);
