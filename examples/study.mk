@@ -5,7 +5,7 @@
 #   LARGER, LARGER_FRICTIONS        more numbers and their coefficients of friction, without cohesion; may be empty
 #   FROM, END, REST                 means are taken between the first two; what still moves then is brought to rest until REST, s
 #   STILL, STILL_TIME               numbers whose frictionless run goes on until true rest, for so long, s; may be empty
-#   BESIDE                          runs of another study whose pressures are shown beside these; may be empty
+#   BESIDE, BESIDE_NAME, OWN_NAME   runs of another study whose pressures are shown beside these, and what the two are called; may be empty
 
 EMPTY :=
 COMMA := ,
@@ -30,7 +30,7 @@ POST_FLAGS := --no-vtk
 FIGURES = $(CD_BIN)/cd-post study $(RUNS) -o study/figures --from $(FROM) --until $(END) --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \
 	$(CD_BIN)/cd-post study $(RUNS) -o study/figures/rest --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \
 	$(if $(STILLED),$(CD_BIN)/cd-post study $(STILLED) -o study/figures/still;) \
-	$(if $(BESIDE),$(CD_BIN)/cd-post study $(RUNS) $(BESIDE) -o study/figures/beside --groups $(call listed,$(RUNS:%=here) $(BESIDE:%=there));) \
+	$(if $(BESIDE),$(CD_BIN)/cd-post study $(RUNS) $(BESIDE) -o study/figures/beside --groups $(call listed,$(RUNS:%=$(OWN_NAME)) $(BESIDE:%=$(BESIDE_NAME)));) \
 	$(if $(word 2,$(BY_NUMBER)),$(CD_BIN)/cd-post compare $(BY_NUMBER) -o study/figures/by-number --columns $(TIMES);) \
 	$(if $(word 2,$(BY_LAW)),$(CD_BIN)/cd-post compare $(BY_LAW) -o study/figures/by-law --columns $(TIMES))
 endif
