@@ -18,6 +18,9 @@ pub struct Task {
     pub width: Width,
 }
 
+/// `auto` gives the sweeps at least a round of their momentum's caps, and as many as cost so many Newton steps: these
+/// are what comes after.
+const ROUNDS: f64 = 2.0;
 /// What comes after the sweeps of `auto` may cost as much as this many sweeps ...
 const PATIENCE: f64 = 200_000.0;
 /// ... and is not begun if that does not pay for so many Newton steps.
@@ -38,20 +41,21 @@ pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> 
     }
     let Until { tol, max_sweeps: limit, .. } = task.until;
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
-    let budget = PATIENCE * SWEPT * contacts as f64;
-    let pays = contacts < LARGE && budget >= WORTH * newton_cost(contacts);
+    let newton = newton_cost(contacts) / (SWEPT * contacts as f64); // sweeps that cost as much
+    let pays = contacts < LARGE && PATIENCE >= WORTH * newton;
     let swept = |max_sweeps| nlgs(system, Until { max_sweeps, ..task.until }, task.width);
     let (solver, max_sweeps, max_cost) = match task.solver {
         ContactSolver::Nlgs => return swept(limit),
         _ if contacts >= LARGE => return swept(limit),
         ContactSolver::Auto if !pays => return swept(limit),
-        ContactSolver::Auto => (Solver::Auto, u64::MAX, budget),
+        ContactSolver::Auto => (Solver::Auto, u64::MAX, PATIENCE * SWEPT * contacts as f64),
         ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, limit, f64::INFINITY),
         ContactSolver::ProxNewton => (Solver::ProxNewton, limit, f64::INFINITY),
         ContactSolver::Admm => (Solver::Admm, limit, f64::INFINITY),
     };
-    // `auto` gives the sweeps a round of their momentum's caps; the others go on from the warm start.
-    let sweeps = if solver == Solver::Auto { limit.min(ROUND) } else { 0 };
+    // The others go on from the warm start.
+    let rounds = ROUND * ((ROUNDS * newton) as u64 / ROUND).max(1);
+    let sweeps = if solver == Solver::Auto { limit.min(rounds) } else { 0 };
     let start = swept(sweeps);
     if start.converged {
         return start;
