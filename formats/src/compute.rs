@@ -464,7 +464,7 @@ mod tests {
         let flags = Flags { accuracy: Some(Accuracy::Fine), gravity_refresh: Some(7), ..Flags::default() };
         let [read, flagged] = [file.clone(), file.with(&flags)];
         assert_eq!((read.tol(), read.max_sweeps(), read.gravity_refresh()), (0.5, 200, 16));
-        assert_eq!((flagged.tol(), flagged.max_sweeps(), flagged.gravity_refresh()), (0.5, 10_000, 7));
+        assert_eq!((flagged.tol(), flagged.max_sweeps(), flagged.gravity_refresh()), (0.5, 20_000, 7));
         assert_eq!(flagged.adaptive(), Adaptive { most: 3, ..Adaptive::default() });
         let again: Compute = from_ron(path, &flagged.to_text(), "options").unwrap();
         assert_eq!(again, flagged);

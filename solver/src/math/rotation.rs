@@ -59,6 +59,9 @@ fn midpoint_velocity(l: &Vec3, j: &Vec3, h: f64) -> Vec3 {
     for _ in 0..ITERATIONS {
         let jw = j.component_mul(&w);
         let defect = jw + w.cross(&jw) * (0.5 * h) - l;
+        if defect.norm_squared() <= 1e-32 * l.norm_squared() {
+            break; // slow bodies are there after one step
+        }
         let slope =
             Matrix3::from_diagonal(j) + (w.cross_matrix() * Matrix3::from_diagonal(j) - jw.cross_matrix()) * (0.5 * h);
         let Some(change) = slope.try_inverse().map(|inverse| inverse * defect) else { break };

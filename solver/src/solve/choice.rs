@@ -18,8 +18,8 @@ pub struct Task {
     pub width: Width,
 }
 
-/// `auto` gives the sweeps at least a round of their momentum's caps, and as many as cost so many Newton steps: these
-/// are what comes after.
+/// `auto` gives the sweeps as many rounds of their momentum's caps as cost so many Newton steps, which are what comes
+/// after, but at least one, and then half of what is allowed at most.
 const ROUNDS: f64 = 2.0;
 /// What comes after the sweeps of `auto` may cost as much as this many sweeps ...
 const PATIENCE: f64 = 200_000.0;
@@ -44,23 +44,23 @@ pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> 
     let newton = newton_cost(contacts) / (SWEPT * contacts as f64); // sweeps that cost as much
     let pays = contacts < LARGE && PATIENCE >= WORTH * newton;
     let swept = |max_sweeps| nlgs(system, Until { max_sweeps, ..task.until }, task.width);
-    let (solver, max_sweeps, max_cost) = match task.solver {
+    let (solver, max_cost) = match task.solver {
         ContactSolver::Nlgs => return swept(limit),
         _ if contacts >= LARGE => return swept(limit),
         ContactSolver::Auto if !pays => return swept(limit),
-        ContactSolver::Auto => (Solver::Auto, u64::MAX, PATIENCE * SWEPT * contacts as f64),
-        ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, limit, f64::INFINITY),
-        ContactSolver::ProxNewton => (Solver::ProxNewton, limit, f64::INFINITY),
-        ContactSolver::Admm => (Solver::Admm, limit, f64::INFINITY),
+        ContactSolver::Auto => (Solver::Auto, PATIENCE * SWEPT * contacts as f64),
+        ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, f64::INFINITY),
+        ContactSolver::ProxNewton => (Solver::ProxNewton, f64::INFINITY),
+        ContactSolver::Admm => (Solver::Admm, f64::INFINITY),
     };
     // The others go on from the warm start.
-    let rounds = ROUND * ((ROUNDS * newton) as u64 / ROUND).max(1);
+    let rounds = ROUND * (limit / 2).min((ROUNDS * newton) as u64).div_euclid(ROUND).max(1);
     let sweeps = if solver == Solver::Auto { limit.min(rounds) } else { 0 };
     let start = swept(sweeps);
-    if start.converged {
+    if start.converged || start.sweeps >= limit {
         return start;
     }
-    let limits = Limits { tol, max_sweeps, max_time: None, max_cost };
+    let limits = Limits { tol, max_sweeps: limit - start.sweeps, max_time: None, max_cost };
     by_stored(system, start, solver, limits, task.width, stored)
 }
 
