@@ -20,7 +20,7 @@ pub struct Task {
 
 /// `auto` gives the sweeps as many rounds of their momentum's caps as cost so many Newton steps, which are what comes
 /// after, but at least one, and then half of what is allowed at most.
-const ROUNDS: f64 = 2.0;
+const ROUNDS: f64 = 1.5;
 /// What comes after the sweeps of `auto` may cost as much as this many sweeps ...
 const PATIENCE: f64 = 200_000.0;
 /// ... and is not begun if that does not pay for so many Newton steps.
