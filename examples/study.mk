@@ -1,8 +1,10 @@
 # `make study` of an example whose scene is one cloud: the same with other numbers of grains, coefficients of friction and
 # cohesions between two grains (N), a folder a run. The Makefile that includes this says
 #
-#   NUMBERS, FRICTIONS, COHESIONS   every combination is a run
+#   NUMBERS, FRICTIONS              every combination is a run without cohesion
+#   COHESIONS, COHESIVE_FRICTIONS   and every one of these with NUMBERS a run with it; may be empty
 #   LARGER, LARGER_FRICTIONS        more numbers and their coefficients of friction, without cohesion; may be empty
+#   SHOWN                           the friction of the runs whose course is shown for every number, without cohesion
 #   FROM, END, REST                 means are taken between the first two; what still moves then is brought to rest until REST, s
 #   STILL, STILL_TIME               numbers whose frictionless run goes on until true rest, for so long, s; may be empty
 #   BESIDE, BESIDE_NAME, OWN_NAME   runs of another study whose pressures are shown beside these, and what the two are called; may be empty
@@ -16,11 +18,12 @@ part = $(patsubst $(2)%,%,$(filter $(2)%,$(subst -, ,$(notdir $(1)))))
 group = mu$(call part,$(1),mu)-f$(call part,$(1),f)
 law = $(if $(filter 0,$(2)),IQS_CLB(friction: $(1)),IQS_WET_DS_CLB(cohesion: $(2), range: 0.1, dynamic_friction: $(1), static_friction: $(1)))
 
-RUNS := $(foreach f,$(COHESIONS),$(foreach mu,$(FRICTIONS),$(NUMBERS:%=study/N%-mu$(mu)-f$(f)))) \
+RUNS := $(foreach mu,$(FRICTIONS),$(NUMBERS:%=study/N%-mu$(mu)-f0)) \
+	$(foreach f,$(COHESIONS),$(foreach mu,$(COHESIVE_FRICTIONS),$(NUMBERS:%=study/N%-mu$(mu)-f$(f)))) \
 	$(foreach mu,$(LARGER_FRICTIONS),$(LARGER:%=study/N%-mu$(mu)-f0))
-STILLED := $(STILL:%=study/still-N%)
+STILLED := $(foreach number,$(STILL),$(if $(filter study/N$(number)-mu0-f0,$(RUNS)),study/still-N$(number)))
 LARGEST := $(lastword $(NUMBERS))
-BY_NUMBER := $(filter %-mu$(lastword $(filter-out 1,$(FRICTIONS)))-f0,$(RUNS))
+BY_NUMBER := $(filter %-mu$(SHOWN)-f0,$(RUNS))
 BY_LAW := $(filter study/N$(LARGEST)-%,$(RUNS))
 TIMES := Ec_mean,Z,nu,pressure
 
