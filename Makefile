@@ -21,7 +21,7 @@ demo: build ## runs examples/accretion: a thousand grains fall together
 	@echo "  POSTPRO/series.csv     a row a snapshot; docs/observables.md names the columns"
 	@echo "  POSTPRO/*.svg          energy, coordination, solid fraction, pressure, semi-axes against time"
 	@echo "  POSTPRO/aggregate.svg  the aggregate at the end"
-	@echo "  DISPLAY/grains.pvd     for ParaView; contacts.pvd beside it"
+	@echo "  DISPLAY/view.py        in ParaView: paraview --script=examples/accretion/DISPLAY/view.py"
 	@echo "  OUTBOX/steps.csv       cost and error of every step"
 
 paper: build ## runs the studies, in less than half an hour, and writes docs/paper.md

@@ -219,6 +219,7 @@ def check_arrays(path, s, found, rows):
     if len(drawn) == count:
         masses = np.bincount(fragment, s.grain("mass")) if count else np.zeros(0)
         check(f"{path.name} fragment", masses, np.sort(masses)[::-1])
+    check(f"{path.name} polyhedron", find("polyhedron"), (s.grain("shape") == POLYHEDRON)[rows])
     turns = find("orientation")
     check(f"{path.name} orientation", turns, s.grain("q")[rows], np.ones(1))
 
@@ -230,7 +231,7 @@ def check_arrays(path, s, found, rows):
     motion = np.einsum("i,ij,ik->ijk", s.grain("mass") / volume, relative, relative).reshape(count, 9)
     most = s.grain("mass") / volume * (s.grain("v") ** 2).sum(1)
     check(f"{path.name} kinetic_stress", find("kinetic_stress"), motion[rows], most)
-    sums = {"contacts", "stress", "pressure", "kinetic_energy", "kinetic_stress", "neighbours", "fragment", "orientation"}
+    sums = {"contacts", "stress", "pressure", "kinetic_energy", "kinetic_stress", "neighbours", "fragment", "orientation", "polyhedron"}
     unknown = set(found) - set(exact) - sums
     if unknown:
         faults.append(f"{path.name}: arrays that are not checked: {sorted(unknown)}")

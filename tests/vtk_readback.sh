@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Runs the scenes of tests/golden through the programs in $TARGET/debug and reads their ParaView files back with VTK.
 #
+# Where ParaView is installed, its script view.py must make a picture of each.
+#
 # VTK and numpy come from PyPI into $TARGET/vtk, once. A machine without python3, venv or network is told
 # so, loudly, and the rest of the tests counts; with CD_REQUIRE_VTK=1 it is an error.
 set -euo pipefail
@@ -27,6 +29,9 @@ if [ "$(cat "$VENV/.done" 2> /dev/null)" != "$PACKAGES" ]; then
     echo "$PACKAGES" > "$VENV/.done"
 fi
 
+PARAVIEW=false
+if command -v pvbatch > /dev/null && command -v xvfb-run > /dev/null; then PARAVIEW=true; fi
+
 for scene in tests/golden/*/scene.ron; do
     name=$(basename "$(dirname "$scene")")
     case=$TARGET/vtk-cases/$name
@@ -38,4 +43,9 @@ for scene in tests/golden/*/scene.ron; do
         "$TARGET/debug/cd-post" --no-plots "$case"
     } > "$case/log" 2>&1 || { cat "$case/log" >&2; exit 1; }
     "$VENV/bin/python" tests/vtk_readback.py "$case"
+    if $PARAVIEW; then
+        xvfb-run -a pvbatch "$case/DISPLAY/view.py" "$case/view.png" > "$case/log" 2>&1 || true
+        if [ ! -s "$case/view.png" ] || grep -E "ERR|Error|Traceback" "$case/log"; then cat "$case/log" >&2; exit 1; fi
+    fi
 done
+$PARAVIEW || echo "view.py NOT run: there is no ParaView (on Debian: apt-get install paraview python3-paraview xvfb xauth)" >&2

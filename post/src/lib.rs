@@ -39,8 +39,8 @@ use write::picture::Shade;
 /// Measures the snapshots of a case and draws them.
 ///
 /// Reads DIR/OUTBOX/snapshot-*.npz; writes DIR/POSTPRO (series.csv, plots, a picture) and
-/// DIR/DISPLAY (ParaView files: open grains.pvd, polyhedra.pvd, contacts.pvd,
-/// walls.pvd). The shapes of polyhedra are read from DIR/DATBOX/BODIES.DAT. A folder whose name is
+/// DIR/DISPLAY (ParaView files: paraview --script=DIR/DISPLAY/view.py shows
+/// grains.pvd, polyhedra.pvd, contacts.pvd and walls.pvd). The shapes of polyhedra are read from DIR/DATBOX/BODIES.DAT. A folder whose name is
 /// that of a command below is given as ./NAME.
 #[derive(Debug, Clone, Parser)]
 #[command(name = "cd-post", version, args_conflicts_with_subcommands = true)]
@@ -258,7 +258,7 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
     }
     if !options.no_vtk {
         finish_display(&options.dir, &rows, last)?;
-        tell(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("grains.pvd").display()));
+        tell(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
     }
     Ok(notes(&rows))
 }
@@ -357,6 +357,8 @@ fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<(), Faults> 
     let display = dir.join("DISPLAY");
     let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
     let mut current = HashSet::new();
+    let folder = fs::canonicalize(&display).map_err(|error| Fault::io(&display, "read", &error))?;
+    atomic::write(&display.join("view.py"), display::view(&folder).as_bytes())?;
     for kind in display::KINDS.into_iter().filter(|kind| has(last, kind)) {
         let name = format!("{kind}.pvd");
         atomic::write(&display.join(&name), display::collection(kind, &times).as_bytes())?;

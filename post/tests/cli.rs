@@ -80,6 +80,7 @@ fn writes_series_plots_picture_and_paraview_files() {
         expected.extend(["000000", "000010", "000020"].map(|step| format!("{kind}-{step}.vtp")));
         expected.push(format!("{kind}.pvd"));
     }
+    expected.insert(2 * 4, "view.py".to_string());
     assert_eq!(names(&case.path().join("DISPLAY")), expected);
     let series = fs::read_to_string(case.path().join("POSTPRO/series.csv")).unwrap();
     let lines: Vec<&str> = series.lines().collect();
@@ -88,6 +89,9 @@ fn writes_series_plots_picture_and_paraview_files() {
     assert!(lines[3].starts_with("20,5.0,2,1.0,"), "{}", lines[3]); // (2 x 1 + 1) / 3
     let pvd = fs::read_to_string(case.path().join("DISPLAY/grains.pvd")).unwrap();
     assert!(pvd.contains("timestep=\"2.5\" part=\"0\" file=\"grains-000010.vtp\""));
+    let view = fs::read_to_string(case.path().join("DISPLAY/view.py")).unwrap();
+    let folder = fs::canonicalize(case.path().join("DISPLAY")).unwrap();
+    assert!(view.contains(&format!("else {folder:?}\n")), "{view}");
 }
 
 #[test]

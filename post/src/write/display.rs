@@ -7,10 +7,13 @@
 //! | `contacts-NNNNNN.vtp` | a line a contact |
 //! | `walls-NNNNNN.vtp` | six quadrilaterals a plate, the faces of a driven polyhedron or cylinder, a vertex a driven ball |
 //!
+//! `view.py` shows them all in ParaView.
+//!
 //! The arrays, with units, are in `docs/observables.md`. vtkio writes no time into a file; the
 //! collections `grains.pvd`, `polyhedra.pvd`, `contacts.pvd`, `walls.pvd` do.
 
 use std::fmt::Write;
+use std::path::Path;
 
 use vtkio::model::{
     Attribute, Attributes, ByteOrder, DataArray, DataSet, IOBuffer, PolyDataPiece, Version, VertexNumbers, Vtk,
@@ -105,6 +108,7 @@ fn arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
         scalars("fragment", of(&fragments)),
         tensors("kinetic_stress", &motion),
         components("orientation", 4, grains.iter().flat_map(orientation).collect::<Vec<f64>>()),
+        scalars("polyhedron", grains.iter().map(|g| u8::from(g.solid.is_some())).collect::<Vec<u8>>()),
     ]
 }
 
@@ -200,6 +204,11 @@ pub fn walls(frame: &Frame) -> Vec<u8> {
         data: Attributes { point: vec![scalars("radius", radii)], cell: vec![scalars("id", ball_ids)] },
         ..Default::default()
     })
+}
+
+/// `view.py`: what shows the files of this folder in ParaView without a step by hand.
+pub fn view(folder: &Path) -> String {
+    include_str!("view.py").replace("\"@FOLDER@\"", &format!("{:?}", folder.to_string_lossy()))
 }
 
 /// A ParaView collection: the files of one kind with their times, s.

@@ -1,0 +1,73 @@
+# Shows this folder in ParaView: the grains as spheres and polyhedra, the walls, the chains of force.
+#
+#     paraview --script=view.py        in a window (or there: File > Load State)
+#     pvbatch view.py PICTURE.png      the last snapshot as a picture
+#
+# cd-post writes this file anew each time: change a copy.
+import os
+import sys
+
+from paraview.simple import *
+
+# A window does not tell a script where it lies.
+HERE = os.path.dirname(os.path.abspath(__file__)) if "__file__" in globals() else "@FOLDER@"
+
+
+def read(kind):
+    """The collection of this kind; None if there is none."""
+    path = os.path.join(HERE, kind + ".pvd")
+    return PVDReader(registrationName=kind, FileName=path) if os.path.exists(path) else None
+
+
+def colour(display, where, array, seen=True):
+    """By an array, over its range in all that is shown so."""
+    ColorBy(display, (where, array))
+    display.RescaleTransferFunctionToDataRange(True, True)
+    bar = GetScalarBar(GetColorTransferFunction(array), view)
+    bar.TitleFontSize = bar.LabelFontSize = 8
+    bar.LabelFormat = bar.RangeLabelFormat = "%g"
+    display.SetScalarBarVisibility(view, seen)
+
+
+view = GetActiveViewOrCreate("RenderView")
+view.OrientationAxesVisibility = 1
+scene = GetAnimationScene()
+grains, polyhedra, contacts, walls = (read(kind) for kind in ("grains", "polyhedra", "contacts", "walls"))
+scene.UpdateAnimationUsingDataTimeSteps()
+scene.GoToLast()
+
+spheres = Threshold(registrationName="spheres", Input=grains, Scalars=["POINTS", "polyhedron"])
+spheres.LowerThreshold = spheres.UpperThreshold = 0
+spheres.UpdatePipeline()
+if spheres.GetDataInformation().GetNumberOfPoints() > 0:
+    display = Show(spheres, view)
+    display.SetRepresentationType("3D Glyphs")
+    display.GlyphType = "Sphere"
+    display.GlyphType.ThetaResolution = display.GlyphType.PhiResolution = 20
+    display.Scaling = 1
+    display.ScaleMode = "Magnitude"
+    display.SelectScaleArray = "radius"
+    display.ScaleFactor = 2.0  # the glyph has the diameter 1
+    colour(display, "POINTS", "neighbours")
+if polyhedra:
+    display = Show(polyhedra, view)
+    display.SetRepresentationType("Surface")
+    colour(display, "CELLS", "neighbours")
+chains = Threshold(registrationName="chains of force", Input=contacts, Scalars=["CELLS", "active"])
+chains.LowerThreshold = chains.UpperThreshold = 1
+chains.UpdatePipeline()
+if chains.GetDataInformation().GetNumberOfCells() > 0:
+    display = Show(chains, view)
+    display.LineWidth = 2.0
+    colour(display, "CELLS", "normal_force", seen=False)
+    Hide(chains, view)  # within the grains: the eye beside it in the pipeline shows them
+
+view.CameraFocalPoint, view.CameraPosition, view.CameraViewUp = [0, 0, 0], [1.0, -1.6, 0.9], [0, 0, 1]
+ResetCamera(view)
+if walls:
+    display = Show(walls, view)
+    display.SetRepresentationType("Surface")
+    display.Opacity = 0.1
+Render(view)
+if len(sys.argv) > 1 and sys.argv[-1].endswith(".png"):
+    SaveScreenshot(sys.argv[-1], view, ImageResolution=[1600, 1200])
