@@ -38,10 +38,10 @@ use write::picture::Shade;
 
 /// Measures the snapshots of a case and draws them.
 ///
-/// Reads DIR/OUTBOX/snapshot-*.npz; writes DIR/POSTPRO (series.csv, plots, a picture) and
-/// DIR/DISPLAY (ParaView files: paraview --script=DIR/DISPLAY/view.py shows
-/// grains.pvd, polyhedra.pvd, contacts.pvd and walls.pvd). The shapes of polyhedra are read from DIR/DATBOX/BODIES.DAT. A folder whose name is
-/// that of a command below is given as ./NAME.
+/// Reads DIR/OUTBOX/snapshot-*.npz; writes DIR/POSTPRO (series.csv, plots, a picture) and DIR/DISPLAY
+/// (ParaView files, which paraview --script=DIR/DISPLAY/view.py shows). The shapes of polyhedra are
+/// read from DIR/DATBOX/BODIES.DAT. A folder whose name is that of a command below is given as
+/// ./NAME.
 #[derive(Debug, Clone, Parser)]
 #[command(name = "cd-post", version, args_conflicts_with_subcommands = true)]
 struct Arguments {
