@@ -54,8 +54,8 @@ pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> 
         ContactSolver::Admm => (Solver::Admm, f64::INFINITY),
     };
     // The others go on from the warm start.
-    let rounds = ROUND * (limit / 2).min((ROUNDS * newton) as u64).div_euclid(ROUND).max(1);
-    let sweeps = if solver == Solver::Auto { limit.min(rounds) } else { 0 };
+    let rounds = ((ROUNDS * newton) as u64).min(limit / 2) / ROUND;
+    let sweeps = if solver == Solver::Auto { limit.min(ROUND * rounds.max(1)) } else { 0 };
     let start = swept(sweeps);
     if start.converged || start.sweeps >= limit {
         return start;

@@ -17,6 +17,7 @@ fn packed(solver: ContactSolver, friction: f64) -> Case {
         let ball = case.sphere(0.5, [i - 1.0, j - 1.0, l + 0.5]);
         case.launch(ball, [0.3 * j, -0.2 * l, -0.1 * i], [i, -j, 2.0 * l]);
     }
+    // A round of sweeps, and room for what comes after it, which counts too.
     (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, Some(1e-8), Some(5000));
     case
 }
