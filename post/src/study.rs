@@ -206,7 +206,7 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
         runs.iter().filter(|run| run.group == group).map(|run| (x(run), y(run))).collect()
     };
     let dots = |name: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), points, marks: Marks::Dots };
-    let expected = |name: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), points, marks: Marks::Expected };
+    let fit = |name: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), points, marks: Marks::Fit };
     let ends = |line: Line, points: &[(f64, f64)], from: f64| -> Vec<(f64, f64)> {
         let most = points.iter().map(|p| p.0).fold(from, f64::max);
         [from, most].map(|x| (x, line.intercept + line.slope * x)).to_vec()
@@ -224,7 +224,7 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
             curves.push(dots(group, points.clone()));
             if let Some(line) = Line::through(&points) {
                 note(name, group, &format!("{name} = intercept + slope N^(-1/3)"), line);
-                curves.push(expected(
+                curves.push(fit(
                     &format!(
                         "{} {} {} N^(-1/3)",
                         short(line.intercept),
@@ -252,7 +252,8 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
     }
     let (low, high) = all.iter().fold((f64::INFINITY, 0f64), |(low, high), p| (low.min(p.0), high.max(p.0)));
     if low < high {
-        curves.push(expected("equal", vec![(low, low), (high, high)]));
+        let points = vec![(low, low), (high, high)];
+        curves.push(Curve { name: "equal".into(), points, marks: Marks::Expected });
     }
     figures.push((
         "pressure".into(),
@@ -272,14 +273,14 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
             let points = of(group, &number, &|run| run.of(&format!("seconds_{room}")));
             let points: Vec<(f64, f64)> = points.into_iter().filter(|p| p.0 > 0.0 && p.1 > 0.0).collect();
             let logarithms: Vec<(f64, f64)> = points.iter().map(|p| (p.0.ln(), p.1.ln())).collect();
+            curves.push(dots(room, points.clone()));
             let line = Line::through(&logarithms);
             let power = line.map_or(String::new(), |line| format!(", N^{}", short(line.slope)));
             if let Some(line) = line {
                 note(&name, group, &format!("ln(seconds_{room}) = intercept + slope ln(N)"), line);
                 let ends = points.iter().map(|p| p.0).map(|n| (n, (line.intercept + line.slope * n.ln()).exp()));
-                curves.push(expected(&format!("{room}{power}"), ends.collect()));
+                curves.push(fit(&format!("{room}{power}"), ends.collect()));
             }
-            curves.push(dots(room, points));
         }
         let title = format!("Seconds per step by room: {group}");
         figures.push((

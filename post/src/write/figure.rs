@@ -45,6 +45,8 @@ pub enum Marks {
     Dots,
     /// A thin grey line: what is expected.
     Expected,
+    /// A thin line in the colour of the curve before it, to which it is fitted.
+    Fit,
     /// Dots with the name beside them, not in the legend.
     Named,
 }
@@ -179,13 +181,14 @@ impl Figure {
 
     /// Colour and width: the curves that are drawn first are wider, and where two are equal both are seen.
     fn style(&self, k: usize) -> (RGBColor, u32) {
+        let coloured = |c: &&Curve| matches!(c.marks, Marks::Line | Marks::Dots);
+        let before = self.curves[..k].iter().filter(coloured).count();
         match self.curves[k].marks {
             Marks::Expected => return (GREY, 1),
             Marks::Named => return (INK, 1),
-            _ => {}
+            Marks::Fit => return (COLOURS[before.saturating_sub(1) % COLOURS.len()], 1),
+            Marks::Line | Marks::Dots => {}
         }
-        let coloured = |c: &&Curve| !matches!(c.marks, Marks::Expected | Marks::Named);
-        let before = self.curves[..k].iter().filter(coloured).count();
         let after = self.curves[k + 1..].iter().filter(|c| c.marks == Marks::Line).count();
         (COLOURS[before % COLOURS.len()], (2 + 2 * after as u32).min(6))
     }
@@ -202,7 +205,7 @@ impl Figure {
                 Marks::Line => {
                     area.draw(&PathElement::new([(0, line(row)), (20, line(row))], colour.stroke_width(3)))?
                 }
-                Marks::Expected => {
+                Marks::Expected | Marks::Fit => {
                     area.draw(&PathElement::new([(0, line(row)), (20, line(row))], colour.stroke_width(1)))?
                 }
             }
@@ -317,6 +320,15 @@ mod tests {
                 assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
             }
         }
+    }
+
+    #[test]
+    fn a_fit_has_the_colour_of_its_dots() {
+        let mut figure = figure(vec![(0.0, 1.0), (1.0, 2.0)], false);
+        let of = |marks| Curve { marks, ..figure.curves[0].clone() };
+        figure.curves = [Marks::Dots, Marks::Fit, Marks::Expected, Marks::Dots, Marks::Fit].map(of).to_vec();
+        let styles: Vec<RGBColor> = (0..5).map(|k| figure.style(k).0).collect();
+        assert_eq!(styles, [COLOURS[0], COLOURS[0], GREY, COLOURS[1], COLOURS[1]]);
     }
 
     #[test]
