@@ -73,6 +73,14 @@ function write_table(    table, c, t) {
 function x(t) { return 70 + 400 * t / most }
 function y(w) { return 270 - 220 * w / top }
 
+# The largest of 1, 2 and 5 times a power of ten that is not above x > 0.
+function round_part(x,    power) {
+    power = 1
+    while (power > x) power /= 10
+    while (10 * power <= x) power *= 10
+    return (x >= 5 * power ? 5 : x >= 2 * power ? 2 : 1) * power
+}
+
 function curve(phi,    k, t) {
     printf "<path fill=\"none\" stroke=\"#999\" d=\"" > svg
     for (k = 0; k <= 60; k++) {
@@ -94,8 +102,9 @@ function draw(    c, k, tick) {
     for (k = 0; k <= top; k += 0.5) {
         printf "<path d=\"M70 %.1f H470\" stroke=\"#e0e0e0\"/><text x=\"62\" y=\"%.1f\" text-anchor=\"end\">%.1f</text>\n", y(k), y(k) + 4, k > svg
     }
-    for (k = 0; k <= 4; k++)
-        printf "<text x=\"%.1f\" y=\"288\" text-anchor=\"middle\">%.2g</text>\n", x(most * k / 4), most * k / 4 > svg
+    tick = round_part(most / 3)
+    for (k = 0; k * tick <= most; k++)
+        printf "<text x=\"%.1f\" y=\"288\" text-anchor=\"middle\">%g</text>\n", x(k * tick), k * tick > svg
     curve(20); curve(30); curve(40)
     for (c = 1; c <= cases; c++)
         printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"5\" fill=\"%s\" stroke=\"#0072b2\" stroke-width=\"2\"/>\n", x(strength(c)), y(spin[c] / critical), failed[c] ? "#0072b2" : "white" > svg
