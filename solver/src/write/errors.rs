@@ -8,7 +8,7 @@
 //! | contacts | twice the median change of Σ f·l, three volumes times the pressure, from one step to the next, over its median: what residuals leave; the 2, as those of steps that follow each other are alike, is from the scenes of examples/trade | `tol` |
 //! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, pressure going as its -4th power | `dt` |
 //! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean of the looks | `gravity_error` |
-//! | chance | ½ w/√N: N contacts of forces that differ as their mean, and w the share of the energy that contacts have taken, the way on which what happened could have happened otherwise; ½ is from the scenes of examples/trade | none |
+//! | chance | ½ w/√N: N pairs in contact whose forces differ as their mean (the points of one pair share theirs), and w the share of the energy that contacts have taken, the way on which what happened could have happened otherwise; ½ is from the scenes of examples/trade | none |
 //! | energy | what the ledger does not explain over the largest of the energies at play | `theta` |
 //! | momentum | the energy of its drift as a motion of the whole, over the same | none: rounding |
 
@@ -75,7 +75,11 @@ impl Tally {
         let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
         let (drift, scale) = summary::energy_drift(scene, state);
         let lost = over(state.ledger.contact_work.abs(), scale);
-        let active = state.contacts.iter().filter(|contact| contact.impulse != Vec3::zeros()).count();
+        let loaded = state.contacts.iter().filter(|solved| solved.impulse != Vec3::zeros());
+        // Contacts are in the order of their pairs.
+        let mut pairs: Vec<(u32, u32)> =
+            loaded.map(|solved| (solved.contact.candidate, solved.contact.antagonist)).collect();
+        pairs.dedup();
         let virial = self.virials.iter().sum::<f64>().abs() / self.virials.len().max(1) as f64;
         let stray = summary::momentum_drift(scene, state).0 * state.ledger.momentum_scale;
         let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).sum();
@@ -91,7 +95,7 @@ impl Tally {
             of("contacts", "tol", over(2.0 * change, typical), assembly + solve),
             of("step", "dt", 2.0 * mean, detection + integration),
             of("gravity", "gravity_error", virial, gravity),
-            of("chance", "", over(0.5 * lost, (active as f64).sqrt()), none),
+            of("chance", "", over(0.5 * lost, (pairs.len() as f64).sqrt()), none),
             of("energy", "theta", drift.abs(), none),
             of("momentum", "", over(0.5 * stray * stray / mass, scale), none),
             of("writing", "output_every", 0.0, writing),
