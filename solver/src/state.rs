@@ -117,6 +117,9 @@ pub struct State {
     /// Angular momenta about the centres of mass, world frame, kg m²/s, of the bodies of `Scene::turning`: while nothing
     /// acts on them they keep every bit, and `w` follows from them.
     pub spin: Vec<Vec3>,
+    /// Bodies along Morton's curve in the last step, from which the next sorts them; empty at the start. Nothing but time
+    /// depends on it.
+    pub order: Vec<u32>,
     /// The contacts of the last step by key, from which the next step starts.
     pub contacts: Vec<SolvedContact>,
     /// Pairs of contactors that were near each other in the last step, in order.

@@ -90,7 +90,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     let solved = end_of_contacts(scene, &q_c, contacts, &free, &system, &solution);
     let report = book(scene, state, &q_c, &free, &system, &solution, &solved);
     integrate::advance(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
-    (state.contacts, state.pairs) = (solved.contacts, pairs);
+    (state.contacts, state.pairs, state.order) = (solved.contacts, pairs, q_c.order);
     state.bonding = Bonding::No;
     lap.stop(&mut clock.integration);
     report

@@ -249,7 +249,7 @@ fn attraction(scene: &Scene, state: &State, q_c: &Configuration) -> Pull {
     }
     let (positions, masses) = points(scene, &q_c.x);
     let mut pull = if scene.gravity_refresh() == 1 {
-        let (acceleration, energy, removed) = evaluated(scene, &positions, &masses);
+        let (acceleration, energy, removed) = evaluated(scene, &q_c.order, &positions, &masses);
         let report = GravityReport { removed, ..GravityReport::default() };
         Pull { acceleration, energy, report, next: None }
     } else {
@@ -310,10 +310,12 @@ fn points(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
     scene.free.iter().map(|&i| (x[i as usize], scene.bodies[i as usize].mass)).unzip()
 }
 
-/// Accelerations, energy and what was removed, see [`Field`].
-fn evaluated(scene: &Scene, positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
+/// Accelerations, energy and what was removed, see [`Field`]; `order` is that of all bodies.
+fn evaluated(scene: &Scene, order: &[u32], positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
+    let place = |body| scene.free.binary_search(body).ok().map(|k| k as u32);
+    let of_free: Vec<u32> = order.iter().filter_map(place).collect();
     let Field { acceleration, potential, removed } =
-        scene.gravity().field(positions, masses, scene.options.gravity_constant);
+        scene.gravity().field(positions, masses, scene.options.gravity_constant, &of_free);
     (acceleration, 0.5 * potential.iter().zip(masses).map(|(p, m)| p * m).sum::<f64>(), removed)
 }
 
@@ -328,7 +330,7 @@ fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[
     let mean = velocities().zip(masses).map(|(v, m)| v * *m).sum::<Vec3>() / mass;
     let fastest = velocities().map(|v| (v - mean).norm_squared()).fold(0.0, f64::max).sqrt();
     let Some(old) = &state.attraction else {
-        let (acceleration, energy, removed) = evaluated(scene, positions, masses);
+        let (acceleration, energy, removed) = evaluated(scene, &q_c.order, positions, masses);
         let record = Record { times: [now; 2], potentials: [energy; 2], removed, ..Record::default() };
         let rows: Arc<[Vec3]> = acceleration.as_slice().into();
         let next = Attraction { record, last: rows.clone(), before: rows };
@@ -353,7 +355,7 @@ fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[
         let record = Record { age, moved, ..record.clone() };
         return Pull { acceleration, energy, report, next: Some(Attraction { record, ..old.clone() }) };
     }
-    let (fresh, energy, removed) = evaluated(scene, positions, masses);
+    let (fresh, energy, removed) = evaluated(scene, &q_c.order, positions, masses);
     let square = |v: &mut dyn Iterator<Item = Vec3>| v.map(|v| v.norm_squared()).sum::<f64>();
     let away = square(&mut acceleration.iter().zip(&fresh).map(|(a, b)| a - b));
     let scale = square(&mut fresh.iter().copied());
@@ -375,7 +377,7 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     }
     let direct = Gravity::new(Method::Direct, scene.options.gravity_error());
     let gravity = if scene.free.len() <= DIRECT_ENERGY { direct } else { scene.gravity() };
-    let potential = gravity.field(&positions, &masses, scene.options.gravity_constant).potential;
+    let potential = gravity.field(&positions, &masses, scene.options.gravity_constant, &[]).potential;
     let points = 0.5 * potential.iter().zip(&masses).map(|(p, m)| p * m).sum::<f64>();
     outer + points + near_field(scene, x, &state.q).energy
 }

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::integrate::Configuration;
 use crate::laws::{Approach, Rolling};
-use crate::math::{Quat, Vec3, morton, to_local, to_world};
+use crate::math::{Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Scene, Shape};
 use crate::state::{Bonding, Contact, SolvedContact, State, Status, UNKNOWN};
 
@@ -176,7 +176,7 @@ pub fn contact_problem(
             row.w_t = 0.5 * (w.trace() - row.w_n);
         }
     }
-    let mut system = System { rows, rolls, full, records, order: order_of_space(&q_c.x) };
+    let mut system = System { rows, rolls, full, records, order: q_c.order.clone() };
     for k in 0..system.rows.len() {
         let Row { impulse_shift, normal, .. } = system.rows[k];
         if impulse_shift != 0.0 {
@@ -345,15 +345,6 @@ fn warm_start(old: &SolvedContact, contact: &Contact, impulse_shift: f64, scale:
     let tangential = t_old * old.impulse.y + s_old * old.impulse.z;
     let normal = (old.impulse.x * scale - impulse_shift).max(0.0);
     n * normal + (tangential - n * n.dot(&tangential)) * scale
-}
-
-/// Bodies along Morton's curve.
-fn order_of_space(x: &[Vec3]) -> Vec<u32> {
-    let mut keys = morton::unsorted(x.len());
-    if !x.is_empty() {
-        morton::sort(&mut keys, x);
-    }
-    keys.into_iter().map(|key| key.index).collect()
 }
 
 impl System {

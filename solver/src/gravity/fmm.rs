@@ -15,8 +15,8 @@ use super::expansion::{
     NARROW, Narrow, Wide, contract, derivatives, evaluate, exponential, for_degrees, for_lines, narrow, narrow_len,
     widen,
 };
-use super::pairs::{PackF32, PackF64, Packed, Pull, PullF32, PullF64, Source, TARGETS};
-use super::settings::Expansion;
+use super::pairs::{Coarse, Fine, Of, PackF32, PackF64, Packed, Pull, PullF32, PullF64, Rough, Source, TARGETS};
+use super::settings::{Expansion, Precision};
 use super::tree::{Cell, GRAIN, Outline, Tree};
 use super::upward::load_part;
 use crate::math::lanes::{Scalar, Singles};
@@ -28,6 +28,8 @@ pub struct Walk<'a, L, const P: usize> {
     pub lanes: L,
     pub tree: &'a Tree,
     pub settings: Expansion,
+    /// Whether the potential is asked for too.
+    pub potential: bool,
 }
 
 /// A list that grows without branching on what is asked, which no processor could foresee here.
@@ -90,7 +92,7 @@ struct Above {
 }
 
 impl<L: Singles, const P: usize> Walk<'_, L, P> {
-    /// Pull on every body, in the tree's order and units.
+    /// Pull on every body, in the tree's order and units; its potential is wrong where that is not asked for.
     pub fn pulls(&self) -> Vec<Pull> {
         let mut out = vec![[0.0; 4]; self.tree.index.len()];
         let mut work = Work::default();
@@ -178,11 +180,13 @@ impl<L: Singles, const P: usize> Walk<'_, L, P> {
         nearest.resize(targets.len(), 0.0);
         pulls.clear();
         pulls.resize(targets.len(), [0.0; 4]);
-        let (packed, targets_f32) = (&*singles, &targets_f32[..]);
-        if self.settings.rough {
-            l.run(PullF32::<L, true> { l, packed, length, targets: targets_f32, out: pulls, nearest });
-        } else {
-            l.run(PullF32::<L, false> { l, packed, length, targets: targets_f32, out: pulls, nearest });
+        let pull = PullF32 { l, packed: singles, length, targets: targets_f32, out: pulls, nearest };
+        match (self.settings.pair, self.potential) {
+            (Precision::Coarse, false) => l.run(Of(Coarse, pull)),
+            (Precision::Rough, false) => l.run(Of(Rough::<false>, pull)),
+            (Precision::Coarse | Precision::Rough, true) => l.run(Of(Rough::<true>, pull)),
+            (Precision::Fine, false) => l.run(Of(Fine::<false>, pull)),
+            (Precision::Fine, true) => l.run(Of(Fine::<true>, pull)),
         }
         // What the rounding of positions spoils is done again.
         let limit = ((close * (outline.radius + largest) / length).max(1e-6) as f32).powi(2);

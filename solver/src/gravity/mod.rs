@@ -57,10 +57,17 @@ impl std::str::FromStr for Method {
 pub struct Field {
     /// m/s^2
     pub acceleration: Vec<Vec3>,
-    /// J/kg, negative.
+    /// J/kg, negative; empty where only the attraction was asked for.
     pub potential: Vec<f64>,
     /// RMS of what was taken away so that forces and torques sum to zero, over the RMS acceleration, by mass.
     pub removed: f64,
+}
+
+/// What is asked of a sum, and from where sorting may start.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    potential: bool,
+    about: &'a [u32],
 }
 
 /// A way to sum attraction.
@@ -104,36 +111,47 @@ impl Gravity {
     }
 
     /// a_i = G sum_j m_j (x_j - x_i)/|x_j - x_i|^3 and phi_i = -G sum_j m_j/|x_j - x_i|.
-    pub fn field(&self, positions: &[Vec3], masses: &[f64], constant: f64) -> Field {
-        self.at_width(positions, masses, constant, Width::detect())
+    ///
+    /// Bodies are sorted along Morton's curve from the order `about`: faster where that is about theirs, as
+    /// [`morton::order`](crate::math::morton::order) of a step before is. It changes no result, and may be empty.
+    pub fn field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> Field {
+        self.at_width(positions, masses, constant, Asked { potential: true, about }, Width::detect())
     }
 
-    fn at_width(&self, positions: &[Vec3], masses: &[f64], constant: f64, width: Width) -> Field {
+    /// The same without the potential, which is faster.
+    pub fn attraction(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> Field {
+        self.at_width(positions, masses, constant, Asked { potential: false, about }, Width::detect())
+    }
+
+    fn at_width(&self, positions: &[Vec3], masses: &[f64], constant: f64, asked: Asked, width: Width) -> Field {
         if positions.len() < 2 || self.method_for(positions.len()) == Method::Direct {
-            let (acceleration, potential) = direct::accelerations(positions, masses, constant);
+            let (acceleration, mut potential) = direct::accelerations(positions, masses, constant);
+            if !asked.potential {
+                potential = Vec::new();
+            }
             return Field { acceleration, potential, removed: 0.0 };
         }
         let mut field = match width {
-            Width::One(lanes) => self.expand(lanes, positions, masses, constant),
+            Width::One(lanes) => self.expand(lanes, positions, masses, constant, asked),
             #[cfg(target_arch = "x86_64")]
-            Width::Four(lanes) => self.expand(lanes, positions, masses, constant),
+            Width::Four(lanes) => self.expand(lanes, positions, masses, constant, asked),
             #[cfg(target_arch = "x86_64")]
-            Width::Eight(lanes) => self.expand(lanes, positions, masses, constant),
+            Width::Eight(lanes) => self.expand(lanes, positions, masses, constant, asked),
         };
         field.removed = balance(positions, masses, &mut field.acceleration);
         field
     }
 
-    fn expand<L: Singles>(&self, lanes: L, positions: &[Vec3], masses: &[f64], constant: f64) -> Field {
+    fn expand<L: Singles>(&self, lanes: L, positions: &[Vec3], masses: &[f64], constant: f64, asked: Asked) -> Field {
         let settings = self.expansion(positions.len());
         match settings.order {
-            2 => self.expand_to::<L, 2>(lanes, settings, positions, masses, constant),
-            3 => self.expand_to::<L, 3>(lanes, settings, positions, masses, constant),
-            4 => self.expand_to::<L, 4>(lanes, settings, positions, masses, constant),
-            5 => self.expand_to::<L, 5>(lanes, settings, positions, masses, constant),
-            6 => self.expand_to::<L, 6>(lanes, settings, positions, masses, constant),
-            7 => self.expand_to::<L, 7>(lanes, settings, positions, masses, constant),
-            8 => self.expand_to::<L, 8>(lanes, settings, positions, masses, constant),
+            2 => self.expand_to::<L, 2>(lanes, settings, positions, masses, constant, asked),
+            3 => self.expand_to::<L, 3>(lanes, settings, positions, masses, constant, asked),
+            4 => self.expand_to::<L, 4>(lanes, settings, positions, masses, constant, asked),
+            5 => self.expand_to::<L, 5>(lanes, settings, positions, masses, constant, asked),
+            6 => self.expand_to::<L, 6>(lanes, settings, positions, masses, constant, asked),
+            7 => self.expand_to::<L, 7>(lanes, settings, positions, masses, constant, asked),
+            8 => self.expand_to::<L, 8>(lanes, settings, positions, masses, constant, asked),
             _ => unreachable!("the order is clamped"),
         }
     }
@@ -145,16 +163,21 @@ impl Gravity {
         positions: &[Vec3],
         masses: &[f64],
         constant: f64,
+        asked: Asked,
     ) -> Field {
-        let tree = Tree::new::<L, P>(lanes, positions, masses, settings.leaf);
-        let pulls = Walk::<L, P> { lanes, tree: &tree, settings }.pulls();
+        let tree = Tree::new::<L, P>(lanes, positions, masses, settings.leaf, asked.about);
+        let pulls = Walk::<L, P> { lanes, tree: &tree, settings, potential: asked.potential }.pulls();
         let potential_unit = constant * tree.mass / tree.length;
         let unit = potential_unit / tree.length;
         let mut acceleration = vec![Vec3::zeros(); positions.len()];
-        let mut potential = vec![0.0; positions.len()];
-        for (&i, [x, y, z, sum]) in tree.index.iter().zip(pulls) {
-            acceleration[i as usize] = Vec3::new(x, y, z) * unit;
-            potential[i as usize] = -sum * potential_unit;
+        for (&i, [x, y, z, _]) in tree.index.iter().zip(&pulls) {
+            acceleration[i as usize] = Vec3::new(*x, *y, *z) * unit;
+        }
+        let mut potential = vec![0.0; if asked.potential { positions.len() } else { 0 }];
+        if asked.potential {
+            for (&i, [_, _, _, sum]) in tree.index.iter().zip(&pulls) {
+                potential[i as usize] = -sum * potential_unit;
+            }
         }
         Field { acceleration, potential, removed: 0.0 }
     }
@@ -163,6 +186,7 @@ impl Gravity {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::morton;
 
     /// Numbers in [0, 1), the same on every machine.
     struct Random(u64);
@@ -253,7 +277,7 @@ mod tests {
         for (name, (x, m)) in clouds(1000).into_iter().chain(clouds(6000)) {
             let (exact, potential) = direct::accelerations(&x, &m, 1.0);
             for error in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6] {
-                let field = fmm(error).field(&x, &m, 1.0);
+                let field = fmm(error).field(&x, &m, 1.0, &[]);
                 let got = difference(&field.acceleration, &exact);
                 assert!(got < error && got > 0.1 * error, "{name}: {got:e} for {error:e}");
                 let (force, torque) = imbalance(&x, &m, &field.acceleration);
@@ -267,13 +291,27 @@ mod tests {
     }
 
     #[test]
+    fn attraction_alone_is_as_exact_and_where_sorting_starts_changes_no_bit() {
+        for (name, (x, m)) in [("ball", ball(5000)), ("rubble", rubble(5000)), ("binary", binary(5000))] {
+            let (exact, _) = direct::accelerations(&x, &m, 1.0);
+            for error in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6] {
+                let field = fmm(error).attraction(&x, &m, 1.0, &[]);
+                let got = difference(&field.acceleration, &exact);
+                assert!(got < error && got > 0.1 * error, "{name}: {got:e} for {error:e}");
+                assert!(field.potential.is_empty());
+                assert_eq!(field, fmm(error).attraction(&x, &m, 1.0, &morton::order(&x, &[])));
+            }
+        }
+    }
+
+    #[test]
     fn error_falls_with_order_and_opening() {
         let (x, m) = clumps(3000);
         let (exact, _) = direct::accelerations(&x, &m, 1.0);
         // f64 pairs, which the smallest error brings.
         let error = |order, opening| {
             let gravity = Gravity { order: Some(order), opening: Some(opening), leaf: Some(16), ..fmm(1e-6) };
-            difference(&gravity.field(&x, &m, 1.0).acceleration, &exact)
+            difference(&gravity.field(&x, &m, 1.0, &[]).acceleration, &exact)
         };
         for order in 2..HIGHEST_ORDER {
             assert!(error(order + 1, 0.7) < error(order, 0.7), "order {order}");
@@ -284,14 +322,15 @@ mod tests {
     #[test]
     fn same_bits_for_all_widths_and_threads() {
         let (x, m) = clumps(5000);
-        for error in [1e-2, 1e-6] {
-            let expected = fmm(error).at_width(&x, &m, 1.5, Width::all()[0]);
+        for (error, potential) in [1e-2, 1e-4, 1e-6].into_iter().flat_map(|error| [(error, false), (error, true)]) {
+            let asked = Asked { potential, about: &[] };
+            let expected = fmm(error).at_width(&x, &m, 1.5, asked, Width::all()[0]);
             for width in Width::all() {
-                assert_eq!(fmm(error).at_width(&x, &m, 1.5, width), expected);
+                assert_eq!(fmm(error).at_width(&x, &m, 1.5, asked, width), expected);
             }
             for threads in 1..4 {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                assert_eq!(pool.install(|| fmm(error).field(&x, &m, 1.5)), expected);
+                assert_eq!(pool.install(|| fmm(error).at_width(&x, &m, 1.5, asked, Width::detect())), expected);
             }
         }
     }
@@ -299,7 +338,7 @@ mod tests {
     #[test]
     fn virial_of_the_force_is_the_potential_energy() {
         let (x, m) = ball(4000);
-        let field = fmm(1e-5).field(&x, &m, 2.0);
+        let field = fmm(1e-5).field(&x, &m, 2.0, &[]);
         let virial: f64 = x.iter().zip(field.acceleration.iter().zip(&m)).map(|(x, (a, m))| x.dot(a) * m).sum();
         let energy: f64 = 0.5 * field.potential.iter().zip(&m).map(|(p, m)| p * m).sum::<f64>();
         assert!((virial / energy - 1.0).abs() < 1e-6);
@@ -309,7 +348,7 @@ mod tests {
     fn agrees(name: &str, (x, m): &Cloud) {
         let (exact, _) = direct::accelerations(x, m, 1.0);
         for error in [1e-3, 1e-6] {
-            let field = fmm(error).field(x, m, 1.0);
+            let field = fmm(error).field(x, m, 1.0, &[]);
             assert!(field.acceleration.iter().all(|a| a.iter().all(|a| a.is_finite())), "{name}");
             assert!(field.potential.iter().all(|p| p.is_finite()), "{name}");
             if exact.iter().any(|a| *a != Vec3::zeros()) {

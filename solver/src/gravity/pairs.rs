@@ -13,24 +13,86 @@ const SUMS_F32: usize = 16;
 /// The same in double precision.
 const SUMS: usize = 8;
 
-/// First estimate of x^(-1/2) and one step of its own kind, u = y (STEP - x y^2); SCALE u is right to 6.5e-4.
-/// Source: J. Kadlec, "Improving the fast inverse square root" (2010).
-const MAGIC: u32 = 0x5f1f_fff9;
-const STEP: f32 = 2.389_244_6;
-const SCALE: f64 = 0.703_952_253;
-/// A step of Newton, v = u (NEWTON - x u^2), with x^(-1/2) = ROOT v to +-3e-7: the step errs to one side by 0 to 6e-7,
-/// and the factor takes away the mean.
-const NEWTON: f32 = (3.0 / (SCALE * SCALE)) as f32;
-const ROOT: f64 = 0.5 * SCALE * SCALE * SCALE * (1.0 + 3.2e-7);
-
 /// Bodies nearer than the root of this, in the tree's units, are in the same place and do not attract each other; the
 /// inverse cube of the distance is finite above.
 const SAME: f64 = 1e-200;
 
-/// The rough way: x^(-1/2) = y P(x y^2) to 2.5e-5, with the first estimate y that this gives and the quadratic P whose
-/// largest relative error over all y is least.
-const ROUGH_MAGIC: u32 = 0x5f37_59df;
-const QUADRATIC: [f32; 3] = [1.876_622_9, -1.252_149_6, 0.375_526_89];
+/// How the pull of a mass m at the squared distance x is found in single precision.
+pub trait Pair {
+    /// Whether the potential is summed too.
+    const POTENTIAL: bool;
+    /// Of x^(-1/2) over the number found for it.
+    const ROOT: f64;
+
+    /// m x^(-3/2) / ROOT^3, and x^(-1/2) / ROOT where the potential is asked for.
+    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S);
+}
+
+/// To 1.7e-4: x^(-3/2) = y^3 P(x y^2), without the root.
+///
+/// Here and below y is the first estimate of x^(-1/2) that a magic number gives, and P the quadratic whose largest relative
+/// error over all y is least.
+pub struct Coarse;
+
+/// To 2.5e-5: x^(-1/2) = y P(x y^2).
+pub struct Rough<const POTENTIAL: bool>;
+
+/// To 3e-7: a step u = y (STEP - x y^2), right to 6.5e-4 but for a factor SCALE, and one of Newton,
+/// v = u (NEWTON - x u^2), with x^(-1/2) = ROOT v: it errs to one side by 0 to 6e-7, and the factor takes away the mean.
+///
+/// Source: J. Kadlec, "Improving the fast inverse square root" (2010).
+pub struct Fine<const POTENTIAL: bool>;
+
+/// Of the first estimate of [`Coarse`] and [`Rough`].
+const MAGIC: u32 = 0x5f37_59df;
+
+impl Pair for Coarse {
+    const POTENTIAL: bool = false;
+    const ROOT: f64 = 1.0;
+
+    #[inline(always)]
+    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
+        const P: [f32; 3] = [4.384_447, -5.261_206, 1.876_769_3];
+        let y = l.magic_f32(MAGIC, x);
+        let y2 = l.mul_f32(y, y);
+        let z = l.mul_f32(x, y2);
+        let p = l.mul_add_f32(l.mul_add_f32(l.splat_f32(P[2]), z, l.splat_f32(P[1])), z, l.splat_f32(P[0]));
+        let strength = l.mul_f32(l.mul_f32(l.mul_f32(m, y), y2), p);
+        (strength, strength)
+    }
+}
+
+impl<const POTENTIAL: bool> Pair for Rough<POTENTIAL> {
+    const POTENTIAL: bool = POTENTIAL;
+    const ROOT: f64 = 1.0;
+
+    #[inline(always)]
+    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
+        const P: [f32; 3] = [1.876_622_9, -1.252_149_6, 0.375_526_89];
+        let y = l.magic_f32(MAGIC, x);
+        let z = l.mul_f32(x, l.mul_f32(y, y));
+        let p = l.mul_add_f32(l.mul_add_f32(l.splat_f32(P[2]), z, l.splat_f32(P[1])), z, l.splat_f32(P[0]));
+        let v = l.mul_f32(y, p);
+        (l.mul_f32(l.mul_f32(m, v), l.mul_f32(v, v)), v)
+    }
+}
+
+const STEP: f32 = 2.389_244_6;
+const SCALE: f64 = 0.703_952_253;
+const NEWTON: f32 = (3.0 / (SCALE * SCALE)) as f32;
+
+impl<const POTENTIAL: bool> Pair for Fine<POTENTIAL> {
+    const POTENTIAL: bool = POTENTIAL;
+    const ROOT: f64 = 0.5 * SCALE * SCALE * SCALE * (1.0 + 3.2e-7);
+
+    #[inline(always)]
+    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
+        let y = l.magic_f32(0x5f1f_fff9, x);
+        let u = l.mul_f32(y, l.neg_mul_add_f32(x, l.mul_f32(y, y), l.splat_f32(STEP)));
+        let v = l.mul_f32(u, l.neg_mul_add_f32(x, l.mul_f32(u, u), l.splat_f32(NEWTON)));
+        (l.mul_f32(l.mul_f32(m, v), l.mul_f32(v, v)), v)
+    }
+}
 
 /// Squared distances from itself that a body is given, by its place among those treated at once: its potential there
 /// is below all digits, and its force zero.
@@ -144,10 +206,8 @@ impl NullaryFnOnce for PackF64<'_> {
 }
 
 /// Adds the pull of `packed` to that of `targets` (x, y, z as packed), which are the first of these, in single precision;
-/// `nearest` gets the least
-/// squared distance, in packed units, that a target or one of those treated with it has met. `ROUGH` asks for 2.5e-5 a
-/// pair in place of 3e-7.
-pub struct PullF32<'a, L, const ROUGH: bool> {
+/// `nearest` gets the least squared distance, in packed units, that a target or one of those treated with it has met.
+pub struct PullF32<'a, L> {
     pub l: L,
     pub packed: &'a Packed<f32>,
     /// Tree's units in a packed unit of length.
@@ -157,14 +217,16 @@ pub struct PullF32<'a, L, const ROUGH: bool> {
     pub nearest: &'a mut [f32],
 }
 
-impl<L: Singles, const ROUGH: bool> NullaryFnOnce for PullF32<'_, L, ROUGH> {
+/// Pulls of this kind.
+pub struct Of<K, P>(pub K, pub P);
+
+impl<L: Singles, K: Pair> NullaryFnOnce for Of<K, PullF32<'_, L>> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let PullF32 { l, packed, length, targets, out, nearest } = self;
+        let PullF32 { l, packed, length, targets, out, nearest } = self.1;
         let ([x, y, z, m], count) = (packed.columns(), packed.count);
-        let root = if ROUGH { 1.0 } else { ROOT };
-        let (per_length, per_area) = (root / length, (root / length) * (root / length) * root);
+        let (per_length, per_area) = (K::ROOT / length, (K::ROOT / length) * (K::ROOT / length) * K::ROOT);
         let mut first = 0;
         while first < targets.len() {
             let here = (targets.len() - first).min(TARGETS);
@@ -184,7 +246,7 @@ impl<L: Singles, const ROUGH: bool> NullaryFnOnce for PullF32<'_, L, ROUGH> {
                 let mut k = from;
                 while k < own {
                     let source = [l.load_f32(&x[k..]), l.load_f32(&y[k..]), l.load_f32(&z[k..]), l.load_f32(&m[k..])];
-                    meet::<L, false, ROUGH>(l, source, &p, [l.splat_f32(0.0); TARGETS], &mut sums);
+                    meet::<L, K, false>(l, source, &p, [l.splat_f32(0.0); TARGETS], &mut sums);
                     k += SUMS_F32;
                 }
                 let mut apart = [l.splat_f32(0.0); TARGETS];
@@ -192,11 +254,11 @@ impl<L: Singles, const ROUGH: bool> NullaryFnOnce for PullF32<'_, L, ROUGH> {
                     apart[t] = l.load_f32(&APART[first % SUMS_F32 + t.min(here - 1)][from..]);
                 }
                 let source = [l.load_f32(&x[k..]), l.load_f32(&y[k..]), l.load_f32(&z[k..]), l.load_f32(&m[k..])];
-                meet::<L, true, ROUGH>(l, source, &p, apart, &mut sums);
+                meet::<L, K, true>(l, source, &p, apart, &mut sums);
                 k += SUMS_F32;
                 while k < count {
                     let source = [l.load_f32(&x[k..]), l.load_f32(&y[k..]), l.load_f32(&z[k..]), l.load_f32(&m[k..])];
-                    meet::<L, false, ROUGH>(l, source, &p, apart, &mut sums);
+                    meet::<L, K, false>(l, source, &p, apart, &mut sums);
                     k += SUMS_F32;
                 }
                 for t in 0..TARGETS {
@@ -217,7 +279,9 @@ impl<L: Singles, const ROUGH: bool> NullaryFnOnce for PullF32<'_, L, ROUGH> {
                 to[0] += per_area * total(ax) as f64;
                 to[1] += per_area * total(ay) as f64;
                 to[2] += per_area * total(az) as f64;
-                to[3] += per_length * total(potential) as f64;
+                if K::POTENTIAL {
+                    to[3] += per_length * total(potential) as f64;
+                }
                 nearest[first + t] = closest;
             }
             first += TARGETS;
@@ -233,15 +297,13 @@ struct Sums<S> {
 
 /// Adds a vector of sources; those that are among the targets are set `apart` from themselves.
 #[inline(always)]
-fn meet<L: Singles, const OWN: bool, const ROUGH: bool>(
+fn meet<L: Singles, K: Pair, const OWN: bool>(
     l: L,
     [x, y, z, m]: [L::S; 4],
     targets: &[[L::S; 3]; TARGETS],
     apart: [L::S; TARGETS],
     sums: &mut Sums<L::S>,
 ) {
-    let (step, newton) = (l.splat_f32(STEP), l.splat_f32(NEWTON));
-    let [p0, p1, p2] = [l.splat_f32(QUADRATIC[0]), l.splat_f32(QUADRATIC[1]), l.splat_f32(QUADRATIC[2])];
     for t in 0..TARGETS {
         let [dx, dy, dz] = [l.sub_f32(x, targets[t][0]), l.sub_f32(y, targets[t][1]), l.sub_f32(z, targets[t][2])];
         let mut d2 = l.mul_add_f32(dx, dx, l.mul_add_f32(dy, dy, l.mul_f32(dz, dz)));
@@ -249,22 +311,14 @@ fn meet<L: Singles, const OWN: bool, const ROUGH: bool>(
             d2 = l.add_f32(d2, apart[t]);
         }
         sums.near = l.min_f32(d2, sums.near);
-        let v = if ROUGH {
-            let y = l.magic_f32(ROUGH_MAGIC, d2);
-            let z = l.mul_f32(d2, l.mul_f32(y, y));
-            l.mul_f32(y, l.mul_add_f32(l.mul_add_f32(p2, z, p1), z, p0))
-        } else {
-            let y = l.magic_f32(MAGIC, d2);
-            let u = l.mul_f32(y, l.neg_mul_add_f32(d2, l.mul_f32(y, y), step));
-            l.mul_f32(u, l.neg_mul_add_f32(d2, l.mul_f32(u, u), newton))
-        };
-        let potential = l.mul_f32(m, v);
-        let strength = l.mul_f32(potential, l.mul_f32(v, v));
+        let (strength, root) = K::pull(l, m, d2);
         let to = &mut sums.pulls[t];
         to[0] = l.mul_add_f32(dx, strength, to[0]);
         to[1] = l.mul_add_f32(dy, strength, to[1]);
         to[2] = l.mul_add_f32(dz, strength, to[2]);
-        to[3] = l.mul_add_f32(m, v, to[3]);
+        if K::POTENTIAL {
+            to[3] = l.mul_add_f32(m, root, to[3]);
+        }
     }
 }
 

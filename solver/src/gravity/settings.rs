@@ -23,8 +23,19 @@ pub struct Expansion {
     pub leaf: usize,
     /// Pairs in single precision, but for sources nearer than this part of the leaves' radii.
     pub single: Option<f64>,
-    /// 2.5e-5 is good enough for a pair.
-    pub rough: bool,
+    /// How exact a pair in single precision is.
+    pub pair: Precision,
+}
+
+/// Relative error of a pair.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// 1.7e-4 without a potential, 2.5e-5 with it.
+    Coarse,
+    /// 2.5e-5
+    Rough,
+    /// 3e-7
+    Fine,
 }
 
 struct Row {
@@ -74,7 +85,11 @@ impl Expansion {
             leaf: if bodies < 3e4 { 40 } else { 48 },
             // Above this part of the radii, rounded positions spoil no pair by more than half the error asked for.
             single: (error > 2.0 * LEAST_ERROR).then_some(2e-7 / error),
-            rough: error > 5e-5,
+            pair: match error {
+                4e-4.. => Precision::Coarse,
+                5e-5.. => Precision::Rough,
+                _ => Precision::Fine,
+            },
         }
     }
 }

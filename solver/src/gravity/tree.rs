@@ -108,9 +108,15 @@ fn divide(cells: &mut Vec<Cell>, keys: &mut [Key], positions: &[Vec3], leaf: usi
 
 impl Tree {
     /// The tree over at least one body, of leaves of at most `leaf` bodies (more where they coincide), with moments to
-    /// order P.
-    pub fn new<L: Lanes, const P: usize>(lanes: L, positions: &[Vec3], masses: &[f64], leaf: usize) -> Self {
-        let mut keys = morton::unsorted(positions.len());
+    /// order P. Bodies are sorted from the order `about`, see [`morton::unsorted`].
+    pub fn new<L: Lanes, const P: usize>(
+        lanes: L,
+        positions: &[Vec3],
+        masses: &[f64],
+        leaf: usize,
+        about: &[u32],
+    ) -> Self {
+        let mut keys = morton::unsorted(positions.len(), about);
         let mut cells = Vec::new();
         divide(&mut cells, &mut keys, positions, leaf, 0, 0);
 

@@ -13,7 +13,7 @@ pub use length::units;
 use rayon::prelude::*;
 
 use crate::math::rotation::{angular_momentum, angular_velocity, turn_freely};
-use crate::math::{Quat, Vec3, rotate};
+use crate::math::{Quat, Vec3, morton, rotate};
 use crate::scene::{Body, Scene};
 use crate::state::State;
 
@@ -24,6 +24,8 @@ pub struct Configuration {
     pub q: Vec<Quat>,
     /// Angular velocities of the step's start, carried here by free rotation, rad/s, world frame.
     pub w: Vec<Vec3>,
+    /// Bodies along Morton's curve.
+    pub order: Vec<u32>,
     /// Length of the step in units of `dt`, and in s.
     pub units: u64,
     pub h: f64,
@@ -35,7 +37,7 @@ pub struct Configuration {
 pub fn predict(scene: &Scene, state: &State, units: u64) -> Configuration {
     let h = units as f64 * scene.options.dt;
     let before = h * (1.0 - scene.options.theta);
-    let x = state.x.iter().zip(&state.v).map(|(x, v)| x + v * before).collect();
+    let x: Vec<Vec3> = state.x.iter().zip(&state.v).map(|(x, v)| x + v * before).collect();
     let (mut q, mut w) = (state.q.clone(), state.w.clone());
     for (i, _) in scene.bodies.iter().enumerate().filter(|(_, body)| !body.is_sphere()) {
         q[i] = rotate(&q[i], &(state.w[i] * before));
@@ -46,7 +48,8 @@ pub fn predict(scene: &Scene, state: &State, units: u64) -> Configuration {
         w[i] = angular_velocity(&q[i], inertia, momentum);
     }
     let ahead = if scene.options.adaptive().is_on() { length::GROWTH as f64 * h } else { h };
-    Configuration { x, q, w, units, h, ahead }
+    let order = morton::order(&x, &state.order);
+    Configuration { x, q, w, order, units, h, ahead }
 }
 
 /// Takes the state to the step's end with the velocities `v`, `w` that the bodies have in the contact configuration

@@ -17,9 +17,25 @@ pub struct Key {
     pub index: u32,
 }
 
-/// `count` points, not yet on a curve.
-pub fn unsorted(count: usize) -> Vec<Key> {
-    (0..count as u32).map(|index| Key { key: 0, index }).collect()
+/// `count` points, not yet on a curve. They start in the order `about`, if that has as many: one that is near to theirs
+/// takes less time to sort, and no order changes the result.
+pub fn unsorted(count: usize, about: &[u32]) -> Vec<Key> {
+    let key = |index| Key { key: 0, index };
+    if about.len() == count { about.iter().copied().map(key).collect() } else { (0..count as u32).map(key).collect() }
+}
+
+/// The points along the curve, from an order that may be near to theirs.
+pub fn order(positions: &[Vec3], about: &[u32]) -> Vec<u32> {
+    let mut keys = unsorted(positions.len(), about);
+    if !positions.is_empty() {
+        sort(&mut keys, positions);
+    }
+    keys.into_iter().map(|key| key.index).collect()
+}
+
+/// Where a point comes among others.
+fn place(key: &Key) -> (u64, u32) {
+    (key.key, key.index)
 }
 
 /// Spreads the low 21 bits of `x` to every third.
@@ -53,8 +69,30 @@ pub fn sort(keys: &mut [Key], positions: &[Vec3]) -> bool {
         let [x, y, z] = [at.x, at.y, at.z].map(|x| spread((x as u64).min(most)));
         key.key = x | y << 1 | z << 2;
     });
+    if sort_few(keys) {
+        return true;
+    }
     let parts = if keys.len() < 2 * CHUNK { 1 } else { rayon::current_num_threads().next_power_of_two() };
     merge_sort(keys, &mut keys.to_vec(), parts, false);
+    true
+}
+
+/// Moves each key down to its place, as long as they are moved by one place each in the mean; false if that was not enough.
+fn sort_few(keys: &mut [Key]) -> bool {
+    let mut moved = 0;
+    for i in 1..keys.len() {
+        let key = keys[i];
+        let mut to = i;
+        while to > 0 && place(&keys[to - 1]) > place(&key) {
+            keys[to] = keys[to - 1];
+            to -= 1;
+        }
+        keys[to] = key;
+        moved += i - to;
+        if moved > keys.len() {
+            return false;
+        }
+    }
     true
 }
 
@@ -76,7 +114,6 @@ fn merge_sort(keys: &mut [Key], other: &mut [Key], parts: usize, into: bool) {
 
 /// Merges two sorted runs.
 fn merge(one: &[Key], two: &[Key], out: &mut [Key]) {
-    let place = |k: &Key| (k.key, k.index);
     if out.len() > 2 * CHUNK {
         let (long, short) = if one.len() >= two.len() { (one, two) } else { (two, one) };
         let half = long.len() / 2;
@@ -98,7 +135,7 @@ fn radix_sort(keys: &mut [Key], other: &mut [Key]) {
     const DIGIT: u32 = 11;
     const LOWEST: u32 = 3 * BITS - 3 * DIGIT;
     if keys.len() < 1 << 10 {
-        return keys.sort_unstable_by_key(|k| (k.key, k.index));
+        return keys.sort_unstable_by_key(place);
     }
     let mut starts = [[0u32; 1 << DIGIT]; 3];
     let digit = |k: &Key, pass: usize| (k.key >> (LOWEST + pass as u32 * DIGIT)) as usize & ((1 << DIGIT) - 1);
@@ -126,7 +163,44 @@ fn radix_sort(keys: &mut [Key], other: &mut [Key]) {
     keys.copy_from_slice(other);
     for run in keys.chunk_by_mut(|a, b| a.key >> LOWEST == b.key >> LOWEST) {
         if run.len() > 1 {
-            run.sort_unstable_by_key(|k| (k.key, k.index));
+            run.sort_unstable_by_key(place);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nine in ten of them apart, the others in one place with one of these.
+    fn points(count: usize) -> Vec<Vec3> {
+        let at = |k: usize| Vec3::new(1.1, 2.3, 3.7).map(|f| (f * (k - k % 10 / 9) as f64).sin());
+        (0..count).map(at).collect()
+    }
+
+    #[test]
+    fn where_sorting_starts_changes_nothing() {
+        for count in [0, 1, 2, 700, 40_000] {
+            let x = points(count);
+            let sorted = order(&x, &[]);
+            assert_eq!(sorted, order(&x, &sorted));
+            let back: Vec<u32> = sorted.iter().rev().copied().collect();
+            assert_eq!(sorted, order(&x, &back));
+            let mut near = sorted.clone();
+            near.chunks_exact_mut(7).for_each(|few| few.swap(2, 5));
+            assert_eq!(sorted, order(&x, &near));
+            // Of another number of points: no start.
+            assert_eq!(sorted, order(&x, &near[..count / 2]));
+        }
+    }
+
+    #[test]
+    fn few_out_of_place_are_sorted_by_moves() {
+        let mut keys: Vec<Key> = (0..1000).map(|k| Key { key: k / 2, index: k as u32 }).collect();
+        keys.chunks_exact_mut(10).for_each(|few| few.swap(3, 6));
+        assert!(sort_few(&mut keys));
+        assert!(keys.is_sorted_by_key(place));
+        keys.reverse();
+        assert!(!sort_few(&mut keys));
     }
 }

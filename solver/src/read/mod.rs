@@ -62,6 +62,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         v,
         w,
         spin,
+        order: Vec::new(),
         pairs: Vec::new(),
         contacts,
         gravity: Vec3::from(bulk.gravity),
