@@ -29,13 +29,22 @@ fn solved(problem: &Problem, solver: Solver, max_sweeps: u64) -> Solution {
 /// Sweeps that each solver may take: twice what it took when this was written. Plain sweeps never solve oneobject-499.
 #[test]
 fn real_problems_reach_the_tolerance() {
-    use Solver::{Admm, Auto, Nlgs, NlgsAnderson, ProxNewton};
+    use Solver::{Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
     for (name, limits) in [
-        ("onecontact-rr", [(Auto, 2), (Nlgs, 2), (NlgsAnderson, 2), (ProxNewton, 10), (Admm, 32)]),
-        ("confeti-ex13-4c", [(Auto, 2), (Nlgs, 2), (NlgsAnderson, 2), (ProxNewton, 4), (Admm, 18)]),
-        ("rover-4609", [(Auto, 14), (Nlgs, 26), (NlgsAnderson, 14), (ProxNewton, 12), (Admm, 74)]),
-        ("nespheres-10", [(Auto, 16), (Nlgs, 38), (NlgsAnderson, 16), (ProxNewton, 8), (Admm, 52)]),
-        ("oneobject-499", [(Auto, 1100), (Nlgs, 0), (NlgsAnderson, 2000), (ProxNewton, 20), (Admm, 500)]),
+        ("onecontact-rr", [(Auto, 2), (Nlgs, 2), (NlgsAnderson, 2), (ProxNewton, 10), (Admm, 32), (InteriorPoint, 36)]),
+        (
+            "confeti-ex13-4c",
+            [(Auto, 2), (Nlgs, 2), (NlgsAnderson, 2), (ProxNewton, 4), (Admm, 18), (InteriorPoint, 18)],
+        ),
+        ("rover-4609", [(Auto, 14), (Nlgs, 26), (NlgsAnderson, 14), (ProxNewton, 12), (Admm, 74), (InteriorPoint, 46)]),
+        (
+            "nespheres-10",
+            [(Auto, 16), (Nlgs, 38), (NlgsAnderson, 16), (ProxNewton, 8), (Admm, 52), (InteriorPoint, 34)],
+        ),
+        (
+            "oneobject-499",
+            [(Auto, 662), (Nlgs, 0), (NlgsAnderson, 2000), (ProxNewton, 20), (Admm, 500), (InteriorPoint, 72)],
+        ),
     ] {
         let problem = load(name);
         for (solver, max_sweeps) in limits.into_iter().filter(|limit| limit.1 > 0) {

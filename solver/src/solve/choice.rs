@@ -52,6 +52,7 @@ pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> 
         ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, f64::INFINITY),
         ContactSolver::ProxNewton => (Solver::ProxNewton, f64::INFINITY),
         ContactSolver::Admm => (Solver::Admm, f64::INFINITY),
+        ContactSolver::InteriorPoint => (Solver::InteriorPoint, f64::INFINITY),
     };
     // The others go on from the warm start.
     let rounds = ((ROUNDS * newton) as u64).min(limit / 2) / ROUND;

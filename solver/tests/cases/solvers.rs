@@ -1,6 +1,6 @@
 //! The option `solver`: all of them find the same, `auto` goes on where sweeps stall; and LMGC90's criteria.
 
-use cd_formats::compute::ContactSolver::{self, Admm, Auto, Nlgs, NlgsAnderson, ProxNewton};
+use cd_formats::compute::ContactSolver::{self, Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
 use cd_formats::snapshot::Snapshot;
 
 use crate::case::{Case, Figures, Vec3, near};
@@ -32,21 +32,23 @@ fn difference(a: &Snapshot, b: &Snapshot) -> f64 {
 }
 
 #[test]
-fn newtons_method_finds_what_auto_finds_where_sweeps_stall() {
+fn others_find_what_auto_finds_where_sweeps_stall() {
     let run = |solver| {
         let mut case = packed(solver, 0.3);
         let end = case.run(3);
         (all_converged(&case), end)
     };
-    let (auto, newton) = (run(Auto), run(ProxNewton));
-    assert!(auto.0 && newton.0 && !run(Nlgs).0);
+    let (auto, newton, interior) = (run(Auto), run(ProxNewton), run(InteriorPoint));
+    assert!(auto.0 && newton.0 && interior.0 && !run(Nlgs).0);
     // Velocities of 1 m/s solved to 1e-8, in a system that may amplify that a hundred times.
-    assert!(difference(&auto.1, &newton.1) < 1e-6, "{}", difference(&auto.1, &newton.1));
+    for other in [newton, interior] {
+        assert!(difference(&auto.1, &other.1) < 1e-6, "{}", difference(&auto.1, &other.1));
+    }
 }
 
 #[test]
 fn all_solvers_let_a_pyramid_slide_alike() {
-    let ends = [Auto, Nlgs, NlgsAnderson, ProxNewton, Admm].map(|solver| {
+    let ends = [Auto, Nlgs, NlgsAnderson, ProxNewton, Admm, InteriorPoint].map(|solver| {
         let mut case = Case::new();
         case.law("IQS_CLB", &[0.25]);
         case.gravity = [1.0, 0.0, -8.0];

@@ -8,6 +8,7 @@
 //! | `admm` | alternating directions of multipliers |
 //! | `anderson` | acceleration of a fixed point iteration |
 //! | `factors` | full or sparse factors of a matrix |
+//! | `interior` | an interior-point method |
 //! | `local` | one contact with a full block, exactly |
 //! | `sweep` | nonlinear Gauss-Seidel, plain and with Anderson's acceleration |
 //! | `newton` | proximal point with a semismooth Newton method inside |
@@ -17,6 +18,7 @@
 mod admm;
 mod anderson;
 mod factors;
+mod interior;
 mod local;
 mod newton;
 mod residual;
@@ -155,16 +157,19 @@ pub enum Solver {
     ProxNewton,
     /// Alternating directions of multipliers.
     Admm,
+    /// The interior-point method, and Newton's where rounding ends it.
+    InteriorPoint,
 }
 
 impl Solver {
     /// All by name.
-    pub const ALL: [(&'static str, Solver); 5] = [
+    pub const ALL: [(&'static str, Solver); 6] = [
         ("auto", Solver::Auto),
         ("nlgs", Solver::Nlgs),
         ("nlgs-anderson", Solver::NlgsAnderson),
         ("prox-newton", Solver::ProxNewton),
         ("admm", Solver::Admm),
+        ("interior-point", Solver::InteriorPoint),
     ];
 }
 
@@ -197,34 +202,42 @@ pub struct Solution {
 /// `start`, or from 0 where these are the better.
 pub fn solve(problem: &Problem, solver: Solver, start: &[Triple], limits: Limits) -> Solution {
     let mut run = Run::new(problem, limits);
-    if start.len() == problem.len() {
-        run.judge(start);
-    }
+    let from_zero = run.best.1;
+    let warm = start.len() == problem.len() && run.judge(start) < from_zero;
     match solver {
-        Solver::Auto => ladder(&mut run),
+        Solver::Auto => ladder(&mut run, warm),
         Solver::Nlgs => sweep::nlgs(&mut run, 0, u64::MAX),
         Solver::NlgsAnderson => sweep::nlgs(&mut run, sweep::DEPTH, u64::MAX),
         Solver::ProxNewton => newton::prox_newton(&mut run, &vec![[0.0; 3]; problem.len()], u64::MAX),
         Solver::Admm => admm::admm(&mut run, u64::MAX),
+        Solver::InteriorPoint => interior::interior_point(&mut run, u64::MAX),
     }
     let converged = run.best.1 <= limits.tol;
     Solution { residual: residual(problem, &run.best.0), r: run.best.0, sweeps: run.sweeps, cost: run.cost, converged }
 }
 
-/// Accelerated sweeps first, as many as cost what 25 Newton steps do, 200 to 2500; where they stall ADMM and Newton
-/// from the best so far, then Newton from 0, which at times finds the way that the others have missed; then all again
-/// with four times the budget.
-fn ladder(run: &mut Run) {
+/// Accelerated sweeps first, as many as cost what ten Newton steps do, 100 to 1000, or 25 and 2500 from a `warm` start. Where
+/// they stall, ADMM and Newton from the best so far, and Newton from 0, which at times finds the way that the others have missed;
+/// and once the interior-point method, which makes nothing of what was found: before these, or behind the first two from a
+/// warm start. Then all again with four times the budget.
+fn ladder(run: &mut Run, warm: bool) {
     let problem = run.problem;
     let (sweep, newton) = (problem.sweep_cost(), problem.newton_cost());
     for round in 0.. {
         let more = 4u64.saturating_pow(round);
         let steps = more.saturating_mul(20);
-        let sweeps = (1.25 * steps as f64 * newton / sweep) as u64;
-        sweep::nlgs(run, sweep::DEPTH, sweeps.clamp(200, more.saturating_mul(2500)));
+        let (share, most) = if warm { (1.25, 2500) } else { (0.5, 1000) };
+        let sweeps = (share * steps as f64 * newton / sweep) as u64;
+        sweep::nlgs(run, sweep::DEPTH, sweeps.clamp(100, more.saturating_mul(most)));
+        if round == 0 && !warm {
+            interior::interior_point(run, steps.saturating_mul(5));
+        }
         admm::admm(run, steps.saturating_mul(5));
         let best = run.best.0.clone();
         newton::prox_newton(run, &best, steps.saturating_mul(5));
+        if round == 0 && warm {
+            interior::interior_point(run, steps.saturating_mul(5));
+        }
         newton::prox_newton(run, &vec![[0.0; 3]; problem.len()], steps.saturating_mul(20));
         if run.is_over() {
             return;

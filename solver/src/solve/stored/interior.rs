@@ -1,0 +1,264 @@
+//! An interior-point method.
+//!
+//! In units in which the diagonal blocks have trace 3, and with S = diag(1, mu, mu) / max(1, mu) at each contact, x = S^-1 r
+//! and y = S (u + mu |u_T| n) are both to be in Lorentz's cone, v_n >= |v_T|:
+//!
+//! ```text
+//! y = S W S x + S q + |y_T| n,   x o y = 0,   v o w = (v.w, v_n w_T + w_n v_T).
+//! ```
+//!
+//! From within the cones, Newton's method follows x o y = tau n down to tau = 0, in the scaling of Nesterov and Todd, in
+//! which x and y are one point: T x = T^-1 y = l. So no contact has to be guessed open, sticking or sliding, which is what
+//! other ways go astray on where much is undetermined. Predictor and corrector are those of Mehrotra.
+//!
+//! Sources: V. Acary, F. Cadoux, C. Lemaréchal, J. Malick, Z. angew. Math. Mech. 91 (2011) 155-175 (the problem on cones); L.
+//! Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010) (scaling, predictor, steps). That |y_T| is among
+//! the unknowns, not fixed from one solution to the next, is our own choice.
+
+use faer::Mat;
+
+use super::factors::{Entry, Factors};
+use super::newton::prox_newton;
+use super::scaled::Scaled;
+use super::{Block, Run, Triple};
+
+/// Share of the way to the cones' sides that a step goes.
+const INSIDE: f64 = 0.99;
+/// Steps below this lead nowhere.
+const SHORTEST: f64 = 1e-8;
+/// Steps in which the least residual so far has to fall to `FALL` of itself: where the way leads to the end it falls faster.
+const PATIENCE: usize = 10;
+const FALL: f64 = 0.5;
+
+/// Goes from the middle of the cones until the run or the budget of `steps` Newton steps is over. Where rounding ends the way,
+/// as near contacts that touch without a force, it goes on as [`prox_newton`].
+pub fn interior_point(run: &mut Run, steps: u64) {
+    let scaled = Scaled::new(run.problem);
+    let sizes: Vec<[f64; 2]> = scaled.mu.iter().map(|mu| [1.0 / mu.max(1.0), mu / mu.max(1.0)]).collect();
+    let middle = (0..sizes.len()).flat_map(|i| scaled.q(i)).fold(0.0, |a: f64, x| a.max(x.abs()));
+    let mut x = vec![[middle, 0.0, 0.0]; sizes.len()];
+    let mut y = x.clone();
+    let end = run.sweeps.saturating_add(steps);
+    let mut least = vec![f64::INFINITY];
+    while !run.is_over() && run.sweeps < end {
+        let before = least.len().saturating_sub(PATIENCE);
+        if least[least.len() - 1] > FALL * least[before] && before > 0 {
+            break;
+        }
+        run.pass(run.problem.newton_cost());
+        let Some([dx, dy]) = direction(&scaled, &sizes, &x, &y) else { break };
+        let share = (INSIDE * way(&x, &dx).min(way(&y, &dy))).min(1.0);
+        if share.is_nan() || share < SHORTEST {
+            break;
+        }
+        step(&mut x, &dx, share);
+        step(&mut y, &dy, share);
+        let r: Vec<Triple> = x.iter().zip(&sizes).map(|(x, size)| in_cone(*size, *x)).collect();
+        let residual = run.judge(&scaled.impulses_out(&r));
+        least.push(residual.min(least[least.len() - 1]));
+    }
+    let best = run.best.0.clone();
+    prox_newton(run, &best, end.saturating_sub(run.sweeps));
+}
+
+/// S v
+fn in_cone([n, t]: [f64; 2], v: Triple) -> Triple {
+    [n * v[0], t * v[1], t * v[2]]
+}
+
+/// The changes of x and y; none where the numbers end.
+fn direction(scaled: &Scaled, sizes: &[[f64; 2]], x: &[Triple], y: &[Triple]) -> Option<[Vec<Triple>; 2]> {
+    let count = x.len();
+    let r: Vec<Triple> = x.iter().zip(sizes).map(|(x, size)| in_cone(*size, *x)).collect();
+    let u = scaled.velocity(&r);
+    let missed: Vec<Triple> = (0..count)
+        .map(|i| {
+            let u = in_cone(sizes[i], u[i]);
+            let slip = y[i][1].hypot(y[i][2]);
+            [u[0] + slip - y[i][0], u[1] - y[i][1], u[2] - y[i][2]]
+        })
+        .collect();
+    let scalings: Vec<Scaling> = x.iter().zip(y).map(|(x, y)| Scaling::new(x, y)).collect::<Option<_>>()?;
+    let points: Vec<Triple> = x.iter().zip(&scalings).map(|(x, scaling)| scaling.to_point(x)).collect();
+    // (S W S + N T^2) dx = -missed + N T g,   dy = T g - T^2 dx,   N = 1 - n y_T / |y_T|.
+    let squares: Vec<Block> = scalings.iter().map(Scaling::square).collect();
+    let lean = |i: usize, v: Triple| -> Triple {
+        let slip = y[i][1].hypot(y[i][2]);
+        let along = if slip > 0.0 { (y[i][1] * v[1] + y[i][2] * v[2]) / slip } else { 0.0 };
+        [v[0] - along, v[1], v[2]]
+    };
+    let mut matrix = Vec::new();
+    for i in 0..count {
+        for (j, w) in scaled.row(i) {
+            for k in 0..3 {
+                for l in 0..3 {
+                    let mut value = sizes[i][k.min(1)] * w[k][l] * sizes[j][l.min(1)];
+                    if i == j {
+                        value += lean(i, [squares[i][0][l], squares[i][1][l], squares[i][2][l]])[k];
+                    }
+                    matrix.push(Entry::new(3 * i + k, 3 * j + l, value));
+                }
+            }
+        }
+    }
+    let factors = Factors::new(3 * count, &matrix)?;
+    let toward = |goals: &[Triple]| -> [Vec<Triple>; 2] {
+        let pushed: Vec<Triple> = (0..count).map(|i| scalings[i].to_point(&divided(&points[i], &goals[i]))).collect();
+        let mut right = Mat::<f64>::zeros(3 * count, 1);
+        for i in 0..count {
+            let leaning = lean(i, pushed[i]);
+            (0..3).for_each(|k| right[(3 * i + k, 0)] = leaning[k] - missed[i][k]);
+        }
+        let solution = factors.solve(&right);
+        let dx: Vec<Triple> = (0..count).map(|i| std::array::from_fn(|k| solution[(3 * i + k, 0)])).collect();
+        let dy = (0..count).map(|i| std::array::from_fn(|k| pushed[i][k] - dot(&squares[i][k], &dx[i]))).collect();
+        [dx, dy]
+    };
+    // First as if tau could be 0 at once; how far that leads tells how low tau may be asked to go.
+    let goals: Vec<Triple> = points.iter().map(|l| product(l, l).map(|x| -x)).collect();
+    let [dx, dy] = toward(&goals);
+    let share = way(x, &dx).min(way(y, &dy)).min(1.0);
+    let tau = gap(x, y, &dx, &dy, 0.0);
+    let lower = (gap(x, y, &dx, &dy, share) / tau).clamp(0.0, 1.0).powi(3);
+    let goals: Vec<Triple> = (0..count)
+        .map(|i| {
+            let second = product(&scalings[i].to_point(&dx[i]), &scalings[i].from_point(&dy[i]));
+            let mut goal: Triple = std::array::from_fn(|k| goals[i][k] - second[k]);
+            goal[0] += lower * tau;
+            goal
+        })
+        .collect();
+    let found = toward(&goals);
+    found.iter().flatten().flatten().all(|x| x.is_finite()).then_some(found)
+}
+
+/// Mean of x.y at a share of a step.
+fn gap(x: &[Triple], y: &[Triple], dx: &[Triple], dy: &[Triple], share: f64) -> f64 {
+    let at = |v: &Triple, d: &Triple| -> Triple { std::array::from_fn(|k| v[k] + share * d[k]) };
+    (0..x.len()).map(|i| dot(&at(&x[i], &dx[i]), &at(&y[i], &dy[i]))).sum::<f64>() / x.len() as f64
+}
+
+fn step(v: &mut [Triple], d: &[Triple], share: f64) {
+    v.as_flattened_mut().iter_mut().zip(d.as_flattened()).for_each(|(v, d)| *v += share * d);
+}
+
+/// The least share of the step `d` at which a cone's side is met: told where `v` is turned into the middle of its cone.
+fn way(v: &[Triple], d: &[Triple]) -> f64 {
+    let of_one = |(v, d): (&Triple, &Triple)| {
+        let size = determinant(v).sqrt();
+        let [n, s, t] = v.map(|c| c / size);
+        let middle = (n * d[0] - s * d[1] - t * d[2]) / size;
+        let lean = (middle + d[0] / size) / (n + 1.0);
+        1.0 / ((d[1] / size - lean * s).hypot(d[2] / size - lean * t) - middle).max(0.0)
+    };
+    v.iter().zip(d).map(of_one).fold(f64::INFINITY, f64::min)
+}
+
+fn dot(a: &Triple, b: &Triple) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// v_n^2 - |v_T|^2
+fn determinant(v: &Triple) -> f64 {
+    let t = v[1].hypot(v[2]);
+    (v[0] - t) * (v[0] + t)
+}
+
+/// v o w
+fn product(v: &Triple, w: &Triple) -> Triple {
+    [dot(v, w), v[0] * w[1] + w[0] * v[1], v[0] * w[2] + w[0] * v[2]]
+}
+
+/// The g of l o g = d.
+fn divided(l: &Triple, d: &Triple) -> Triple {
+    let n = (l[0] * d[0] - l[1] * d[1] - l[2] * d[2]) / determinant(l);
+    [n, (d[1] - n * l[1]) / l[0], (d[2] - n * l[2]) / l[0]]
+}
+
+/// T = beta (2 v v^T - J) with J = diag(1, -1, -1), for which T x = T^-1 y.
+struct Scaling {
+    beta: f64,
+    v: Triple,
+    /// T^2 = beta^2 (2 w w^T - J)
+    w: Triple,
+}
+
+impl Scaling {
+    /// None on the sides of the cones.
+    fn new(x: &Triple, y: &Triple) -> Option<Self> {
+        let (of_x, of_y) = (determinant(x), determinant(y));
+        if !(of_x > 0.0 && of_y > 0.0 && x[0] > 0.0 && y[0] > 0.0) {
+            return None;
+        }
+        let (x, y) = (x.map(|c| c / of_x.sqrt()), y.map(|c| c / of_y.sqrt()));
+        let double = 2.0 * (0.5 * (1.0 + dot(&x, &y))).sqrt();
+        let w = [(y[0] + x[0]) / double, (y[1] - x[1]) / double, (y[2] - x[2]) / double];
+        let length = (2.0 * (w[0] + 1.0)).sqrt();
+        Some(Scaling { beta: (of_y / of_x).powf(0.25), v: [(w[0] + 1.0) / length, w[1] / length, w[2] / length], w })
+    }
+
+    /// T u
+    fn to_point(&self, u: &Triple) -> Triple {
+        let along = 2.0 * dot(&self.v, u);
+        let [n, s, t] = self.v;
+        [self.beta * (along * n - u[0]), self.beta * (along * s + u[1]), self.beta * (along * t + u[2])]
+    }
+
+    /// T^-1 u
+    fn from_point(&self, u: &Triple) -> Triple {
+        let [n, s, t] = self.v;
+        let along = 2.0 * (n * u[0] - s * u[1] - t * u[2]);
+        [(along * n - u[0]) / self.beta, (u[1] - along * s) / self.beta, (u[2] - along * t) / self.beta]
+    }
+
+    fn square(&self) -> Block {
+        let factor = self.beta * self.beta;
+        std::array::from_fn(|k| {
+            std::array::from_fn(|l| {
+                let sign = if k != l {
+                    0.0
+                } else if k == 0 {
+                    -1.0
+                } else {
+                    1.0
+                };
+                factor * (2.0 * self.w[k] * self.w[l] + sign)
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const X: Triple = [2.0, 0.5, -1.2];
+    const Y: Triple = [0.7, -0.3, 0.4];
+
+    fn close(a: &Triple, b: &Triple) {
+        // A few operations on numbers of order 1.
+        assert!((0..3).all(|k| (a[k] - b[k]).abs() < 1e-14), "{a:?} {b:?}");
+    }
+
+    #[test]
+    fn scaling_makes_the_two_one() {
+        let scaling = Scaling::new(&X, &Y).unwrap();
+        let point = scaling.to_point(&X);
+        close(&point, &scaling.from_point(&Y));
+        close(&scaling.from_point(&point), &X);
+        let square: Triple = std::array::from_fn(|k| dot(&scaling.square()[k], &X));
+        close(&square, &Y);
+        close(&product(&point, &divided(&point, &Y)), &Y);
+        assert!(Scaling::new(&[1.0, 1.0, 0.0], &Y).is_none());
+    }
+
+    #[test]
+    fn the_way_ends_on_the_side_of_a_cone() {
+        for d in [[-1.0, 0.0, 0.0], [0.0, 3.0, 0.1], [1.0, 5.0, 0.0], X.map(|c| -0.3 * c)] {
+            let share = way(&[X], &[d]);
+            let end: Triple = std::array::from_fn(|k| X[k] + share * d[k]);
+            assert!(end[0] > -1e-15 && determinant(&end).abs() < 1e-13, "{d:?}: {end:?}");
+        }
+        assert_eq!(way(&[X], &[Y]), f64::INFINITY);
+    }
+}
