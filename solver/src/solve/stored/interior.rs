@@ -79,7 +79,7 @@ fn direction(scaled: &Scaled, sizes: &[[f64; 2]], x: &[Triple], y: &[Triple]) ->
         })
         .collect();
     let scalings: Vec<Scaling> = x.iter().zip(y).map(|(x, y)| Scaling::new(x, y)).collect::<Option<_>>()?;
-    let points: Vec<Triple> = x.iter().zip(&scalings).map(|(x, scaling)| scaling.to_point(x)).collect();
+    let points: Vec<Triple> = x.iter().zip(&scalings).map(|(x, scaling)| scaling.scaled(x)).collect();
     // (S W S + N T^2) dx = -missed + N T g,   dy = T g - T^2 dx,   N = 1 - n y_T / |y_T|.
     let squares: Vec<Block> = scalings.iter().map(Scaling::square).collect();
     let lean = |i: usize, v: Triple| -> Triple {
@@ -103,7 +103,7 @@ fn direction(scaled: &Scaled, sizes: &[[f64; 2]], x: &[Triple], y: &[Triple]) ->
     }
     let factors = Factors::new(3 * count, &matrix)?;
     let toward = |goals: &[Triple]| -> [Vec<Triple>; 2] {
-        let pushed: Vec<Triple> = (0..count).map(|i| scalings[i].to_point(&divided(&points[i], &goals[i]))).collect();
+        let pushed: Vec<Triple> = (0..count).map(|i| scalings[i].scaled(&divided(&points[i], &goals[i]))).collect();
         let mut right = Mat::<f64>::zeros(3 * count, 1);
         for i in 0..count {
             let leaning = lean(i, pushed[i]);
@@ -122,7 +122,7 @@ fn direction(scaled: &Scaled, sizes: &[[f64; 2]], x: &[Triple], y: &[Triple]) ->
     let lower = (gap(x, y, &dx, &dy, share) / tau).clamp(0.0, 1.0).powi(3);
     let goals: Vec<Triple> = (0..count)
         .map(|i| {
-            let second = product(&scalings[i].to_point(&dx[i]), &scalings[i].from_point(&dy[i]));
+            let second = product(&scalings[i].scaled(&dx[i]), &scalings[i].unscaled(&dy[i]));
             let mut goal: Triple = std::array::from_fn(|k| goals[i][k] - second[k]);
             goal[0] += lower * tau;
             goal
@@ -198,14 +198,14 @@ impl Scaling {
     }
 
     /// T u
-    fn to_point(&self, u: &Triple) -> Triple {
+    fn scaled(&self, u: &Triple) -> Triple {
         let along = 2.0 * dot(&self.v, u);
         let [n, s, t] = self.v;
         [self.beta * (along * n - u[0]), self.beta * (along * s + u[1]), self.beta * (along * t + u[2])]
     }
 
     /// T^-1 u
-    fn from_point(&self, u: &Triple) -> Triple {
+    fn unscaled(&self, u: &Triple) -> Triple {
         let [n, s, t] = self.v;
         let along = 2.0 * (n * u[0] - s * u[1] - t * u[2]);
         [(along * n - u[0]) / self.beta, (u[1] - along * s) / self.beta, (u[2] - along * t) / self.beta]
@@ -243,9 +243,9 @@ mod tests {
     #[test]
     fn scaling_makes_the_two_one() {
         let scaling = Scaling::new(&X, &Y).unwrap();
-        let point = scaling.to_point(&X);
-        close(&point, &scaling.from_point(&Y));
-        close(&scaling.from_point(&point), &X);
+        let point = scaling.scaled(&X);
+        close(&point, &scaling.unscaled(&Y));
+        close(&scaling.unscaled(&point), &X);
         let square: Triple = std::array::from_fn(|k| dot(&scaling.square()[k], &X));
         close(&square, &Y);
         close(&product(&point, &divided(&point, &Y)), &Y);
