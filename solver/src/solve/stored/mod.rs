@@ -218,8 +218,8 @@ pub fn solve(problem: &Problem, solver: Solver, start: &[Triple], limits: Limits
 
 /// Accelerated sweeps first, as many as cost what ten Newton steps do, 100 to 1000, or 25 and 2500 from a `warm` start. Where
 /// they stall, ADMM and Newton from the best so far, and Newton from 0, which at times finds the way that the others have missed;
-/// and once the interior-point method, which makes nothing of what was found: before these, or behind the first two from a
-/// warm start. Then all again with four times the budget.
+/// and once the interior-point method, which makes nothing of what was found: before these, or behind them from a warm start.
+/// Then all again with four times the budget.
 fn ladder(run: &mut Run, warm: bool) {
     let problem = run.problem;
     let (sweep, newton) = (problem.sweep_cost(), problem.newton_cost());
@@ -235,10 +235,10 @@ fn ladder(run: &mut Run, warm: bool) {
         admm::admm(run, steps.saturating_mul(5));
         let best = run.best.0.clone();
         newton::prox_newton(run, &best, steps.saturating_mul(5));
+        newton::prox_newton(run, &vec![[0.0; 3]; problem.len()], steps.saturating_mul(20));
         if round == 0 && warm {
             interior::interior_point(run, steps.saturating_mul(5));
         }
-        newton::prox_newton(run, &vec![[0.0; 3]; problem.len()], steps.saturating_mul(20));
         if run.is_over() {
             return;
         }
