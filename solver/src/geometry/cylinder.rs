@@ -127,7 +127,7 @@ impl Pair<'_> {
                 let across = n0 * n1.z.abs() + n1 * n0.z.abs();
                 self.attempt(&mut best, -Vec3::new(across.x, across.y, 0.0).normalize(), feature);
             }
-            for m in self.rim_to_edge(one.ends, best.s + self.tie).into_iter().flatten() {
+            for m in self.rim_to_edge(one.ends.map(u32::from), best.s + self.tie).into_iter().flatten() {
                 self.attempt(&mut best, m, feature);
             }
         }
@@ -197,7 +197,7 @@ impl Pair<'_> {
         match axis.feature {
             Feature::Face(f) => f,
             Feature::Edge(e) => aligned(self.a, e, &towards),
-            Feature::Vertex => seen(Scalar, self.a, &towards),
+            Feature::Vertex => seen(Scalar, self.a, &towards, None),
         }
     }
 
@@ -218,7 +218,7 @@ impl Pair<'_> {
         let end = if m.z > 0.0 { END } else { OTHER_END };
         let tiny = ON_SIDE * self.small;
         let (corners, sides) = (shape.corners(f as usize), shape.sides(f as usize));
-        let over = |&v: &u32| {
+        let over = |&v: &u16| {
             let v = self.vertices[v as usize];
             let gap = (v.z - height) / m.z;
             let foot = v - m * gap;
@@ -229,7 +229,7 @@ impl Pair<'_> {
         let on_end = |x: f64, y: f64| Vec3::new(x, y, height);
         for (k, [x, y, gap]) in outline.iter().enumerate() {
             if x.hypot(*y) <= self.radius + tiny {
-                patch.corners.push(self.corner(on_end(*x, *y), m, *gap, [*x, *y], (vertex(corners[k]), end)));
+                patch.corners.push(self.corner(on_end(*x, *y), m, *gap, [*x, *y], (vertex(corners[k].into()), end)));
             }
         }
         let of_vertices = patch.corners.len();
@@ -248,7 +248,13 @@ impl Pair<'_> {
                 }
                 let [x, y, gap] = [0, 1, 2].map(|i| p[i] + along[i] * share);
                 if !patch.corners[..of_vertices].iter().any(|corner| corner.is_near([x, y], self.small)) {
-                    patch.corners.push(self.corner(on_end(x, y), m, gap, [x, y], (edge(sides[k]), RIM + enters)));
+                    patch.corners.push(self.corner(
+                        on_end(x, y),
+                        m,
+                        gap,
+                        [x, y],
+                        (edge(sides[k].into()), RIM + enters),
+                    ));
                 }
             }
         }
@@ -288,7 +294,7 @@ impl Pair<'_> {
         let across = Vec3::z().cross(&out);
         let tiny = ON_SIDE * self.small;
         let (corners, sides) = (shape.corners(f as usize), shape.sides(f as usize));
-        let over = |v: u32| {
+        let over = |v: u16| {
             let v = self.vertices[v as usize];
             let gap = (v.dot(&out) - self.radius) / m.dot(&out);
             let foot = v - m * gap;
@@ -300,10 +306,10 @@ impl Pair<'_> {
             let p = over(v);
             let q = over(corners[if k + 1 == corners.len() { 0 } else { k + 1 }]);
             if p[0].abs() <= tiny {
-                met.push((p[1], p[2], vertex(v)));
+                met.push((p[1], p[2], vertex(v.into())));
             } else if (p[0] > tiny && q[0] < -tiny) || (p[0] < -tiny && q[0] > tiny) {
                 let share = p[0] / (p[0] - q[0]);
-                met.push((p[1] + (q[1] - p[1]) * share, p[2] + (q[2] - p[2]) * share, edge(sides[k])));
+                met.push((p[1] + (q[1] - p[1]) * share, p[2] + (q[2] - p[2]) * share, edge(sides[k].into())));
             }
         }
         let mut list = |z: f64, gap: f64, features: (u32, u32)| {

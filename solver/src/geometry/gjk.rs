@@ -7,7 +7,7 @@ use pulp::NullaryFnOnce;
 use smallvec::SmallVec;
 
 use super::patch::SAME;
-use super::polyhedron::Spoke;
+use super::polyhedron::{Place, Spoke};
 use super::search::{NEARLY_PARALLEL, Pair, lowest, support};
 use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
 use crate::math::Vec3;
@@ -180,17 +180,17 @@ impl Simplex {
 
 /// The vertex, edge or face that has these vertices.
 fn spanned(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
-    let mut all: SmallVec<[u32; 4]> = vertices.collect();
+    let mut all: SmallVec<[Place; 4]> = vertices.map(|v| v as Place).collect();
     all.sort_unstable();
     all.dedup();
     match all[..] {
-        [v] => vertex(v),
+        [v] => vertex(v.into()),
         [v, w] if shape.spokes(v as usize).iter().any(|spoke| spoke.to == w) => {
             let between = shape.spokes(v as usize).iter().find(|spoke| spoke.to == w);
-            edge(between.map_or(0, |spoke| spoke.edge))
+            edge(between.map_or(0, |spoke| spoke.edge.into()))
         }
         _ => {
-            let has_all = |corners: &[u32]| all.iter().all(|v| corners.contains(v));
+            let has_all = |corners: &[Place]| all.iter().all(|v| corners.contains(v));
             face(shape.faces().position(has_all).unwrap_or(0) as u32)
         }
     }
@@ -204,12 +204,12 @@ pub(super) fn ridges(pair: &Pair, n: &Vec3, distance: f64) -> Option<Manifold> {
         let shape = posed.shape;
         let top = support(posed, n).0;
         let mut level = SmallVec::new();
-        for &Spoke { edge: e, square, .. } in shape.spokes(top as usize) {
-            let ends = shape.edges[e as usize].ends;
+        for &Spoke { edge: e, .. } in shape.spokes(top as usize) {
+            let ends = shape.edges[e as usize].ends.map(u32::from);
             let along = posed.vertex(ends[1]) - posed.vertex(ends[0]);
             let slope = along.dot(n);
-            if slope * slope <= steep * steep * square {
-                level.push((e, ends, along.normalize()));
+            if slope * slope <= steep * steep * along.norm_squared() {
+                level.push((e.into(), ends, along.normalize()));
             }
         }
         level

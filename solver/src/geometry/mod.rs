@@ -204,7 +204,7 @@ pub fn polyhedron_polyhedron(
 pub fn read_ahead(a: &Posed, b: &Posed, memory: &Memory) -> f64 {
     let [first, second, _] = memory.data.map(|k| k as usize);
     let plane = |posed: &Posed| posed.shape.planes.get(first).map_or(0.0, |plane| plane.offset);
-    let edge = |posed: &Posed, k: usize| posed.shape.edges.get(k).map_or(0.0, |edge| edge.square);
+    let edge = |posed: &Posed, k: usize| posed.shape.edges.get(k).map_or(0.0, |edge| f64::from(edge.ends[0]));
     let of_feature = match memory.kind {
         1 => plane(a),
         2 => plane(b),

@@ -6,7 +6,7 @@
 use pulp::NullaryFnOnce;
 
 use super::patch::{Corner, EDGE_ON};
-use super::polyhedron::PAD;
+use super::polyhedron::{PAD, Place};
 use super::search::Pair;
 use super::{Posed, edge, face, vertex};
 use crate::math::lanes::{Lanes, Width};
@@ -46,8 +46,8 @@ pub(super) type Corners = smallvec::SmallVec<[Corner; 12]>;
 /// A face seen along the normal, counter-clockwise.
 struct Outline<'a> {
     posed: &'a Posed<'a>,
-    corners: &'a [u32],
-    sides: &'a [u32],
+    corners: &'a [Place],
+    sides: &'a [Place],
     /// Where the body is, m.
     moved: Vec3,
     /// Whether the face looks against the normal: then corners and sides go the other way round.
@@ -76,7 +76,7 @@ impl<'a> Outline<'a> {
 
     #[inline(always)]
     fn vertex(&self, k: usize) -> u32 {
-        self.corners[if self.turned { self.corners.len() - 1 - k } else { k }]
+        self.corners[if self.turned { self.corners.len() - 1 - k } else { k }].into()
     }
 
     #[inline(always)]
@@ -87,7 +87,7 @@ impl<'a> Outline<'a> {
             true => count - 2 - k,
             false => k,
         };
-        self.sides[k]
+        self.sides[k].into()
     }
 
     #[inline(always)]

@@ -10,20 +10,22 @@ use crate::math::{Quat, Vec3};
 pub(super) const PAD: usize = 8;
 
 /// A convex polyhedron; its faces are polygons, not triangles.
+///
+/// Known pairs ask for what comes first here, which is kept short: of many grains it comes from far memory in every step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Polyhedron {
-    vertices: Vec<Vec3>,
+    /// Columns x, y, z of the vertices, padded by the first.
+    columns: Vec<f64>,
     pub(super) planes: Vec<Plane>,
-    pub(super) edges: Vec<Edge>,
     /// Vertices round each face, counter-clockwise seen from outside, then the edge from each to the next; face f has
     /// `starts[f]..starts[f + 1]`.
-    loops: Vec<u32>,
+    loops: Vec<Place>,
     starts: Vec<u32>,
     /// Edges that end at each vertex, likewise.
     spokes: Vec<Spoke>,
     spoke_starts: Vec<u32>,
-    /// Columns x, y, z of the vertices, padded by the first.
-    columns: Vec<f64>,
+    pub(super) edges: Vec<Edge>,
+    vertices: Vec<Vec3>,
     /// Columns x, y, z of the normals, padded by zeros.
     pub(super) normals: Vec<f64>,
     /// Columns of the edges, each `arc_pad` long: x, y, z of the two normals and of the direction, and the cosine
@@ -33,6 +35,9 @@ pub struct Polyhedron {
     inradius: f64,
     circumradius: f64,
 }
+
+/// Which vertex, edge or face.
+pub(super) type Place = u16;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Plane {
@@ -45,20 +50,16 @@ pub(super) struct Plane {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Edge {
     /// Ends, so that the first face has them in this order: e points along n0 × n1.
-    pub ends: [u32; 2],
-    pub faces: [u32; 2],
-    /// Of its length, m^2.
-    pub square: f64,
+    pub ends: [Place; 2],
+    pub faces: [Place; 2],
 }
 
 /// An edge seen from one of its ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Spoke {
-    pub edge: u32,
+    pub edge: Place,
     /// The vertex at its other end.
-    pub to: u32,
-    /// Of its length, m^2.
-    pub square: f64,
+    pub to: Place,
 }
 
 impl Polyhedron {
@@ -84,12 +85,16 @@ impl Polyhedron {
         }
         let regions = Regions::grow(vertices, triangles, flatness * circumradius)?;
         let loops = regions.loops(vertices.len(), triangles)?;
+        let edges = loops.iter().map(Vec::len).sum::<usize>() / 2;
+        if edges > usize::from(Place::MAX) {
+            return Err(format!("it has {edges} edges; {} are the most", Place::MAX));
+        }
         // Vertices that are left, renumbered.
-        let mut number = vec![u32::MAX; vertices.len()];
+        let mut number = vec![Place::MAX; vertices.len()];
         loops.iter().flatten().for_each(|&v| number[v as usize] = 0);
         let mut kept = Vec::new();
         for (v, number) in number.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
-            *number = kept.len() as u32;
+            *number = kept.len() as Place;
             kept.push(vertices[v]);
         }
         let mut shape = Polyhedron::bare(kept, circumradius);
@@ -130,14 +135,14 @@ impl Polyhedron {
 
     fn bare(vertices: Vec<Vec3>, circumradius: f64) -> Self {
         Polyhedron {
-            vertices,
+            columns: Vec::new(),
             planes: Vec::new(),
-            edges: Vec::new(),
             loops: Vec::new(),
             starts: vec![0],
             spokes: Vec::new(),
             spoke_starts: Vec::new(),
-            columns: Vec::new(),
+            edges: Vec::new(),
+            vertices,
             normals: Vec::new(),
             arcs: Vec::new(),
             arc_pad: 0,
@@ -156,10 +161,10 @@ impl Polyhedron {
     }
 
     /// A face with these corners; its edges come later.
-    fn add_loop(&mut self, corners: impl ExactSizeIterator<Item = u32>) {
+    fn add_loop(&mut self, corners: impl ExactSizeIterator<Item = Place>) {
         let end = self.loops.len() + 2 * corners.len();
         self.loops.extend(corners);
-        self.loops.resize(end, u32::MAX);
+        self.loops.resize(end, Place::MAX);
         self.starts.push(end as u32);
     }
 
@@ -192,36 +197,35 @@ impl Polyhedron {
     }
 
     fn add_edges(&mut self) -> Result<(), String> {
-        let mut known: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+        let mut known: BTreeMap<[Place; 2], usize> = BTreeMap::new();
         for face in 0..self.starts.len() - 1 {
             let corners = self.corners(face).to_vec();
             for (k, &a) in corners.iter().enumerate() {
                 let b = corners[(k + 1) % corners.len()];
                 let edge = *known.entry([a.min(b), a.max(b)]).or_insert_with(|| {
-                    let square = (self.vertices[b as usize] - self.vertices[a as usize]).norm_squared();
-                    self.edges.push(Edge { ends: [a, b], faces: [face as u32, u32::MAX], square });
+                    self.edges.push(Edge { ends: [a, b], faces: [face as Place, Place::MAX] });
                     self.edges.len() - 1
                 });
-                if self.edges[edge].faces[0] != face as u32 {
-                    if self.edges[edge].faces[1] != u32::MAX || self.edges[edge].ends != [b, a] {
+                if self.edges[edge].faces[0] != face as Place {
+                    if self.edges[edge].faces[1] != Place::MAX || self.edges[edge].ends != [b, a] {
                         return Err("its faces do not close".into());
                     }
-                    self.edges[edge].faces[1] = face as u32;
+                    self.edges[edge].faces[1] = face as Place;
                 }
                 let side = self.starts[face] as usize + corners.len() + k;
-                self.loops[side] = edge as u32;
+                self.loops[side] = edge as Place;
             }
         }
         let euler = self.vertices.len() + self.planes.len() == self.edges.len() + 2;
-        if !euler || self.edges.iter().any(|edge| edge.faces[1] == u32::MAX) {
+        if !euler || self.edges.iter().any(|edge| edge.faces[1] == Place::MAX) {
             return Err("its faces do not close".into());
         }
         let mut spokes = vec![Vec::new(); self.vertices.len()];
         for (e, edge) in self.edges.iter().enumerate() {
             let [from, to] = edge.ends;
-            let spoke = |to: u32| Spoke { edge: e as u32, to, square: edge.square };
-            spokes[from as usize].push(spoke(to));
-            spokes[to as usize].push(spoke(from));
+            let edge = e as Place;
+            spokes[from as usize].push(Spoke { edge, to });
+            spokes[to as usize].push(Spoke { edge, to: from });
         }
         self.spoke_starts.push(0);
         for of_one in spokes {
@@ -266,7 +270,7 @@ impl Polyhedron {
     }
 
     /// The corners of each face, counter-clockwise seen from outside.
-    pub fn faces(&self) -> impl Iterator<Item = &[u32]> {
+    pub fn faces(&self) -> impl Iterator<Item = &[u16]> {
         (0..self.planes.len()).map(|face| self.corners(face))
     }
 
@@ -289,21 +293,28 @@ impl Polyhedron {
     }
 
     #[inline(always)]
-    pub(super) fn corners(&self, face: usize) -> &[u32] {
+    pub(super) fn corners(&self, face: usize) -> &[Place] {
         let of_face = self.of_face(face);
         &of_face[..of_face.len() / 2]
     }
 
     /// The edges round a face; edge k goes from corner k to the next.
     #[inline(always)]
-    pub(super) fn sides(&self, face: usize) -> &[u32] {
+    pub(super) fn sides(&self, face: usize) -> &[Place] {
         let of_face = self.of_face(face);
         &of_face[of_face.len() / 2..]
     }
 
     #[inline(always)]
-    fn of_face(&self, face: usize) -> &[u32] {
+    fn of_face(&self, face: usize) -> &[Place] {
         &self.loops[self.starts[face] as usize..self.starts[face + 1] as usize]
+    }
+
+    /// A corner, m.
+    #[inline(always)]
+    pub(super) fn vertex(&self, k: usize) -> Vec3 {
+        let [x, y, z] = self.columns();
+        Vec3::new(x[k], y[k], z[k])
     }
 
     /// The edges at a vertex.
@@ -427,15 +438,13 @@ pub struct Posed<'a> {
 
 impl Posed<'_> {
     #[inline(always)]
-    pub(super) fn vertex(&self, k: u32) -> Vec3 {
-        let [x, y, z] = self.shape.columns();
-        let k = k as usize;
-        self.turned(&Vec3::new(x[k], y[k], z[k]))
+    pub(super) fn vertex(&self, k: impl Into<u32>) -> Vec3 {
+        self.turned(&self.shape.vertex(k.into() as usize))
     }
 
     #[inline(always)]
-    pub(super) fn normal(&self, face: u32) -> Vec3 {
-        self.turned(&self.shape.planes[face as usize].normal)
+    pub(super) fn normal(&self, face: impl Into<u32>) -> Vec3 {
+        self.turned(&self.shape.planes[face.into() as usize].normal)
     }
 
     /// A number of each cache line of what every pair asks for, added up.

@@ -12,6 +12,7 @@ use pulp::NullaryFnOnce;
 use smallvec::SmallVec;
 
 use super::patch::Corner;
+use super::polyhedron::Place;
 use super::{Narrow, Point, Polyhedron, Posed, edge, face, vertex};
 use crate::math::Vec3;
 use crate::math::lanes::{Lanes, Scalar, Width};
@@ -117,7 +118,7 @@ pub(super) fn search(pair: &Pair, start: Start, narrow: Narrow, enough: f64) -> 
     };
     if found.lost {
         let axis = all(pair, enough);
-        return Found { axis, faces: support_faces(Scalar, pair, &axis), lost: false };
+        return Found { axis, faces: support_faces(Scalar, pair, &axis, None), lost: false };
     }
     found
 }
@@ -143,8 +144,8 @@ impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
 
     #[inline(always)]
     fn call(self) -> Found {
-        let axis = self.axis();
-        let faces = if axis.s > self.enough { (0, 0) } else { support_faces(self.l, self.pair, &axis) };
+        let (axis, met) = self.axis();
+        let faces = if axis.s > self.enough { (0, 0) } else { support_faces(self.l, self.pair, &axis, met) };
         let lost = match axis.feature {
             // Shapes rounded in files are convex to their digits alone: there crossed arcs may promise too much.
             Feature::Edges(..) => separation(self.l, self.pair, &axis.n) < axis.s - 1e-9 * self.pair.small,
@@ -156,23 +157,24 @@ impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
 }
 
 impl<L: Lanes> Search<'_, L> {
+    /// With the vertex that a face meets, where it is known.
     #[inline(always)]
-    fn axis(&self) -> Axis {
+    fn axis(&self) -> (Axis, Option<u32>) {
         let &Search { l, pair, start, narrow, enough } = self;
         let mut witnesses = Witnesses { points: [Vec3::zeros(); 3], count: 0 };
-        let mut best = begin(l, pair, start, &mut witnesses);
+        let (mut best, met) = begin(l, pair, start, &mut witnesses);
         let from_direction = matches!(start, Start::Direction(_)) && best.s > 0.0;
         if best.s > enough || from_direction || is_best(l, pair, &best, &witnesses.points[0], narrow) {
-            return best;
+            return (best, met);
         }
         let (a, b) = (pair.pa, pair.pb);
         if faces(l, pair, a, b, 1.0, &mut best, &mut witnesses, enough)
             || faces(l, pair, b, a, -1.0, &mut best, &mut witnesses, enough)
         {
-            return best;
+            return (best, None);
         }
         edges(l, pair, &mut best, &witnesses, enough);
-        best
+        (best, None)
     }
 }
 
@@ -192,30 +194,30 @@ impl Witnesses {
     }
 }
 
-/// What is remembered, at the new poses; or the direction between the centres.
+/// What is remembered, at the new poses, with the vertex that a face meets; or the direction between the centres.
 #[inline(always)]
-fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -> Axis {
+fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -> (Axis, Option<u32>) {
     let n = match start {
         Start::Feature(Feature::FaceOfA(f)) => {
             let n = pair.pa.normal(f);
             let (v, low) = lowest(l, pair.pb, &n);
             witnesses.add(pair.pb.vertex(v) + pair.c - pair.pa.vertex(pair.a.corners(f as usize)[0]));
             let s = n.dot(&pair.c) - pair.a.planes[f as usize].offset + low;
-            return Axis { n, s, feature: Feature::FaceOfA(f) };
+            return (Axis { n, s, feature: Feature::FaceOfA(f) }, Some(v));
         }
         Start::Feature(Feature::FaceOfB(f)) => {
             let n = pair.pb.normal(f);
             let (v, low) = lowest(l, pair.pa, &n);
             witnesses.add(pair.pb.vertex(pair.b.corners(f as usize)[0]) + pair.c - pair.pa.vertex(v));
             let s = -n.dot(&pair.c) - pair.b.planes[f as usize].offset + low;
-            return Axis { n: -n, s, feature: Feature::FaceOfB(f) };
+            return (Axis { n: -n, s, feature: Feature::FaceOfB(f) }, Some(v));
         }
         Start::Feature(Feature::Edges(ea, eb)) => {
             let (n, s, crossed) = edge_axis(pair, ea, eb);
             if crossed {
                 let [a, b] = [pair.a.edges[ea as usize].ends[0], pair.b.edges[eb as usize].ends[0]];
                 witnesses.add(pair.pb.vertex(b) + pair.c - pair.pa.vertex(a));
-                return Axis { n, s, feature: Feature::Edges(ea, eb) };
+                return (Axis { n, s, feature: Feature::Edges(ea, eb) }, None);
             }
             n
         }
@@ -227,7 +229,7 @@ fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -
     let (b, low) = lowest(l, pair.pb, &n);
     let (a, high) = lowest(l, pair.pa, &-n);
     witnesses.add(pair.pb.vertex(b) + pair.c - pair.pa.vertex(a));
-    Axis { n, s: n.dot(&pair.c) + low + high, feature: Feature::None }
+    (Axis { n, s: n.dot(&pair.c) + low + high, feature: Feature::None }, None)
 }
 
 /// The first vertex least along `n`, and its height.
@@ -286,8 +288,8 @@ fn separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> f64 {
 #[inline(always)]
 fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -> bool {
     let rho = match axis.feature {
-        Feature::FaceOfA(f) => inside(pair.pa, f, &(x + pair.pa.vertex(pair.a.corners(f as usize)[0]))),
-        Feature::FaceOfB(f) => inside(pair.pb, f, &(pair.pb.vertex(pair.b.corners(f as usize)[0]) - x)),
+        Feature::FaceOfA(f) => inside(pair.a, f, &pair.pa.local(x)),
+        Feature::FaceOfB(f) => inside(pair.b, f, &pair.pb.local(&-x)),
         Feature::Edges(ea, eb) => {
             let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
             let (u, v, w) = (a1 - a0, b1 - b0, b0 + pair.c - a0);
@@ -323,14 +325,16 @@ fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -
     sin_n * cos_cone + cos_n * sin_cone > 0.0 && cos_n * cos_cone - sin_n * sin_cone > cos_disc
 }
 
-/// Distance of a point, seen along the normal, from the nearest side of a face; < 0 outside, m.
+/// Distance of a point, seen along the normal, from the nearest side of a face; < 0 outside, m. In the shape's frame, from
+/// the face's first corner.
 #[inline(always)]
-fn inside(posed: &Posed, f: u32, point: &Vec3) -> f64 {
-    let (n, corners) = (posed.normal(f), posed.shape.corners(f as usize));
+fn inside(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
+    let (n, corners) = (shape.planes[f as usize].normal, shape.corners(f as usize));
+    let point = shape.vertex(corners[0].into()) + point;
     let mut least = f64::INFINITY;
-    let mut from = posed.vertex(corners[corners.len() - 1]);
+    let mut from = shape.vertex(corners[corners.len() - 1].into());
     for &corner in corners {
-        let to = posed.vertex(corner);
+        let to = shape.vertex(corner.into());
         let along = to - from;
         least = least.min(n.cross(&along).dot(&(point - from)) / along.norm());
         from = to;
@@ -509,7 +513,7 @@ fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, en
                 block[column][count] = row[column];
                 column += 1;
             }
-            block[12][count] = PARALLEL * edge.square;
+            block[12][count] = PARALLEL * along.norm_squared();
             count += 1;
         }
         let mut i = 0;
@@ -520,7 +524,7 @@ fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, en
             let (along, n0, n1) = (a1 - a0, pair.pa.normal(edge.faces[0]), pair.pa.normal(edge.faces[1]));
             let mut k = 0;
             while k < count {
-                let (mask, s) = cross(l, &block, k, &a0, &along, &n0, &n1, PARALLEL * edge.square);
+                let (mask, s) = cross(l, &block, k, &a0, &along, &n0, &n1, PARALLEL * along.norm_squared());
                 let mut mask = mask & l.mask_greater(s, l.splat(better_than(best, tie)));
                 if mask != 0 {
                     let mut values = [0.0; 8];
@@ -716,7 +720,8 @@ fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     let (nb0, nb1) = (pair.pb.normal(b.faces[0]), pair.pb.normal(b.faces[1]));
     let (p0, p1) = (nb0.dot(&along_a), nb1.dot(&along_a));
     let (q0, q1) = (na0.dot(&along_b), na1.dot(&along_b));
-    let crossed = p0 * p1 < -PARALLEL * a.square && q0 * q1 < -PARALLEL * b.square && p0 * q0 > 0.0;
+    let crossed =
+        p0 * p1 < -PARALLEL * along_a.norm_squared() && q0 * q1 < -PARALLEL * along_b.norm_squared() && p0 * q0 > 0.0;
     let n = na0 * q1.abs() + na1 * q0.abs();
     let length = n.norm();
     let n = if length > 0.0 { n / length } else { na0 };
@@ -726,8 +731,9 @@ fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
 /// Whether two edges are parallel but for noise.
 pub(super) fn parallel(pair: &Pair, ea: u32, eb: u32) -> bool {
     let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
-    let squares = pair.a.edges[ea as usize].square * pair.b.edges[eb as usize].square;
-    (a1 - a0).cross(&(b1 - b0)).norm_squared() <= NEARLY_PARALLEL * NEARLY_PARALLEL * squares
+    let (along_a, along_b) = (a1 - a0, b1 - b0);
+    let squares = along_a.norm_squared() * along_b.norm_squared();
+    along_a.cross(&along_b).norm_squared() <= NEARLY_PARALLEL * NEARLY_PARALLEL * squares
 }
 
 #[inline(always)]
@@ -737,41 +743,53 @@ pub(super) fn ends(posed: &Posed, e: u32) -> [Vec3; 2] {
     [posed.vertex(from), posed.vertex(to)]
 }
 
-/// The faces whose common part is looked at.
+/// The faces whose common part is looked at; `met`: the vertex that a face meets, where it is known.
 #[inline(always)]
-fn support_faces<L: Lanes>(l: L, pair: &Pair, axis: &Axis) -> (u32, u32) {
+fn support_faces<L: Lanes>(l: L, pair: &Pair, axis: &Axis, met: Option<u32>) -> (u32, u32) {
     let (a, b) = (pair.pa, pair.pb);
     match axis.feature {
-        Feature::FaceOfA(f) => (f, seen(l, b, &-axis.n)),
-        Feature::FaceOfB(f) => (seen(l, a, &axis.n), f),
+        Feature::FaceOfA(f) => (f, seen(l, b, &-axis.n, met)),
+        Feature::FaceOfB(f) => (seen(l, a, &axis.n, met), f),
         Feature::Edges(ea, eb) => (aligned(a, ea, &axis.n), aligned(b, eb, &-axis.n)),
         Feature::None => (0, 0),
     }
 }
 
-/// The face that looks along `n` where the body reaches farthest that way.
+/// The face that looks along `n` where the body reaches farthest that way, which is at the vertex `top` if that is known.
 #[inline(always)]
-pub(super) fn seen<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> u32 {
-    let (top, _) = lowest(l, posed, &-n);
-    let from = posed.vertex(top);
+pub(super) fn seen<L: Lanes>(l: L, posed: &Posed, n: &Vec3, top: Option<u32>) -> u32 {
+    let top = match top {
+        Some(top) => top,
+        None => lowest(l, posed, &-n).0,
+    };
+    let (shape, n) = (posed.shape, posed.local(n));
+    let from = shape.vertex(top as usize);
     // The edge that falls least from there; a face along it has the next vertex.
     let (mut best, mut least) = (0, f64::INFINITY);
-    for spoke in posed.shape.spokes(top as usize) {
-        let fall = (posed.vertex(spoke.to) - from).dot(n);
-        let square = fall * fall / spoke.square;
+    for spoke in shape.spokes(top as usize) {
+        let along = shape.vertex(spoke.to.into()) - from;
+        let fall = along.dot(&n);
+        let square = fall * fall / along.norm_squared();
         if square < least {
             (best, least) = (spoke.edge, square);
         }
     }
-    aligned(posed, best, n)
+    facing(shape, best.into(), &n)
 }
 
 /// The face of an edge that looks more along `n`; of two alike the first.
 #[inline(always)]
 pub(super) fn aligned(posed: &Posed, e: u32, n: &Vec3) -> u32 {
-    let [f, g] = posed.shape.edges[e as usize].faces;
+    facing(posed.shape, e, &posed.local(n))
+}
+
+/// The same with `n` in the shape's frame.
+#[inline(always)]
+fn facing(shape: &Polyhedron, e: u32, n: &Vec3) -> u32 {
+    let [f, g] = shape.edges[e as usize].faces;
     let (first, second) = (f.min(g), f.max(g));
-    if posed.normal(second).dot(n) > posed.normal(first).dot(n) + ALIGNED { second } else { first }
+    let toward = |f: Place| shape.planes[f as usize].normal.dot(n);
+    u32::from(if toward(second) > toward(first) + ALIGNED { second } else { first })
 }
 
 /// The point of an axis's own features.

@@ -63,11 +63,11 @@ fn nearest_beside_faces(posed: &Posed, c: &Vec3) -> Option<(Vec3, u32)> {
             above = false;
             let share = (c - from).dot(&along) / along.norm_squared();
             let (point, feature) = if share <= 0.0 {
-                (from, vertex(corners[k]))
+                (from, vertex(corners[k].into()))
             } else if share >= 1.0 {
-                (from + along, vertex(corners[if k + 1 == corners.len() { 0 } else { k + 1 }]))
+                (from + along, vertex(corners[if k + 1 == corners.len() { 0 } else { k + 1 }].into()))
             } else {
-                (from + along * share, edge(side))
+                (from + along * share, edge(side.into()))
             };
             let far = (c - point).norm_squared();
             if best.is_none_or(|(least, ..)| far < least) {
