@@ -81,7 +81,7 @@ pub fn contacts(
         .map(|(pairs, memories)| {
             let mut listed = Listed { contacts: Vec::with_capacity(2 * CHUNK), ends: Vec::with_capacity(CHUNK) };
             for (pairs, memories) in pairs.chunks(AHEAD).zip(memories.chunks_mut(AHEAD)) {
-                std::hint::black_box(read_ahead(pairs, memories, &places));
+                std::hint::black_box(read_ahead(pairs, &places));
                 for ((parts, see), memory) in pairs.iter().zip(memories) {
                     let [a, b] = parts.map(|k| &places[k as usize]);
                     let radius = 1.0 / (a.curvature + b.curvature);
@@ -130,12 +130,12 @@ fn sorted(found: &[Listed], order: &[u32]) -> Vec<Contact> {
 const AHEAD: usize = 8;
 
 /// See [`geometry::read_ahead`].
-fn read_ahead(pairs: &[([u32; 2], See)], memories: &[Memory], places: &[Place]) -> f64 {
-    let of_pair = |((parts, _), memory): (&([u32; 2], See), &Memory)| match parts.map(|k| &places[k as usize].shape) {
-        [Shape::Polyhedron(a), Shape::Polyhedron(b)] => geometry::read_ahead(a, b, memory),
-        _ => 0.0,
+fn read_ahead(pairs: &[([u32; 2], See)], places: &[Place]) -> u64 {
+    let of_pair = |(parts, _): &([u32; 2], See)| match parts.map(|k| &places[k as usize].shape) {
+        [Shape::Polyhedron(a), Shape::Polyhedron(b)] => geometry::read_ahead(a, b),
+        _ => 0,
     };
-    pairs.iter().zip(memories).map(of_pair).sum()
+    pairs.iter().map(of_pair).fold(0, |all, one| all ^ one)
 }
 
 /// Pairs that one task looks at.

@@ -113,13 +113,13 @@ impl Pair<'_> {
     fn axis(&self) -> Axis {
         let (shape, posed) = (self.a.shape, self.a);
         let mut best = Axis { m: Vec3::z(), s: f64::NEG_INFINITY, feature: Feature::Vertex };
-        for f in 0..shape.planes.len() as u32 {
+        for f in 0..shape.planes().len() as u32 {
             let m = -self.q.inverse_transform_vector(&posed.normal(f));
             self.attempt(&mut best, m, Feature::Face(f));
         }
         self.attempt(&mut best, Vec3::z(), Feature::Vertex);
         self.attempt(&mut best, -Vec3::z(), Feature::Vertex);
-        for (e, one) in shape.edges.iter().enumerate() {
+        for (e, one) in shape.edges().iter().enumerate() {
             let feature = Feature::Edge(e as u32);
             // Square to the axis, between the normals on its two sides: exact where the edge is nearly parallel to it.
             let [n0, n1] = one.faces.map(|f| self.q.inverse_transform_vector(&posed.normal(f)));

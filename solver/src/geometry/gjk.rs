@@ -205,7 +205,7 @@ pub(super) fn ridges(pair: &Pair, n: &Vec3, distance: f64) -> Option<Manifold> {
         let top = support(posed, n).0;
         let mut level = SmallVec::new();
         for &Spoke { edge: e, .. } in shape.spokes(top as usize) {
-            let ends = shape.edges[e as usize].ends.map(u32::from);
+            let ends = shape.edges()[e as usize].ends.map(u32::from);
             let along = posed.vertex(ends[1]) - posed.vertex(ends[0]);
             let slope = along.dot(n);
             if slope * slope <= steep * steep * along.norm_squared() {

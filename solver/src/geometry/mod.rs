@@ -6,6 +6,7 @@
 //! | file | what |
 //! |---|---|
 //! | `polyhedron` | the shape: polygon faces, edges, neighbours; turned as its body is |
+//! | `draft` | faces and edges from a triangulated surface |
 //! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
 //! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | against other shapes |
@@ -13,6 +14,7 @@
 //! | `patch` | points of contact and area from these |
 
 mod cylinder;
+mod draft;
 mod gjk;
 mod hollow_cylinder;
 mod outline;
@@ -149,9 +151,9 @@ impl Memory {
         let (a, b) = (pair.a, pair.b);
         let [first, second, _] = self.data.map(|k| k as usize);
         match self.kind {
-            1 if first < a.planes.len() => Start::Feature(Feature::FaceOfA(self.data[0])),
-            2 if first < b.planes.len() => Start::Feature(Feature::FaceOfB(self.data[0])),
-            3 if first < a.edges.len() && second < b.edges.len() => {
+            1 if first < a.planes().len() => Start::Feature(Feature::FaceOfA(self.data[0])),
+            2 if first < b.planes().len() => Start::Feature(Feature::FaceOfB(self.data[0])),
+            3 if first < a.edges().len() && second < b.edges().len() => {
                 Start::Feature(Feature::Edges(self.data[0], self.data[1]))
             }
             4 => Start::Direction(Vec3::from(self.data.map(|bits| f64::from(f32::from_bits(bits))))),
@@ -199,19 +201,10 @@ pub fn polyhedron_polyhedron(
     manifold
 }
 
-/// Reads what [`polyhedron_polyhedron`] will ask for first. Done for several pairs before their contacts are looked for,
-/// the waits for memory overlap, which one after the other take longer than the arithmetic. The number means nothing.
-pub fn read_ahead(a: &Posed, b: &Posed, memory: &Memory) -> f64 {
-    let [first, second, _] = memory.data.map(|k| k as usize);
-    let plane = |posed: &Posed| posed.shape.planes.get(first).map_or(0.0, |plane| plane.offset);
-    let edge = |posed: &Posed, k: usize| posed.shape.edges.get(k).map_or(0.0, |edge| f64::from(edge.ends[0]));
-    let of_feature = match memory.kind {
-        1 => plane(a),
-        2 => plane(b),
-        3 => edge(a, first) + edge(b, second),
-        _ => 0.0,
-    };
-    of_feature + a.read_ahead() + b.read_ahead()
+/// Reads what [`polyhedron_polyhedron`] will ask for. Done for several pairs before their contacts are looked for, the waits
+/// for memory overlap, which one after the other take longer than the arithmetic. The number means nothing.
+pub fn read_ahead(a: &Posed, b: &Posed) -> u64 {
+    a.read_ahead() ^ b.read_ahead()
 }
 
 /// The direction to be remembered, and the contact along it.

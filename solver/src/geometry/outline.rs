@@ -132,7 +132,7 @@ impl<'a> Outline<'a> {
             return;
         }
         self.slope = [normal.dot(t) / rise, normal.dot(s) / rise];
-        self.height = (self.posed.shape.planes[of as usize].offset + normal.dot(&self.moved)) / rise;
+        self.height = (self.posed.shape.planes()[of as usize].offset + normal.dot(&self.moved)) / rise;
     }
 
     /// Height of the plane at a place.

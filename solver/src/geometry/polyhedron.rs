@@ -1,30 +1,18 @@
 //! A convex polyhedron in its body's frame, and the same turned as its body is.
 
-use std::collections::BTreeMap;
-
+use bytemuck::{Pod, Zeroable};
 use nalgebra::Matrix3;
 
+use super::draft::Draft;
 use crate::math::{Quat, Vec3};
 
 /// Columns are as long as the next multiple of this, so that all widths of vectors fit.
 pub(super) const PAD: usize = 8;
 
 /// A convex polyhedron; its faces are polygons, not triangles.
-///
-/// Known pairs ask for what comes first here, which is kept short: of many grains it comes from far memory in every step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Polyhedron {
-    /// Columns x, y, z of the vertices, padded by the first.
-    columns: Vec<f64>,
-    pub(super) planes: Vec<Plane>,
-    /// Vertices round each face, counter-clockwise seen from outside, then the edge from each to the next; face f has
-    /// `starts[f]..starts[f + 1]`.
-    loops: Vec<Place>,
-    starts: Vec<u32>,
-    /// Edges that end at each vertex, likewise.
-    spokes: Vec<Spoke>,
-    spoke_starts: Vec<u32>,
-    pub(super) edges: Vec<Edge>,
+    hot: Hot,
     vertices: Vec<Vec3>,
     /// Columns x, y, z of the normals, padded by zeros.
     pub(super) normals: Vec<f64>,
@@ -36,10 +24,79 @@ pub struct Polyhedron {
     circumradius: f64,
 }
 
+/// What pairs that know each other ask for, in one short piece: of many grains it comes from far memory in every step.
+///
+/// Each section is a range of the lines read as numbers of its kind.
+#[derive(Debug, Clone, PartialEq)]
+struct Hot {
+    lines: Vec<Line>,
+    /// Columns x, y, z of the vertices, each so long, padded by the first; they come first.
+    column: usize,
+    planes: Section,
+    edges: Section,
+    /// Where in `loops` each face begins, and the last ends.
+    starts: Section,
+    /// Where in `spokes` each vertex begins, and the last ends.
+    spoke_starts: Section,
+    spokes: Section,
+    /// Vertices round each face, counter-clockwise seen from outside, then the edge from each to the next.
+    loops: Section,
+}
+
+/// A line of the caches.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Line([u64; 8]);
+
+/// Start and end.
+type Section = [u32; 2];
+
+impl Hot {
+    fn new(draft: &Draft) -> Self {
+        let column = draft.vertices.len().next_multiple_of(PAD);
+        let mut bytes = Vec::new();
+        for axis in 0..3 {
+            let padded = draft.vertices.iter().chain(std::iter::repeat(&draft.vertices[0]));
+            padded.take(column).for_each(|v| bytes.extend(v[axis].to_ne_bytes()));
+        }
+        // Kinds from large to small, so that each begins at a multiple of its size.
+        let planes = append(&mut bytes, &draft.planes);
+        let edges = append(&mut bytes, &draft.edges);
+        let starts = append(&mut bytes, &draft.starts);
+        let mut spokes = vec![Vec::new(); draft.vertices.len()];
+        for (edge, Edge { ends: [from, to], .. }) in (0..).zip(&draft.edges) {
+            spokes[usize::from(*from)].push(Spoke { edge, to: *to });
+            spokes[usize::from(*to)].push(Spoke { edge, to: *from });
+        }
+        let mut spoke_starts = vec![0];
+        for of_one in &spokes {
+            spoke_starts.push(spoke_starts[spoke_starts.len() - 1] + of_one.len() as u32);
+        }
+        let spoke_starts = append(&mut bytes, &spoke_starts);
+        let spokes = append(&mut bytes, &spokes.concat());
+        let loops = append(&mut bytes, &draft.loops);
+        let mut lines = vec![Line::zeroed(); bytes.len().div_ceil(size_of::<Line>())];
+        bytemuck::cast_slice_mut(&mut lines)[..bytes.len()].copy_from_slice(&bytes);
+        Hot { lines, column, planes, edges, starts, spoke_starts, spokes, loops }
+    }
+
+    #[inline(always)]
+    fn section<T: Pod>(&self, [start, end]: Section) -> &[T] {
+        &bytemuck::cast_slice(&self.lines)[start as usize..end as usize]
+    }
+}
+
+fn append<T: Pod>(bytes: &mut Vec<u8>, rows: &[T]) -> Section {
+    let start = bytes.len() / size_of::<T>();
+    bytes.extend_from_slice(bytemuck::cast_slice(rows));
+    [start, start + rows.len()].map(|k| k as u32)
+}
+
 /// Which vertex, edge or face.
 pub(super) type Place = u16;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Plane {
     /// Unit, outward.
     pub normal: Vec3,
@@ -47,7 +104,8 @@ pub(super) struct Plane {
     pub offset: f64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Edge {
     /// Ends, so that the first face has them in this order: e points along n0 × n1.
     pub ends: [Place; 2],
@@ -55,7 +113,8 @@ pub(super) struct Edge {
 }
 
 /// An edge seen from one of its ends.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Spoke {
     pub edge: Place,
     /// The vertex at its other end.
@@ -79,31 +138,7 @@ impl Polyhedron {
     /// The same with another tolerance of planes, over the size: [`Self::FLATNESS_OF_FILES`] where the vertices come
     /// from text.
     pub fn with_flatness(vertices: &[Vec3], triangles: &[[u32; 3]], flatness: f64) -> Result<Self, String> {
-        let circumradius = vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
-        if !circumradius.is_finite() || triangles.iter().flatten().any(|&v| v as usize >= vertices.len()) {
-            return Err("vertices are missing or not finite".into());
-        }
-        let regions = Regions::grow(vertices, triangles, flatness * circumradius)?;
-        let loops = regions.loops(vertices.len(), triangles)?;
-        let edges = loops.iter().map(Vec::len).sum::<usize>() / 2;
-        if edges > usize::from(Place::MAX) {
-            return Err(format!("it has {edges} edges; {} are the most", Place::MAX));
-        }
-        // Vertices that are left, renumbered.
-        let mut number = vec![Place::MAX; vertices.len()];
-        loops.iter().flatten().for_each(|&v| number[v as usize] = 0);
-        let mut kept = Vec::new();
-        for (v, number) in number.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
-            *number = kept.len() as Place;
-            kept.push(vertices[v]);
-        }
-        let mut shape = Polyhedron::bare(kept, circumradius);
-        for corners in &loops {
-            shape.add_loop(corners.iter().map(|&v| number[v as usize]));
-            shape.add_plane(flatness)?;
-        }
-        shape.finish()?;
-        Ok(shape)
+        Ok(Self::of(Draft::new(vertices, triangles, flatness)?))
     }
 
     /// A cuboid of these half lengths, m, along the body's axes.
@@ -126,137 +161,32 @@ impl Polyhedron {
             n
         };
         let vertices = (0..8).map(corner).collect();
-        let mut shape = Polyhedron::bare(vertices, half_lengths.norm());
-        corners.chunks(4).for_each(|corners| shape.add_loop(corners.iter().copied()));
-        shape.planes = (0..6).map(|f| Plane { normal: normal(f), offset: half_lengths[f / 2] }).collect();
-        shape.finish().expect("a cuboid closes");
-        shape
+        let mut draft = Draft::bare(vertices, half_lengths.norm());
+        corners.chunks(4).for_each(|corners| draft.add_loop(corners.iter().copied()));
+        draft.planes = (0..6).map(|f| Plane { normal: normal(f), offset: half_lengths[f / 2] }).collect();
+        draft.add_edges().expect("a cuboid closes");
+        Self::of(draft)
     }
 
-    fn bare(vertices: Vec<Vec3>, circumradius: f64) -> Self {
-        Polyhedron {
-            columns: Vec::new(),
-            planes: Vec::new(),
-            loops: Vec::new(),
-            starts: vec![0],
-            spokes: Vec::new(),
-            spoke_starts: Vec::new(),
-            edges: Vec::new(),
-            vertices,
-            normals: Vec::new(),
-            arcs: Vec::new(),
-            arc_pad: 0,
-            inradius: f64::INFINITY,
-            circumradius,
-        }
-    }
-
-    /// Edges, columns and radii, when vertices and faces are there.
-    fn finish(&mut self) -> Result<(), String> {
-        self.add_edges()?;
-        self.add_columns();
-        self.add_arcs();
-        self.inradius = self.planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);
-        Ok(())
-    }
-
-    /// A face with these corners; its edges come later.
-    fn add_loop(&mut self, corners: impl ExactSizeIterator<Item = Place>) {
-        let end = self.loops.len() + 2 * corners.len();
-        self.loops.extend(corners);
-        self.loops.resize(end, Place::MAX);
-        self.starts.push(end as u32);
-    }
-
-    /// The plane of the last face.
-    fn add_plane(&mut self, flatness: f64) -> Result<(), String> {
-        let face = self.starts.len() - 2;
-        let corners = self.corners(face);
-        let at = |k: usize| self.vertices[corners[k] as usize];
-        let base = at(0);
-        let (mut area, mut longest) = (Vec3::zeros(), 0.0f64);
-        for k in 1..corners.len() {
-            longest = longest.max((at(k) - base).norm());
-            if k + 1 < corners.len() {
-                area += (at(k) - base).cross(&(at(k + 1) - base));
-            }
-        }
-        let normal = area / area.norm();
-        let heights = |corners: &[Vec3]| corners.iter().map(|v| normal.dot(v)).fold(f64::NEG_INFINITY, f64::max);
-        let offset = heights(&self.vertices);
-        // A sliver's plane is known as far as its corners are over its width.
-        let width = area.norm() / longest;
-        let allowed = 4.0 * flatness * self.circumradius * (1.0 + self.circumradius / width);
-        let outside = (0..corners.len()).map(|k| offset - normal.dot(&at(k))).fold(0.0, f64::max);
-        if !offset.is_finite() || outside > allowed {
-            let about: Vec<String> = base.iter().map(|x| format!("{x:.4}")).collect();
-            return Err(format!("not convex: {outside:.3e} m stand out of the face at ({})", about.join(", ")));
-        }
-        self.planes.push(Plane { normal, offset });
-        Ok(())
-    }
-
-    fn add_edges(&mut self) -> Result<(), String> {
-        let mut known: BTreeMap<[Place; 2], usize> = BTreeMap::new();
-        for face in 0..self.starts.len() - 1 {
-            let corners = self.corners(face).to_vec();
-            for (k, &a) in corners.iter().enumerate() {
-                let b = corners[(k + 1) % corners.len()];
-                let edge = *known.entry([a.min(b), a.max(b)]).or_insert_with(|| {
-                    self.edges.push(Edge { ends: [a, b], faces: [face as Place, Place::MAX] });
-                    self.edges.len() - 1
-                });
-                if self.edges[edge].faces[0] != face as Place {
-                    if self.edges[edge].faces[1] != Place::MAX || self.edges[edge].ends != [b, a] {
-                        return Err("its faces do not close".into());
-                    }
-                    self.edges[edge].faces[1] = face as Place;
-                }
-                let side = self.starts[face] as usize + corners.len() + k;
-                self.loops[side] = edge as Place;
-            }
-        }
-        let euler = self.vertices.len() + self.planes.len() == self.edges.len() + 2;
-        if !euler || self.edges.iter().any(|edge| edge.faces[1] == Place::MAX) {
-            return Err("its faces do not close".into());
-        }
-        let mut spokes = vec![Vec::new(); self.vertices.len()];
-        for (e, edge) in self.edges.iter().enumerate() {
-            let [from, to] = edge.ends;
-            let edge = e as Place;
-            spokes[from as usize].push(Spoke { edge, to });
-            spokes[to as usize].push(Spoke { edge, to: from });
-        }
-        self.spoke_starts.push(0);
-        for of_one in spokes {
-            self.spokes.extend(of_one);
-            self.spoke_starts.push(self.spokes.len() as u32);
-        }
-        Ok(())
-    }
-
-    fn add_columns(&mut self) {
-        let (vertices, normals) = (self.vertices.len().next_multiple_of(PAD), self.planes.len().next_multiple_of(PAD));
+    fn of(draft: Draft) -> Self {
+        let hot = Hot::new(&draft);
+        let Draft { vertices, planes, edges, circumradius, .. } = draft;
+        let mut normals = Vec::new();
         for axis in 0..3 {
-            let padded = self.vertices.iter().chain(std::iter::repeat(&self.vertices[0]));
-            self.columns.extend(padded.take(vertices).map(|v| v[axis]));
+            let padded = planes.iter().map(|plane| plane.normal[axis]).chain(std::iter::repeat(0.0));
+            normals.extend(padded.take(planes.len().next_multiple_of(PAD)));
         }
-        for axis in 0..3 {
-            let of_normals = self.planes.iter().map(|plane| plane.normal[axis]).chain(std::iter::repeat(0.0));
-            self.normals.extend(of_normals.take(normals));
-        }
-    }
-
-    fn add_arcs(&mut self) {
-        self.arc_pad = self.edges.len().next_multiple_of(PAD);
-        self.arcs = vec![0.0; 10 * self.arc_pad];
-        for (e, edge) in self.edges.iter().enumerate() {
-            let [n0, n1] = edge.faces.map(|f| self.planes[f as usize].normal);
-            let [from, to] = edge.ends.map(|v| self.vertices[v as usize]);
+        let arc_pad = edges.len().next_multiple_of(PAD);
+        let mut arcs = vec![0.0; 10 * arc_pad];
+        for (e, edge) in edges.iter().enumerate() {
+            let [n0, n1] = edge.faces.map(|f| planes[f as usize].normal);
+            let [from, to] = edge.ends.map(|v| vertices[v as usize]);
             let along = (to - from).normalize();
             let row = [n0.x, n0.y, n0.z, n1.x, n1.y, n1.z, along.x, along.y, along.z, n0.dot(&n1)];
-            row.iter().enumerate().for_each(|(column, x)| self.arcs[column * self.arc_pad + e] = *x);
+            row.iter().enumerate().for_each(|(column, x)| arcs[column * arc_pad + e] = *x);
         }
+        let inradius = planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);
+        Polyhedron { hot, vertices, normals, arcs, arc_pad, inradius, circumradius }
     }
 
     /// The same turned by `q`, body to world.
@@ -271,7 +201,7 @@ impl Polyhedron {
 
     /// The corners of each face, counter-clockwise seen from outside.
     pub fn faces(&self) -> impl Iterator<Item = &[u16]> {
-        (0..self.planes.len()).map(|face| self.corners(face))
+        (0..self.planes().len()).map(|face| self.corners(face))
     }
 
     /// Distance from the body's centre to the nearest face's plane, m.
@@ -287,9 +217,18 @@ impl Polyhedron {
     /// x, y and z of the vertices, each as long as a multiple of [`PAD`]: the first comes again.
     #[inline(always)]
     pub(super) fn columns(&self) -> [&[f64]; 3] {
-        let (x, rest) = self.columns.split_at(self.columns.len() / 3);
-        let (y, z) = rest.split_at(x.len());
-        [x, y, z]
+        let (all, column) = (bytemuck::cast_slice(&self.hot.lines), self.hot.column);
+        [&all[..column], &all[column..2 * column], &all[2 * column..3 * column]]
+    }
+
+    #[inline(always)]
+    pub(super) fn planes(&self) -> &[Plane] {
+        self.hot.section(self.hot.planes)
+    }
+
+    #[inline(always)]
+    pub(super) fn edges(&self) -> &[Edge] {
+        self.hot.section(self.hot.edges)
     }
 
     #[inline(always)]
@@ -307,7 +246,8 @@ impl Polyhedron {
 
     #[inline(always)]
     fn of_face(&self, face: usize) -> &[Place] {
-        &self.loops[self.starts[face] as usize..self.starts[face + 1] as usize]
+        let starts: &[u32] = self.hot.section(self.hot.starts);
+        &self.hot.section(self.hot.loops)[starts[face] as usize..starts[face + 1] as usize]
     }
 
     /// A corner, m.
@@ -320,109 +260,9 @@ impl Polyhedron {
     /// The edges at a vertex.
     #[inline(always)]
     pub(super) fn spokes(&self, vertex: usize) -> &[Spoke] {
-        &self.spokes[self.spoke_starts[vertex] as usize..self.spoke_starts[vertex + 1] as usize]
+        let starts: &[u32] = self.hot.section(self.hot.spoke_starts);
+        &self.hot.section(self.hot.spokes)[starts[vertex] as usize..starts[vertex + 1] as usize]
     }
-}
-
-/// Triangles by the plane in which they lie.
-struct Regions {
-    of: Vec<u32>,
-    /// The triangle with each directed edge.
-    with_edge: BTreeMap<[u32; 2], usize>,
-    count: usize,
-}
-
-impl Regions {
-    /// From the largest triangle on, each takes its neighbours that lie within `tolerance` (m) of its plane, and those
-    /// of these.
-    fn grow(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> Result<Self, String> {
-        let mut with_edge = BTreeMap::new();
-        for (k, t) in triangles.iter().enumerate() {
-            for edge in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
-                if with_edge.insert(edge, k).is_some() {
-                    return Err("its triangles are not oriented alike".into());
-                }
-            }
-        }
-        let corners = |k: usize| triangles[k].map(|v| vertices[v as usize]);
-        let doubled: Vec<Vec3> = (0..triangles.len())
-            .map(|k| {
-                let [a, b, c] = corners(k);
-                (b - a).cross(&(c - a))
-            })
-            .collect();
-        let mut seeds: Vec<usize> = (0..triangles.len()).collect();
-        seeds.sort_by(|&i, &j| doubled[j].norm().total_cmp(&doubled[i].norm()).then(i.cmp(&j)));
-        let mut of = vec![u32::MAX; triangles.len()];
-        let mut count = 0;
-        for seed in seeds {
-            if of[seed] != u32::MAX {
-                continue;
-            }
-            let normal = doubled[seed] / doubled[seed].norm();
-            let base = corners(seed)[0];
-            let mut open = vec![seed];
-            of[seed] = count;
-            while let Some(k) = open.pop() {
-                let t = triangles[k];
-                for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
-                    let Some(&next) = with_edge.get(&[b, a]) else { return Err("its triangles do not close".into()) };
-                    let near = corners(next).iter().all(|v| normal.dot(&(v - base)).abs() <= tolerance);
-                    // Of a triangle as thin as that the direction says nothing.
-                    let longest = triangle_sides(&corners(next)).fold(0.0, f64::max);
-                    let alike = normal.dot(&doubled[next]) > 0.0 || doubled[next].norm() <= tolerance * longest;
-                    if of[next] == u32::MAX && near && alike {
-                        of[next] = count;
-                        open.push(next);
-                    }
-                }
-            }
-            count += 1;
-        }
-        Ok(Regions { of, with_edge, count: count as usize })
-    }
-
-    /// The corners round each region, without vertices where only two regions meet.
-    fn loops(&self, vertices: usize, triangles: &[[u32; 3]]) -> Result<Vec<Vec<u32>>, String> {
-        let mut meeting = vec![Vec::new(); vertices];
-        let mut next: Vec<BTreeMap<u32, u32>> = vec![BTreeMap::new(); self.count];
-        for (t, &region) in triangles.iter().zip(&self.of) {
-            for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
-                if !meeting[a as usize].contains(&region) {
-                    meeting[a as usize].push(region);
-                }
-                let border = self.of[self.with_edge[&[b, a]]] != region;
-                if border && next[region as usize].insert(a, b).is_some() {
-                    return Err("not convex: a face touches itself".into());
-                }
-            }
-        }
-        let mut loops = Vec::with_capacity(self.count);
-        for border in &next {
-            // Never empty: a closed surface has more than one plane, or its Euler number is found wrong.
-            let first = border.keys().min().copied().ok_or("it has one face alone")?;
-            let (mut corners, mut at, mut walked) = (Vec::new(), first, 0);
-            loop {
-                if meeting[at as usize].len() > 2 {
-                    corners.push(at);
-                }
-                walked += 1;
-                at = *border.get(&at).ok_or("its faces do not close")?;
-                if at == first || walked > border.len() {
-                    break;
-                }
-            }
-            if walked != border.len() || corners.len() < 3 {
-                return Err("not convex: a face is no polygon".into());
-            }
-            loops.push(corners);
-        }
-        Ok(loops)
-    }
-}
-
-fn triangle_sides(&[a, b, c]: &[Vec3; 3]) -> impl Iterator<Item = f64> {
-    [b - a, c - b, a - c].into_iter().map(|side| side.norm())
 }
 
 /// A polyhedron turned as its body is but not moved: so precision does not depend on how far from the origin the body is.
@@ -444,12 +284,12 @@ impl Posed<'_> {
 
     #[inline(always)]
     pub(super) fn normal(&self, face: impl Into<u32>) -> Vec3 {
-        self.turned(&self.shape.planes[face.into() as usize].normal)
+        self.turned(&self.shape.planes()[face.into() as usize].normal)
     }
 
-    /// A number of each cache line of what every pair asks for, added up.
-    pub(super) fn read_ahead(&self) -> f64 {
-        self.shape.columns.iter().step_by(PAD).sum::<f64>() + self.turn.m11 + self.turn.m33
+    /// A number of each cache line of what pairs ask for, taken together.
+    pub(super) fn read_ahead(&self) -> u64 {
+        self.shape.hot.lines.iter().fold(self.turn.m11.to_bits() ^ self.turn.m33.to_bits(), |all, line| all ^ line.0[0])
     }
 
     /// A vector of the shape's frame in the world's. Written out, so that it is the same to the bit wherever it is inlined.

@@ -202,20 +202,20 @@ fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -
             let n = pair.pa.normal(f);
             let (v, low) = lowest(l, pair.pb, &n);
             witnesses.add(pair.pb.vertex(v) + pair.c - pair.pa.vertex(pair.a.corners(f as usize)[0]));
-            let s = n.dot(&pair.c) - pair.a.planes[f as usize].offset + low;
+            let s = n.dot(&pair.c) - pair.a.planes()[f as usize].offset + low;
             return (Axis { n, s, feature: Feature::FaceOfA(f) }, Some(v));
         }
         Start::Feature(Feature::FaceOfB(f)) => {
             let n = pair.pb.normal(f);
             let (v, low) = lowest(l, pair.pa, &n);
             witnesses.add(pair.pb.vertex(pair.b.corners(f as usize)[0]) + pair.c - pair.pa.vertex(v));
-            let s = -n.dot(&pair.c) - pair.b.planes[f as usize].offset + low;
+            let s = -n.dot(&pair.c) - pair.b.planes()[f as usize].offset + low;
             return (Axis { n: -n, s, feature: Feature::FaceOfB(f) }, Some(v));
         }
         Start::Feature(Feature::Edges(ea, eb)) => {
             let (n, s, crossed) = edge_axis(pair, ea, eb);
             if crossed {
-                let [a, b] = [pair.a.edges[ea as usize].ends[0], pair.b.edges[eb as usize].ends[0]];
+                let [a, b] = [pair.a.edges()[ea as usize].ends[0], pair.b.edges()[eb as usize].ends[0]];
                 witnesses.add(pair.pb.vertex(b) + pair.c - pair.pa.vertex(a));
                 return (Axis { n, s, feature: Feature::Edges(ea, eb) }, None);
             }
@@ -329,7 +329,7 @@ fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -
 /// the face's first corner.
 #[inline(always)]
 fn inside(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
-    let (n, corners) = (shape.planes[f as usize].normal, shape.corners(f as usize));
+    let (n, corners) = (shape.planes()[f as usize].normal, shape.corners(f as usize));
     let point = shape.vertex(corners[0].into()) + point;
     let mut least = f64::INFINITY;
     let mut from = shape.vertex(corners[corners.len() - 1].into());
@@ -372,7 +372,7 @@ fn faces<L: Lanes>(
         while k < BLOCK && from + k < kept.len() {
             let f = kept[from + k];
             let n = own.normal(f);
-            (block[3][k], block[4][k]) = (own.shape.planes[f as usize].offset, n.dot(&c));
+            (block[3][k], block[4][k]) = (own.shape.planes()[f as usize].offset, n.dot(&c));
             let n = other.local(&n);
             (block[0][k], block[1][k], block[2][k]) = (n.x, n.y, n.z);
             k += 1;
@@ -448,7 +448,7 @@ fn cone<L: Lanes>(
     let pad = shape.normals.len() / 3;
     let (x, y, z) = (&shape.normals[..pad], &shape.normals[pad..2 * pad], &shape.normals[2 * pad..]);
     let least = best.s - slack(pair, best);
-    let count = shape.planes.len();
+    let count = shape.planes().len();
     let mut k = 0;
     while k < count {
         let (nx, ny, nz) = (l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]));
@@ -503,7 +503,7 @@ fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, en
         let mut count = 0;
         while count < BLOCK && from + count < of_b.len() {
             let e = of_b[from + count];
-            let edge = &pair.b.edges[e as usize];
+            let edge = &pair.b.edges()[e as usize];
             let [b0, b1] = ends(pair.pb, e);
             let (along, n0, n1) = (b1 - b0, pair.pb.normal(edge.faces[0]), pair.pb.normal(edge.faces[1]));
             let b0 = b0 + pair.c;
@@ -519,7 +519,7 @@ fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, en
         let mut i = 0;
         while i < of_a.len() {
             let ea = of_a[i];
-            let edge = &pair.a.edges[ea as usize];
+            let edge = &pair.a.edges()[ea as usize];
             let [a0, a1] = ends(pair.pa, ea);
             let (along, n0, n1) = (a1 - a0, pair.pa.normal(edge.faces[0]), pair.pa.normal(edge.faces[1]));
             let mut k = 0;
@@ -623,7 +623,7 @@ fn arcs<L: Lanes>(
     let cone = l.splat(best.s + pair.inner() - slack);
     let square = l.splat(c.norm_squared());
     let limit = l.splat(best.s.min(0.0) - slack);
-    let count = shape.edges.len();
+    let count = shape.edges().len();
     let pad = shape.arc_pad;
     let columns = &shape.arcs;
     let zero = l.splat(0.0);
@@ -685,18 +685,18 @@ fn all(pair: &Pair, enough: f64) -> Axis {
         }
         best.s > enough
     };
-    for f in 0..pair.a.planes.len() as u32 {
+    for f in 0..pair.a.planes().len() as u32 {
         if take(pair.pa.normal(f), Feature::FaceOfA(f)) {
             return best;
         }
     }
-    for f in 0..pair.b.planes.len() as u32 {
+    for f in 0..pair.b.planes().len() as u32 {
         if take(-pair.pb.normal(f), Feature::FaceOfB(f)) {
             return best;
         }
     }
-    for ea in 0..pair.a.edges.len() as u32 {
-        for eb in 0..pair.b.edges.len() as u32 {
+    for ea in 0..pair.a.edges().len() as u32 {
+        for eb in 0..pair.b.edges().len() as u32 {
             if let (n, _, true) = edge_axis(pair, ea, eb)
                 && take(n, Feature::Edges(ea, eb))
             {
@@ -713,7 +713,7 @@ fn all(pair: &Pair, enough: f64) -> Axis {
 /// Source of the test: D. Gregorius, The separating axis test between convex polyhedra, GDC (2013).
 #[inline(always)]
 fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
-    let (a, b) = (&pair.a.edges[ea as usize], &pair.b.edges[eb as usize]);
+    let (a, b) = (&pair.a.edges()[ea as usize], &pair.b.edges()[eb as usize]);
     let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
     let (along_a, along_b) = (a1 - a0, b1 - b0);
     let (na0, na1) = (pair.pa.normal(a.faces[0]), pair.pa.normal(a.faces[1]));
@@ -739,7 +739,7 @@ pub(super) fn parallel(pair: &Pair, ea: u32, eb: u32) -> bool {
 #[inline(always)]
 pub(super) fn ends(posed: &Posed, e: u32) -> [Vec3; 2] {
     // No closure: it would be left outside the instruction set.
-    let [from, to] = posed.shape.edges[e as usize].ends;
+    let [from, to] = posed.shape.edges()[e as usize].ends;
     [posed.vertex(from), posed.vertex(to)]
 }
 
@@ -786,9 +786,9 @@ pub(super) fn aligned(posed: &Posed, e: u32, n: &Vec3) -> u32 {
 /// The same with `n` in the shape's frame.
 #[inline(always)]
 fn facing(shape: &Polyhedron, e: u32, n: &Vec3) -> u32 {
-    let [f, g] = shape.edges[e as usize].faces;
+    let [f, g] = shape.edges()[e as usize].faces;
     let (first, second) = (f.min(g), f.max(g));
-    let toward = |f: Place| shape.planes[f as usize].normal.dot(n);
+    let toward = |f: Place| shape.planes()[f as usize].normal.dot(n);
     u32::from(if toward(second) > toward(first) + ALIGNED { second } else { first })
 }
 

@@ -19,7 +19,7 @@ use crate::math::Vec3;
 pub fn polyhedron_sphere(a: &Posed, c: &Vec3, radius: f64, alert: f64) -> Option<Manifold> {
     let in_frame = a.local(c);
     let (mut nearest, mut height) = (0, f64::NEG_INFINITY);
-    for (f, plane) in a.shape.planes.iter().enumerate() {
+    for (f, plane) in a.shape.planes().iter().enumerate() {
         let above = plane.normal.dot(&in_frame) - plane.offset;
         if above > height {
             (nearest, height) = (f as u32, above);
@@ -46,7 +46,7 @@ pub fn polyhedron_sphere(a: &Posed, c: &Vec3, radius: f64, alert: f64) -> Option
 fn nearest_beside_faces(posed: &Posed, c: &Vec3) -> Option<(Vec3, u32)> {
     let shape = posed.shape;
     let mut best: Option<(f64, Vec3, u32)> = None;
-    for (f, plane) in shape.planes.iter().enumerate() {
+    for (f, plane) in shape.planes().iter().enumerate() {
         let n = posed.normal(f as u32);
         if n.dot(c) - plane.offset <= 0.0 {
             continue;

@@ -1,0 +1,223 @@
+//! From a triangulated surface to the faces of a polyhedron.
+
+use std::collections::BTreeMap;
+
+use super::polyhedron::{Edge, Place, Plane};
+use crate::math::Vec3;
+
+/// Vertices, faces and edges as they are found.
+pub(super) struct Draft {
+    pub vertices: Vec<Vec3>,
+    pub planes: Vec<Plane>,
+    pub edges: Vec<Edge>,
+    /// Vertices round each face, counter-clockwise seen from outside, then the edge from each to the next; face f has
+    /// `starts[f]..starts[f + 1]`.
+    pub loops: Vec<Place>,
+    pub starts: Vec<u32>,
+    pub circumradius: f64,
+}
+
+impl Draft {
+    /// Of a closed, outward triangulated surface, see [`super::Polyhedron::with_flatness`].
+    pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]], flatness: f64) -> Result<Self, String> {
+        let circumradius = vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
+        if !circumradius.is_finite() || triangles.iter().flatten().any(|&v| v as usize >= vertices.len()) {
+            return Err("vertices are missing or not finite".into());
+        }
+        let regions = Regions::grow(vertices, triangles, flatness * circumradius)?;
+        let loops = regions.loops(vertices.len(), triangles)?;
+        let edges = loops.iter().map(Vec::len).sum::<usize>() / 2;
+        if edges > usize::from(Place::MAX) {
+            return Err(format!("it has {edges} edges; {} are the most", Place::MAX));
+        }
+        // Vertices that are left, renumbered.
+        let mut number = vec![Place::MAX; vertices.len()];
+        loops.iter().flatten().for_each(|&v| number[v as usize] = 0);
+        let mut kept = Vec::new();
+        for (v, number) in number.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
+            *number = kept.len() as Place;
+            kept.push(vertices[v]);
+        }
+        let mut draft = Draft::bare(kept, circumradius);
+        for corners in &loops {
+            draft.add_loop(corners.iter().map(|&v| number[v as usize]));
+            draft.add_plane(flatness)?;
+        }
+        draft.add_edges()?;
+        Ok(draft)
+    }
+
+    pub fn bare(vertices: Vec<Vec3>, circumradius: f64) -> Self {
+        Draft { vertices, planes: Vec::new(), edges: Vec::new(), loops: Vec::new(), starts: vec![0], circumradius }
+    }
+
+    /// A face with these corners; its edges come later.
+    pub fn add_loop(&mut self, corners: impl ExactSizeIterator<Item = Place>) {
+        let end = self.loops.len() + 2 * corners.len();
+        self.loops.extend(corners);
+        self.loops.resize(end, Place::MAX);
+        self.starts.push(end as u32);
+    }
+
+    /// The plane of the last face.
+    fn add_plane(&mut self, flatness: f64) -> Result<(), String> {
+        let face = self.starts.len() - 2;
+        let corners = self.corners(face);
+        let at = |k: usize| self.vertices[corners[k] as usize];
+        let base = at(0);
+        let (mut area, mut longest) = (Vec3::zeros(), 0.0f64);
+        for k in 1..corners.len() {
+            longest = longest.max((at(k) - base).norm());
+            if k + 1 < corners.len() {
+                area += (at(k) - base).cross(&(at(k + 1) - base));
+            }
+        }
+        let normal = area / area.norm();
+        let heights = |corners: &[Vec3]| corners.iter().map(|v| normal.dot(v)).fold(f64::NEG_INFINITY, f64::max);
+        let offset = heights(&self.vertices);
+        // A sliver's plane is known as far as its corners are over its width.
+        let width = area.norm() / longest;
+        let allowed = 4.0 * flatness * self.circumradius * (1.0 + self.circumradius / width);
+        let outside = (0..corners.len()).map(|k| offset - normal.dot(&at(k))).fold(0.0, f64::max);
+        if !offset.is_finite() || outside > allowed {
+            let about: Vec<String> = base.iter().map(|x| format!("{x:.4}")).collect();
+            return Err(format!("not convex: {outside:.3e} m stand out of the face at ({})", about.join(", ")));
+        }
+        self.planes.push(Plane { normal, offset });
+        Ok(())
+    }
+
+    /// The edges, when all faces are there.
+    pub fn add_edges(&mut self) -> Result<(), String> {
+        let mut known: BTreeMap<[Place; 2], usize> = BTreeMap::new();
+        for face in 0..self.starts.len() - 1 {
+            let corners = self.corners(face).to_vec();
+            for (k, &a) in corners.iter().enumerate() {
+                let b = corners[(k + 1) % corners.len()];
+                let edge = *known.entry([a.min(b), a.max(b)]).or_insert_with(|| {
+                    self.edges.push(Edge { ends: [a, b], faces: [face as Place, Place::MAX] });
+                    self.edges.len() - 1
+                });
+                if self.edges[edge].faces[0] != face as Place {
+                    if self.edges[edge].faces[1] != Place::MAX || self.edges[edge].ends != [b, a] {
+                        return Err("its faces do not close".into());
+                    }
+                    self.edges[edge].faces[1] = face as Place;
+                }
+                let side = self.starts[face] as usize + corners.len() + k;
+                self.loops[side] = edge as Place;
+            }
+        }
+        let euler = self.vertices.len() + self.planes.len() == self.edges.len() + 2;
+        if !euler || self.edges.iter().any(|edge| edge.faces[1] == Place::MAX) {
+            return Err("its faces do not close".into());
+        }
+        Ok(())
+    }
+
+    fn corners(&self, face: usize) -> &[Place] {
+        let [start, end] = [self.starts[face], self.starts[face + 1]].map(|k| k as usize);
+        &self.loops[start..start + (end - start) / 2]
+    }
+}
+
+/// Triangles by the plane in which they lie.
+struct Regions {
+    of: Vec<u32>,
+    /// The triangle with each directed edge.
+    with_edge: BTreeMap<[u32; 2], usize>,
+    count: usize,
+}
+
+impl Regions {
+    /// From the largest triangle on, each takes its neighbours that lie within `tolerance` (m) of its plane, and those
+    /// of these.
+    fn grow(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> Result<Self, String> {
+        let mut with_edge = BTreeMap::new();
+        for (k, t) in triangles.iter().enumerate() {
+            for edge in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
+                if with_edge.insert(edge, k).is_some() {
+                    return Err("its triangles are not oriented alike".into());
+                }
+            }
+        }
+        let corners = |k: usize| triangles[k].map(|v| vertices[v as usize]);
+        let doubled: Vec<Vec3> = (0..triangles.len())
+            .map(|k| {
+                let [a, b, c] = corners(k);
+                (b - a).cross(&(c - a))
+            })
+            .collect();
+        let mut seeds: Vec<usize> = (0..triangles.len()).collect();
+        seeds.sort_by(|&i, &j| doubled[j].norm().total_cmp(&doubled[i].norm()).then(i.cmp(&j)));
+        let mut of = vec![u32::MAX; triangles.len()];
+        let mut count = 0;
+        for seed in seeds {
+            if of[seed] != u32::MAX {
+                continue;
+            }
+            let normal = doubled[seed] / doubled[seed].norm();
+            let base = corners(seed)[0];
+            let mut open = vec![seed];
+            of[seed] = count;
+            while let Some(k) = open.pop() {
+                let t = triangles[k];
+                for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
+                    let Some(&next) = with_edge.get(&[b, a]) else { return Err("its triangles do not close".into()) };
+                    let near = corners(next).iter().all(|v| normal.dot(&(v - base)).abs() <= tolerance);
+                    // Of a triangle as thin as that the direction says nothing.
+                    let longest = triangle_sides(&corners(next)).fold(0.0, f64::max);
+                    let alike = normal.dot(&doubled[next]) > 0.0 || doubled[next].norm() <= tolerance * longest;
+                    if of[next] == u32::MAX && near && alike {
+                        of[next] = count;
+                        open.push(next);
+                    }
+                }
+            }
+            count += 1;
+        }
+        Ok(Regions { of, with_edge, count: count as usize })
+    }
+
+    /// The corners round each region, without vertices where only two regions meet.
+    fn loops(&self, vertices: usize, triangles: &[[u32; 3]]) -> Result<Vec<Vec<u32>>, String> {
+        let mut meeting = vec![Vec::new(); vertices];
+        let mut next: Vec<BTreeMap<u32, u32>> = vec![BTreeMap::new(); self.count];
+        for (t, &region) in triangles.iter().zip(&self.of) {
+            for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
+                if !meeting[a as usize].contains(&region) {
+                    meeting[a as usize].push(region);
+                }
+                let border = self.of[self.with_edge[&[b, a]]] != region;
+                if border && next[region as usize].insert(a, b).is_some() {
+                    return Err("not convex: a face touches itself".into());
+                }
+            }
+        }
+        let mut loops = Vec::with_capacity(self.count);
+        for border in &next {
+            // Never empty: a closed surface has more than one plane, or its Euler number is found wrong.
+            let first = border.keys().min().copied().ok_or("it has one face alone")?;
+            let (mut corners, mut at, mut walked) = (Vec::new(), first, 0);
+            loop {
+                if meeting[at as usize].len() > 2 {
+                    corners.push(at);
+                }
+                walked += 1;
+                at = *border.get(&at).ok_or("its faces do not close")?;
+                if at == first || walked > border.len() {
+                    break;
+                }
+            }
+            if walked != border.len() || corners.len() < 3 {
+                return Err("not convex: a face is no polygon".into());
+            }
+            loops.push(corners);
+        }
+        Ok(loops)
+    }
+}
+
+fn triangle_sides(&[a, b, c]: &[Vec3; 3]) -> impl Iterator<Item = f64> {
+    [b - a, c - b, a - c].into_iter().map(|side| side.norm())
+}
