@@ -6,7 +6,7 @@ use cd_formats::compute::NarrowPhase;
 
 use crate::detect::{narrow, periodic};
 use crate::geometry::{
-    self, Manifold, Memory, Narrow, Point, Posed, Range, polyhedron_cylinder, polyhedron_hollow_cylinder,
+    Manifold, Memory, Narrow, Point, Posed, Range, polyhedron_cylinder, polyhedron_hollow_cylinder,
     polyhedron_polyhedron, polyhedron_sphere,
 };
 use crate::integrate::Configuration;
@@ -80,8 +80,9 @@ pub fn contacts(
         .zip(memory.par_chunks_mut(CHUNK))
         .map(|(pairs, memories)| {
             let mut listed = Listed { contacts: Vec::with_capacity(2 * CHUNK), ends: Vec::with_capacity(CHUNK) };
+            let mut near = Near([u32::MAX; 64]);
             for (pairs, memories) in pairs.chunks(AHEAD).zip(memories.chunks_mut(AHEAD)) {
-                std::hint::black_box(read_ahead(pairs, &places));
+                std::hint::black_box(near.read(pairs, &places));
                 for ((parts, see), memory) in pairs.iter().zip(memories) {
                     let [a, b] = parts.map(|k| &places[k as usize]);
                     let radius = 1.0 / (a.curvature + b.curvature);
@@ -129,13 +130,24 @@ fn sorted(found: &[Listed], order: &[u32]) -> Vec<Contact> {
 /// Pairs that are read ahead together: what they ask for stays in the nearest cache until their turn.
 const AHEAD: usize = 8;
 
-/// See [`geometry::read_ahead`].
-fn read_ahead(pairs: &[([u32; 2], See)], places: &[Place]) -> u64 {
-    let of_pair = |(parts, _): &([u32; 2], See)| match parts.map(|k| &places[k as usize].shape) {
-        [Shape::Polyhedron(a), Shape::Polyhedron(b)] => geometry::read_ahead(a, b),
-        _ => 0,
-    };
-    pairs.iter().map(of_pair).fold(0, |all, one| all ^ one)
+/// Parts that have been read of late, each at its number's place.
+struct Near([u32; 64]);
+
+impl Near {
+    /// Reads the other parts of these pairs, see [`Posed::read`].
+    fn read(&mut self, pairs: &[([u32; 2], See)], places: &[Place]) -> u64 {
+        let mut all = 0;
+        for part in pairs.iter().flat_map(|(parts, _)| *parts) {
+            let place = &mut self.0[part as usize % 64];
+            if *place != part
+                && let Shape::Polyhedron(posed) = &places[part as usize].shape
+            {
+                *place = part;
+                all ^= posed.read();
+            }
+        }
+        all
+    }
 }
 
 /// Pairs that one task looks at.

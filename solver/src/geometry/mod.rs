@@ -201,12 +201,6 @@ pub fn polyhedron_polyhedron(
     manifold
 }
 
-/// Reads what [`polyhedron_polyhedron`] will ask for. Done for several pairs before their contacts are looked for, the waits
-/// for memory overlap, which one after the other take longer than the arithmetic. The number means nothing.
-pub fn read_ahead(a: &Posed, b: &Posed) -> u64 {
-    a.read_ahead() ^ b.read_ahead()
-}
-
 /// The direction to be remembered, and the contact along it.
 fn contact(pair: &Pair, start: Start, narrow: Narrow, range: Range) -> (Axis, Option<Manifold>) {
     let alert = range.alert;

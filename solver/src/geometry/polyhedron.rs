@@ -287,8 +287,9 @@ impl Posed<'_> {
         self.turned(&self.shape.planes()[face.into() as usize].normal)
     }
 
-    /// A number of each cache line of what pairs ask for, taken together.
-    pub(super) fn read_ahead(&self) -> u64 {
+    /// Reads what [`super::polyhedron_polyhedron`] will ask for. Done for several pairs before their contacts are looked for,
+    /// the waits for memory overlap, which one after the other take longer than the arithmetic. The number means nothing.
+    pub fn read(&self) -> u64 {
         self.shape.hot.lines.iter().fold(self.turn.m11.to_bits() ^ self.turn.m33.to_bits(), |all, line| all ^ line.0[0])
     }
 
