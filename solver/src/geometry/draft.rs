@@ -221,3 +221,37 @@ impl Regions {
 fn triangle_sides(&[a, b, c]: &[Vec3; 3]) -> impl Iterator<Item = f64> {
     [b - a, c - b, a - c].into_iter().map(|side| side.norm())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_edges_than_have_numbers_are_refused() {
+        // A globe: its quadrangles between two circles of latitude are flat.
+        let globe = |circles: u32, meridians: u32| {
+            let turn = |k: u32, of: u32| std::f64::consts::TAU * f64::from(k) / f64::from(of);
+            let mut vertices = vec![Vec3::z(), -Vec3::z()];
+            let mut triangles = Vec::new();
+            for i in 1..=circles {
+                for j in 0..meridians {
+                    let (fall, east) = (0.5 * turn(i, circles + 1), turn(j, meridians));
+                    vertices.push(Vec3::new(fall.sin() * east.cos(), fall.sin() * east.sin(), fall.cos()));
+                    let at = |i: u32, j: u32| 2 + (i - 1) * meridians + j % meridians;
+                    if i < circles {
+                        triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+                        triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+                    }
+                }
+            }
+            for j in 0..meridians {
+                let (next, south) = ((j + 1) % meridians, (circles - 1) * meridians);
+                triangles.push([0, 2 + j, 2 + next]);
+                triangles.push([1, 2 + south + next, 2 + south + j]);
+            }
+            Draft::new(&vertices, &triangles, 1e-10)
+        };
+        assert_eq!(globe(9, 12).unwrap().edges.len(), 12 * (9 + 10));
+        assert_eq!(globe(180, 182).err(), Some(format!("it has {} edges; 65535 are the most", 182 * (180 + 181))));
+    }
+}

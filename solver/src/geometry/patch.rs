@@ -240,7 +240,7 @@ mod tests {
             patch.see(&pair, &found.axis, found.faces, f64::INFINITY);
             let frame = local_frame(found.axis.n);
             let outline = |posed: &Posed, f: u32, moved: Vec3, turned: bool| -> Vec<[f64; 2]> {
-                let at = |&v: &u32| posed.vertex(v) + moved;
+                let at = |&v: &u16| posed.vertex(v) + moved;
                 let corners =
                     posed.shape.corners(f as usize).iter().map(at).map(|p| [p.dot(&frame[1]), p.dot(&frame[2])]);
                 if turned { corners.rev().collect() } else { corners.collect() }
