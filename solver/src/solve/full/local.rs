@@ -27,10 +27,10 @@ const ITERATIONS: usize = 60;
 /// Impulse r that solves one contact with Signorini's condition and Coulomb's law, and the multiplier of its sliding.
 ///
 /// * `u`: û with the impulse `y` at work, m/s; `y`, N s; components along n and the block's two axes.
-/// * `guess`: the multiplier found before, 1/kg; 0 where there is none.
+/// * `guess`: the multiplier found before, over w_nn; 0 where there is none.
 ///
 /// A contact that would part without an impulse has none; one that can stick does, u = 0; else it slides, u_n = 0 and
-/// u_T = -s r_T, where s > 0 is the root of psi(s) = mu r_n/|r_T| - 1. psi goes from below 0 to infinity and is nearly
+/// u_T = -w_nn s r_T, where s > 0 is the root of psi(s) = mu r_n/|r_T| - 1. psi goes from below 0 to infinity and is nearly
 /// linear: Newton's method in a bracket. Lanes that have arrived wait for the others unchanged, so
 /// that no width changes a bit. Always finite.
 ///
@@ -65,53 +65,53 @@ pub fn signorini_coulomb<L: Lanes>(
     let mut n = stick_n;
     let mut multiplier = zero;
     if l.mask_greater(slides, zero) != 0 {
+        // Over w_nn, so that all are impulses and pure numbers.
+        let p = [l.mul(p[0], inverse_nn), l.mul(p[1], inverse_nn)];
+        let axes = [l.mul(axes[0], inverse_nn), l.mul(axes[1], inverse_nn)];
+        let inverse_friction = l.div(one, friction);
         let size = l.sqrt(l.mul_add(p[0], p[0], l.mul(p[1], p[1])));
-        let coupling = l.sqrt(l.mul_add(c[0], c[0], l.mul(c[1], c[1])));
+        let coupling = l.add(magnitude(l, c[0]), magnitude(l, c[1]));
         // |r_T| <= |p|/s and r_n >= free - |c| |r_T|; twice that, for what rounding adds.
         let ratio = l.div(l.add(size, size), free);
-        let mut high = l.mul(ratio, l.add(coupling, l.div(one, friction)));
+        let mut high = l.mul(ratio, l.add(coupling, inverse_friction));
         let mut low = zero;
         // Exact where the axes are alike and nothing couples.
         let mean = l.mul(l.splat(0.5), l.add(axes[0], axes[1]));
-        let alone = l.sub(l.mul(l.splat(0.5), l.div(ratio, friction)), mean);
+        let alone = l.sub(l.mul(l.mul(l.splat(0.5), ratio), inverse_friction), mean);
         let start = l.select_greater(guess, zero, guess, alone);
         let inside = l.select_greater(start, low, start, l.mul(l.splat(0.5), high));
         let mut s = l.select_greater(high, inside, inside, l.mul(l.splat(0.5), high));
         let mut waits = slides;
         let near2 = l.splat(NEARLY * NEARLY);
         for _ in 0..ITERATIONS {
-            let inverse = [l.div(one, l.add(axes[0], s)), l.div(one, l.add(axes[1], s))];
-            let r = [l.mul(p[0], inverse[0]), l.mul(p[1], inverse[1])]; // -r_T
-            let r_n = l.mul_add(c[0], r[0], l.mul_add(c[1], r[1], free));
-            let inverse_length = l.div(one, l.sqrt(l.mul_add(r[0], r[0], l.mul(r[1], r[1]))));
-            let scaled = l.mul(friction, inverse_length);
-            let psi = l.mul_add(scaled, r_n, l.splat(-1.0));
-            let d = [l.mul(r[0], inverse[0]), l.mul(r[1], inverse[1])]; // d r_T/ds
-            let d_n = l.mul_add(c[0], d[0], l.mul(c[1], d[1])); // -d r_n/ds
-            let shrink = l.mul(l.mul_add(r[0], d[0], l.mul(r[1], d[1])), l.mul(inverse_length, inverse_length));
-            let slope = l.mul(scaled, l.sub(l.mul(r_n, shrink), d_n));
-            low = l.select_greater(zero, psi, s, low);
-            high = l.select_greater(zero, psi, high, s);
-            let newton = l.sub(s, l.div(psi, slope));
+            let Sliding { e, d, r, n, square, length } = sliding(l, axes, p, c, free, s);
+            let miss = l.sub(l.mul(friction, n), length); // psi |r|
+            // psi over its slope with one division.
+            let f = [l.mul(r[0], e[1]), l.mul(r[1], e[0])];
+            let along = l.mul_add(r[0], f[0], l.mul(r[1], f[1]));
+            let across = l.mul_add(c[0], f[0], l.mul(c[1], f[1]));
+            let slope = l.neg_mul_add(across, square, l.mul(n, along));
+            let fall = l.mul(l.mul(square, miss), l.mul(d, inverse_friction));
+            low = l.select_greater(zero, miss, s, low);
+            high = l.select_greater(zero, miss, high, s);
+            let newton = l.sub(s, l.div(fall, slope));
             let middle = l.mul(l.splat(0.5), l.add(low, high));
             let next = l.select_greater(newton, low, l.select_greater(high, newton, newton, middle), middle);
             // A bracket without numbers inside ends the search, too.
             let open = l.select_greater(next, low, l.select_greater(high, next, waits, zero), zero);
-            let far = l.mul(psi, psi);
-            s = l.select_greater(waits, zero, l.select_greater(far, near2, next, newton), s);
-            waits = l.select_greater(far, near2, open, zero);
+            let (far, near) = (l.mul(miss, miss), l.mul(near2, square));
+            s = l.select_greater(waits, zero, l.select_greater(far, near, next, newton), s);
+            waits = l.select_greater(far, near, open, zero);
             if l.mask_greater(waits, zero) == 0 {
                 break;
             }
         }
-        let inverse = [l.div(one, l.add(axes[0], s)), l.div(one, l.add(axes[1], s))];
-        let r = [l.mul(p[0], inverse[0]), l.mul(p[1], inverse[1])];
-        let r_n = l.mul_add(c[0], r[0], l.mul_add(c[1], r[1], free));
-        let r_n = l.select_greater(r_n, zero, r_n, zero);
+        let Sliding { d, r, n: push, length, .. } = sliding(l, axes, p, c, free, s);
+        let push = l.div(push, d);
+        let push = l.select_greater(push, zero, push, zero);
         // On the edge of the cone, whatever is left of psi.
-        let length = l.sqrt(l.mul_add(r[0], r[0], l.mul(r[1], r[1])));
-        let edge = l.div(l.mul(friction, r_n), length);
-        n = l.select_greater(slides, zero, r_n, n);
+        let edge = l.div(l.mul(friction, push), length);
+        n = l.select_greater(slides, zero, push, n);
         for k in 0..2 {
             t[k] = l.select_greater(slides, zero, l.neg_mul_add(r[k], edge, zero), t[k]);
         }
@@ -127,6 +127,33 @@ pub fn signorini_coulomb<L: Lanes>(
         l.select_greater(sound, zero, t[1], zero),
     ];
     (r, multiplier)
+}
+
+/// What slides with the multiplier s: with e = s_T + s and d = e1 e2, -r_T = `r`/d and r_n = `n`/d.
+struct Sliding<V> {
+    e: [V; 2],
+    d: V,
+    r: [V; 2],
+    n: V,
+    /// |r|^2 and |r|
+    square: V,
+    length: V,
+}
+
+#[inline(always)]
+fn sliding<L: Lanes>(l: L, axes: [L::V; 2], p: [L::V; 2], c: [L::V; 2], free: L::V, s: L::V) -> Sliding<L::V> {
+    let e = [l.add(axes[0], s), l.add(axes[1], s)];
+    let d = l.mul(e[0], e[1]);
+    let r = [l.mul(p[0], e[1]), l.mul(p[1], e[0])];
+    let n = l.mul_add(c[0], r[0], l.mul_add(c[1], r[1], l.mul(free, d)));
+    let square = l.mul_add(r[0], r[0], l.mul(r[1], r[1]));
+    Sliding { e, d, r, n, square, length: l.sqrt(square) }
+}
+
+#[inline(always)]
+fn magnitude<L: Lanes>(l: L, x: L::V) -> L::V {
+    let zero = l.splat(0.0);
+    l.select_greater(x, zero, x, l.sub(zero, x))
 }
 
 #[cfg(test)]
@@ -187,6 +214,22 @@ mod tests {
                         }
                     }
                 }
+            }
+        }
+    }
+
+    /// Masses and velocities of any size: impulses go with velocity over W.
+    #[test]
+    fn no_unit_matters() {
+        let (w_nn, c, s, q) = (0.7, [0.4, -0.3], [0.9, 0.2], [-1.0, 0.8, -0.5]);
+        let (expected, _) = solve(w_nn, c, s, 0.3, q, [0.0; 3], 0.0);
+        assert!((expected[1].hypot(expected[2]) - 0.3 * expected[0]).abs() < 1e-15, "slides: {expected:?}");
+        for mass in [1e-60, 1e-20, 1e20, 1e60] {
+            for speed in [1e-12, 1e6] {
+                let q = q.map(|q| q * speed);
+                let (r, _) = solve(w_nn / mass, c, s.map(|s| s / mass), 0.3, q, [0.0; 3], 0.0);
+                // The multiplier is known to 1e-16.
+                assert!((0..3).all(|k| (r[k] / (mass * speed) - expected[k]).abs() < 1e-14), "{mass} {speed}: {r:?}");
             }
         }
     }
