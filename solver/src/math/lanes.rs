@@ -78,6 +78,127 @@ pub trait Singles: Lanes {
     fn magic_f32(self, magic: u32, a: Self::S) -> Self::S;
 }
 
+/// Two vectors side by side: while one waits for a quotient or a root, the other goes on.
+#[derive(Debug, Clone, Copy)]
+pub struct Twice<L>(pub L);
+
+impl<L: Lanes> Lanes for Twice<L> {
+    const WIDTH: usize = 2 * L::WIDTH;
+    type V = [L::V; 2];
+
+    fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output {
+        self.0.run(op)
+    }
+
+    #[inline(always)]
+    fn splat(self, x: f64) -> Self::V {
+        [self.0.splat(x); 2]
+    }
+    #[inline(always)]
+    fn load(self, x: &[f64]) -> Self::V {
+        [self.0.load(x), self.0.load(&x[L::WIDTH..])]
+    }
+    #[inline(always)]
+    fn store(self, x: &mut [f64], v: Self::V) {
+        self.0.store(x, v[0]);
+        self.0.store(&mut x[L::WIDTH..], v[1]);
+    }
+    #[inline(always)]
+    fn add(self, a: Self::V, b: Self::V) -> Self::V {
+        [self.0.add(a[0], b[0]), self.0.add(a[1], b[1])]
+    }
+    #[inline(always)]
+    fn sub(self, a: Self::V, b: Self::V) -> Self::V {
+        [self.0.sub(a[0], b[0]), self.0.sub(a[1], b[1])]
+    }
+    #[inline(always)]
+    fn mul(self, a: Self::V, b: Self::V) -> Self::V {
+        [self.0.mul(a[0], b[0]), self.0.mul(a[1], b[1])]
+    }
+    #[inline(always)]
+    fn div(self, a: Self::V, b: Self::V) -> Self::V {
+        [self.0.div(a[0], b[0]), self.0.div(a[1], b[1])]
+    }
+    #[inline(always)]
+    fn sqrt(self, a: Self::V) -> Self::V {
+        [self.0.sqrt(a[0]), self.0.sqrt(a[1])]
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
+        [self.0.mul_add(a[0], b[0], c[0]), self.0.mul_add(a[1], b[1], c[1])]
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
+        [self.0.neg_mul_add(a[0], b[0], c[0]), self.0.neg_mul_add(a[1], b[1], c[1])]
+    }
+    #[inline(always)]
+    fn select_greater(self, x: Self::V, y: Self::V, a: Self::V, b: Self::V) -> Self::V {
+        [self.0.select_greater(x[0], y[0], a[0], b[0]), self.0.select_greater(x[1], y[1], a[1], b[1])]
+    }
+    #[inline(always)]
+    fn min(self, a: Self::V, b: Self::V) -> Self::V {
+        [self.0.min(a[0], b[0]), self.0.min(a[1], b[1])]
+    }
+    #[inline(always)]
+    fn mask_greater(self, x: Self::V, y: Self::V) -> u32 {
+        self.0.mask_greater(x[0], y[0]) | self.0.mask_greater(x[1], y[1]) << L::WIDTH
+    }
+    #[inline(always)]
+    fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [Self::V; 8] {
+        side_by_side(self.0.gather(lines, index), self.0.gather(lines, &index[L::WIDTH..]))
+    }
+    #[inline(always)]
+    fn scatter(self, lines: &mut [[f64; 8]], index: &[u32], columns: [Self::V; 8]) {
+        let [left, right] = apart(columns);
+        self.0.scatter(lines, index, left);
+        self.0.scatter(lines, &index[L::WIDTH..], right);
+    }
+    #[inline(always)]
+    fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [Self::V; 8] {
+        let w = L::WIDTH;
+        side_by_side(self.0.relative(lines, a, b), self.0.relative(lines, &a[w..], &b[w..]))
+    }
+    #[inline(always)]
+    fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [Self::V; 3], g: [Self::V; 3]) {
+        let (w, [f0, f1], [g0, g1]) = (L::WIDTH, apart(f), apart(g));
+        self.0.push(lines, a, b, f0, g0);
+        self.0.push(lines, &a[w..], &b[w..], f1, g1);
+    }
+    #[inline(always)]
+    fn relative_half(self, halves: &[Half], a: &[u32], b: &[u32]) -> [Self::V; 4] {
+        let w = L::WIDTH;
+        side_by_side(self.0.relative_half(halves, a, b), self.0.relative_half(halves, &a[w..], &b[w..]))
+    }
+    #[inline(always)]
+    fn push_half(self, halves: &mut [Half], a: &[u32], b: &[u32], f: [Self::V; 3]) {
+        let (w, [f0, f1]) = (L::WIDTH, apart(f));
+        self.0.push_half(halves, a, b, f0);
+        self.0.push_half(halves, &a[w..], &b[w..], f1);
+    }
+}
+
+#[inline(always)]
+fn side_by_side<V: Copy, const N: usize>(left: [V; N], right: [V; N]) -> [[V; 2]; N] {
+    let mut both = [[left[0], right[0]]; N];
+    let mut k = 1;
+    while k < N {
+        both[k] = [left[k], right[k]];
+        k += 1;
+    }
+    both
+}
+
+#[inline(always)]
+fn apart<V: Copy, const N: usize>(both: [[V; 2]; N]) -> [[V; N]; 2] {
+    let mut sides = [[both[0][0]; N], [both[0][1]; N]];
+    let mut k = 1;
+    while k < N {
+        (sides[0][k], sides[1][k]) = (both[k][0], both[k][1]);
+        k += 1;
+    }
+    sides
+}
+
 /// How many numbers are worked on at once; never changes a result.
 #[derive(Debug, Clone, Copy)]
 pub enum Width {

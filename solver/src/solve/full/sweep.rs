@@ -2,7 +2,7 @@
 
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Lanes, Width};
+use crate::math::lanes::{Lanes, Twice, Width};
 use crate::solve::batches::{BATCH, Sums};
 use crate::solve::full::batches::{Batch, Batches, Impulses, Line, Point, Problem, Range};
 use crate::solve::full::local::{Block, signorini_coulomb};
@@ -25,7 +25,7 @@ fn sweep_with<L: Lanes>(problem: &mut Problem, lanes: L, beta: f64) -> Sums {
     let mut sums = Sums::default();
     ranges.iter().for_each(|range| sums.add(&range.sums));
     let mut last = Sums::default();
-    lanes.run(Run { lanes, lines, inertia, batches: between, beta, sums: &mut last });
+    lanes.run(Run { lanes: Twice(lanes), lines, inertia, batches: between, beta, sums: &mut last });
     sums.add(&last);
     sums
 }
@@ -42,7 +42,7 @@ fn side_by_side<L: Lanes>(
     if let [range] = ranges {
         lanes.run(CarryOn { lanes, lines, previous, beta });
         range.sums = Sums::default();
-        lanes.run(Run { lanes, lines, inertia, batches: &mut range.inside, beta, sums: &mut range.sums });
+        lanes.run(Run { lanes: Twice(lanes), lines, inertia, batches: &mut range.inside, beta, sums: &mut range.sums });
         return;
     }
     let (left, right) = ranges.split_at_mut(ranges.len() / 2);
