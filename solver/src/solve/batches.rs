@@ -21,7 +21,7 @@ const RANGE: usize = 1024;
 /// Colours kept apart; what finds none of them free is swept one contact at a time.
 const COLOURS: usize = 64;
 
-/// What is constant of eight contacts. Unused places have no normal and no friction, and stay at rest.
+/// What is constant of sixteen contacts. Unused places have no normal and no friction, and stay at rest.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub struct Batch {
@@ -37,7 +37,7 @@ pub struct Batch {
 
 pub const NONE: u32 = u32::MAX;
 
-/// A vector of each of eight contacts.
+/// A vector of each of sixteen contacts.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
 pub struct Column3(pub [[f64; BATCH]; 3]);

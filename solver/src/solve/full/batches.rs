@@ -1,4 +1,4 @@
-//! The contact problem of general bodies laid out for sweeping: eight pairs of bodies at once, the contacts of
+//! The contact problem of general bodies laid out for sweeping: sixteen pairs of bodies at once, the contacts of
 //! a pair one after the other, while the velocities of its bodies stay at hand.
 //!
 //! Bodies are cut into ranges, and pairs into colours that share no moving body, as in [`crate::solve::batches`].
@@ -22,10 +22,10 @@ const POINTS: usize = 4;
 /// Numbers of a body.
 pub type Line = [f64; 8];
 
-/// Numbers of eight pairs.
-pub type Eight = [f64; BATCH];
+/// Numbers of the pairs of a batch.
+pub type Column = [f64; BATCH];
 
-/// Eight pairs of bodies.
+/// Sixteen pairs of bodies.
 #[derive(Debug, Clone)]
 pub struct Batch {
     /// Lines of candidate and antagonist, counted in the range (in all lines for pairs between ranges).
@@ -34,33 +34,33 @@ pub struct Batch {
     pub points: [usize; 2],
 }
 
-/// What is constant of one contact of each of eight pairs. Unused places have no friction, are pushed by nothing and
+/// What is constant of one contact of each pair of a batch. Unused places have no friction, are pushed by nothing and
 /// stay at rest.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
 pub struct Point {
     /// The normal and the axes of the local block, world frame.
-    pub axes: [[Eight; 3]; 3],
+    pub axes: [[Column; 3]; 3],
     /// From the centres of candidate and antagonist, m.
-    pub arms: [[Eight; 3]; 2],
+    pub arms: [[Column; 3]; 2],
     /// û = u + shift, along the axes, m/s.
-    pub shift: [Eight; 3],
-    pub inverse_nn: Eight,
-    pub c: [Eight; 2],
-    pub s: [Eight; 2],
-    pub inverse_s: [Eight; 2],
-    pub friction: Eight,
+    pub shift: [Column; 3],
+    pub inverse_nn: Column,
+    pub c: [Column; 2],
+    pub s: [Column; 2],
+    pub inverse_s: [Column; 2],
+    pub friction: Column,
     /// A third of the trace of W, 1/kg.
-    pub weight: Eight,
+    pub weight: Column,
 }
 
 /// r̂ of a point along its axes, now and of the sweep before, N s, and the multiplier of its sliding.
 #[derive(Debug, Clone, Default)]
 #[repr(align(64))]
 pub struct Impulses {
-    pub r: [Eight; 3],
-    pub previous: [Eight; 3],
-    pub multiplier: Eight,
+    pub r: [Column; 3],
+    pub previous: [Column; 3],
+    pub multiplier: Column,
 }
 
 /// Batches that are swept in this order, with their impulses.
@@ -262,8 +262,8 @@ impl Batches {
 
 impl Point {
     fn unused() -> Self {
-        const ZERO: Eight = [0.0; BATCH];
-        const ONE: Eight = [1.0; BATCH];
+        const ZERO: Column = [0.0; BATCH];
+        const ONE: Column = [1.0; BATCH];
         Point {
             axes: [[ZERO; 3]; 3],
             arms: [[ZERO; 3]; 2],
@@ -281,7 +281,7 @@ impl Point {
         let row = &system.rows[k];
         let w = full.block(k, row, &system.records);
         let (axes, c, s) = axes(&w, row.normal);
-        let vector = |columns: &mut [Eight; 3], v: &Vec3| (0..3).for_each(|i| columns[i][lane] = v[i]);
+        let vector = |columns: &mut [Column; 3], v: &Vec3| (0..3).for_each(|i| columns[i][lane] = v[i]);
         for (axis, direction) in axes.iter().enumerate() {
             vector(&mut self.axes[axis], direction);
             self.shift[axis][lane] = direction.dot(&row.shift);
