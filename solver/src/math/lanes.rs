@@ -924,9 +924,11 @@ mod tests {
             pulp::x86::V4::try_new().into_iter().for_each(agrees_f32);
         }
         agrees(Scalar);
+        agrees(Twice(Scalar));
         #[cfg(target_arch = "x86_64")]
         {
             pulp::x86::V3::try_new().into_iter().for_each(agrees);
+            pulp::x86::V3::try_new().map(Twice).into_iter().for_each(agrees);
             pulp::x86::V4::try_new().into_iter().for_each(agrees);
         }
     }
