@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::integrate::Configuration;
 use crate::laws::{Approach, Rolling};
-use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
+use crate::math::{Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Scene, Shape};
 use crate::state::{Bonding, Contact, SolvedContact, State, Status, UNKNOWN};
 
@@ -99,15 +99,6 @@ pub struct Full {
 }
 
 impl Full {
-    /// d·W d of row `k`, 1/kg.
-    fn along(&self, k: usize, row: &Row, records: &[Record], d: &Vec3) -> f64 {
-        let side = |side: usize| {
-            let (body, turn) = (row.bodies[side] as usize, self.arms[k][side].cross(d));
-            records[body].inverse_mass + turn.dot(&(self.inverse_inertia[body] * turn))
-        };
-        side(0) + side(1)
-    }
-
     /// W of row `k`, world frame, 1/kg.
     pub fn block(&self, k: usize, row: &Row, records: &[Record]) -> Matrix3<f64> {
         let side = |side: usize| {
@@ -176,13 +167,14 @@ pub fn contact_problem(
         Vec::new()
     };
     if let Some(full) = &mut full {
-        full.arms = contacts.par_iter().with_min_len(256).map(|contact| arms(contact, &q_c.x)).collect();
+        full.arms = contacts.iter().map(|contact| arms(contact, &q_c.x)).collect();
     }
     if let Some(full) = &full {
-        rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
-            let [w_n, w_t, w_s] = local_frame(row.normal).map(|along| full.along(k, row, &records, &along));
-            (row.w_n, row.w_t) = (w_n, 0.5 * (w_t + w_s));
-        });
+        for (k, row) in rows.iter_mut().enumerate() {
+            let w = full.block(k, row, &records);
+            row.w_n = row.normal.dot(&(w * row.normal));
+            row.w_t = 0.5 * (w.trace() - row.w_n);
+        }
     }
     let mut system = System { rows, rolls, full, records, order: q_c.order.clone() };
     for k in 0..system.rows.len() {
