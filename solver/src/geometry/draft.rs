@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::polyhedron::{Edge, Place, Plane};
+use super::polyhedron::{Edge, Number, Plane};
 use crate::math::Vec3;
 
 /// Vertices, faces and edges as they are found.
@@ -12,7 +12,7 @@ pub(super) struct Draft {
     pub edges: Vec<Edge>,
     /// Vertices round each face, counter-clockwise seen from outside, then the edge from each to the next; face f has
     /// `starts[f]..starts[f + 1]`.
-    pub loops: Vec<Place>,
+    pub loops: Vec<Number>,
     pub starts: Vec<u32>,
     pub circumradius: f64,
 }
@@ -27,15 +27,15 @@ impl Draft {
         let regions = Regions::grow(vertices, triangles, flatness * circumradius)?;
         let loops = regions.loops(vertices.len(), triangles)?;
         let edges = loops.iter().map(Vec::len).sum::<usize>() / 2;
-        if edges > usize::from(Place::MAX) {
-            return Err(format!("it has {edges} edges; {} are the most", Place::MAX));
+        if edges > usize::from(Number::MAX) {
+            return Err(format!("it has {edges} edges; {} are the most", Number::MAX));
         }
         // Vertices that are left, renumbered.
-        let mut number = vec![Place::MAX; vertices.len()];
+        let mut number = vec![Number::MAX; vertices.len()];
         loops.iter().flatten().for_each(|&v| number[v as usize] = 0);
         let mut kept = Vec::new();
         for (v, number) in number.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
-            *number = kept.len() as Place;
+            *number = kept.len() as Number;
             kept.push(vertices[v]);
         }
         let mut draft = Draft::bare(kept, circumradius);
@@ -52,10 +52,10 @@ impl Draft {
     }
 
     /// A face with these corners; its edges come later.
-    pub fn add_loop(&mut self, corners: impl ExactSizeIterator<Item = Place>) {
+    pub fn add_loop(&mut self, corners: impl ExactSizeIterator<Item = Number>) {
         let end = self.loops.len() + 2 * corners.len();
         self.loops.extend(corners);
-        self.loops.resize(end, Place::MAX);
+        self.loops.resize(end, Number::MAX);
         self.starts.push(end as u32);
     }
 
@@ -89,33 +89,33 @@ impl Draft {
 
     /// The edges, when all faces are there.
     pub fn add_edges(&mut self) -> Result<(), String> {
-        let mut known: BTreeMap<[Place; 2], usize> = BTreeMap::new();
+        let mut known: BTreeMap<[Number; 2], usize> = BTreeMap::new();
         for face in 0..self.starts.len() - 1 {
             let corners = self.corners(face).to_vec();
             for (k, &a) in corners.iter().enumerate() {
                 let b = corners[(k + 1) % corners.len()];
                 let edge = *known.entry([a.min(b), a.max(b)]).or_insert_with(|| {
-                    self.edges.push(Edge { ends: [a, b], faces: [face as Place, Place::MAX] });
+                    self.edges.push(Edge { ends: [a, b], faces: [face as Number, Number::MAX] });
                     self.edges.len() - 1
                 });
-                if self.edges[edge].faces[0] != face as Place {
-                    if self.edges[edge].faces[1] != Place::MAX || self.edges[edge].ends != [b, a] {
+                if self.edges[edge].faces[0] != face as Number {
+                    if self.edges[edge].faces[1] != Number::MAX || self.edges[edge].ends != [b, a] {
                         return Err("its faces do not close".into());
                     }
-                    self.edges[edge].faces[1] = face as Place;
+                    self.edges[edge].faces[1] = face as Number;
                 }
                 let side = self.starts[face] as usize + corners.len() + k;
-                self.loops[side] = edge as Place;
+                self.loops[side] = edge as Number;
             }
         }
         let euler = self.vertices.len() + self.planes.len() == self.edges.len() + 2;
-        if !euler || self.edges.iter().any(|edge| edge.faces[1] == Place::MAX) {
+        if !euler || self.edges.iter().any(|edge| edge.faces[1] == Number::MAX) {
             return Err("its faces do not close".into());
         }
         Ok(())
     }
 
-    fn corners(&self, face: usize) -> &[Place] {
+    fn corners(&self, face: usize) -> &[Number] {
         let [start, end] = [self.starts[face], self.starts[face + 1]].map(|k| k as usize);
         &self.loops[start..start + (end - start) / 2]
     }

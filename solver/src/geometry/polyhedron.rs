@@ -34,13 +34,12 @@ struct Hot {
     column: usize,
     planes: Section,
     edges: Section,
-    /// Where in `loops` each face begins, and the last ends.
-    starts: Section,
     /// Where in `spokes` each vertex begins, and the last ends.
     spoke_starts: Section,
     spokes: Section,
-    /// Vertices round each face, counter-clockwise seen from outside, then the edge from each to the next.
+    /// As in [`Draft`].
     loops: Section,
+    starts: Section,
 }
 
 /// A line of the caches.
@@ -93,7 +92,7 @@ fn append<T: Pod>(bytes: &mut Vec<u8>, rows: &[T]) -> Section {
 }
 
 /// Which vertex, edge or face.
-pub(super) type Place = u16;
+pub(super) type Number = u16;
 
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -108,17 +107,17 @@ pub(super) struct Plane {
 #[repr(C)]
 pub(super) struct Edge {
     /// Ends, so that the first face has them in this order: e points along n0 × n1.
-    pub ends: [Place; 2],
-    pub faces: [Place; 2],
+    pub ends: [Number; 2],
+    pub faces: [Number; 2],
 }
 
 /// An edge seen from one of its ends.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Spoke {
-    pub edge: Place,
+    pub edge: Number,
     /// The vertex at its other end.
-    pub to: Place,
+    pub to: Number,
 }
 
 impl Polyhedron {
@@ -232,20 +231,20 @@ impl Polyhedron {
     }
 
     #[inline(always)]
-    pub(super) fn corners(&self, face: usize) -> &[Place] {
+    pub(super) fn corners(&self, face: usize) -> &[Number] {
         let of_face = self.of_face(face);
         &of_face[..of_face.len() / 2]
     }
 
     /// The edges round a face; edge k goes from corner k to the next.
     #[inline(always)]
-    pub(super) fn sides(&self, face: usize) -> &[Place] {
+    pub(super) fn sides(&self, face: usize) -> &[Number] {
         let of_face = self.of_face(face);
         &of_face[of_face.len() / 2..]
     }
 
     #[inline(always)]
-    fn of_face(&self, face: usize) -> &[Place] {
+    fn of_face(&self, face: usize) -> &[Number] {
         let starts: &[u32] = self.hot.section(self.hot.starts);
         &self.hot.section(self.hot.loops)[starts[face] as usize..starts[face + 1] as usize]
     }

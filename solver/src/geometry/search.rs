@@ -12,7 +12,7 @@ use pulp::NullaryFnOnce;
 use smallvec::SmallVec;
 
 use super::patch::Corner;
-use super::polyhedron::Place;
+use super::polyhedron::Number;
 use super::{Narrow, Point, Polyhedron, Posed, edge, face, vertex};
 use crate::math::Vec3;
 use crate::math::lanes::{Lanes, Scalar, Width};
@@ -587,7 +587,7 @@ fn cross<L: Lanes>(
         return (0, zero);
     }
     // |q1| n0 + |q0| n1: q0 and q1 have opposite signs.
-    let (w0, w1) = (l.select_greater(q1, zero, q1, l.sub(zero, q1)), l.select_greater(q0, zero, q0, l.sub(zero, q0)));
+    let (w0, w1) = (l.abs(q1), l.abs(q0));
     macro_rules! mix {
         ($axis:ident) => {
             l.mul_add(l.splat(n1.$axis), w1, l.mul(l.splat(n0.$axis), w0))
@@ -788,7 +788,7 @@ pub(super) fn aligned(posed: &Posed, e: u32, n: &Vec3) -> u32 {
 fn facing(shape: &Polyhedron, e: u32, n: &Vec3) -> u32 {
     let [f, g] = shape.edges()[e as usize].faces;
     let (first, second) = (f.min(g), f.max(g));
-    let toward = |f: Place| shape.planes()[f as usize].normal.dot(n);
+    let toward = |f: Number| shape.planes()[f as usize].normal.dot(n);
     u32::from(if toward(second) > toward(first) + ALIGNED { second } else { first })
 }
 

@@ -31,6 +31,11 @@ pub trait Lanes: Copy + Send + Sync {
     fn mul(self, a: Self::V, b: Self::V) -> Self::V;
     fn div(self, a: Self::V, b: Self::V) -> Self::V;
     fn sqrt(self, a: Self::V) -> Self::V;
+    #[inline(always)]
+    fn abs(self, a: Self::V) -> Self::V {
+        let zero = self.splat(0.0);
+        self.select_greater(a, zero, a, self.sub(zero, a))
+    }
     /// a b + c, rounded once.
     fn mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// c - a b, rounded once.

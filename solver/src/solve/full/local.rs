@@ -70,7 +70,7 @@ pub fn signorini_coulomb<L: Lanes>(
         let axes = [l.mul(axes[0], inverse_nn), l.mul(axes[1], inverse_nn)];
         let inverse_friction = l.div(one, friction);
         let size = l.sqrt(l.mul_add(p[0], p[0], l.mul(p[1], p[1])));
-        let coupling = l.add(magnitude(l, c[0]), magnitude(l, c[1]));
+        let coupling = l.add(l.abs(c[0]), l.abs(c[1]));
         // |r_T| <= |p|/s and r_n >= free - |c| |r_T|; twice that, for what rounding adds.
         let ratio = l.div(l.add(size, size), free);
         let mut high = l.mul(ratio, l.add(coupling, inverse_friction));
@@ -148,12 +148,6 @@ fn sliding<L: Lanes>(l: L, axes: [L::V; 2], p: [L::V; 2], c: [L::V; 2], free: L:
     let n = l.mul_add(c[0], r[0], l.mul_add(c[1], r[1], l.mul(free, d)));
     let square = l.mul_add(r[0], r[0], l.mul(r[1], r[1]));
     Sliding { e, d, r, n, square, length: l.sqrt(square) }
-}
-
-#[inline(always)]
-fn magnitude<L: Lanes>(l: L, x: L::V) -> L::V {
-    let zero = l.splat(0.0);
-    l.select_greater(x, zero, x, l.sub(zero, x))
 }
 
 #[cfg(test)]
