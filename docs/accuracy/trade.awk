@@ -43,11 +43,11 @@ function presets(    s, file, k, r, lmgc, worst, name) {
     }
 }
 
-# Where the error does not go with the option, it has no price.
+# Where an error does not go with the option, it has no price.
 function followed(order, r2, digit,    size) {
     size = order < 0 ? -order : order
     if (size < 0.01) return "no effect"
-    return sprintf("%.2f (r² %.2f)", order, r2) (r2 >= 0.8 && digit > 1 ? sprintf(", %.2g times", digit) : ", -")
+    return sprintf("%.2f (r² %.2f)", order, r2) (r2 >= 0.8 ? sprintf(", %.2g times", digit) : ", -")
 }
 
 # Of the presets asked for and what came out.
@@ -73,7 +73,8 @@ function verdict(    s, file, k, r, name, low, high, x, both, all, lmgc) {
     printf "- LMGC90's parameters: ν and pressure within 1 %% in %d of %d scenes, Z as well in %d.\n", both, scenes, all
 }
 
-function knobs(    s, file, g, k, cell) {
+# `of`: which error, the end of the names of the columns.
+function knobs(of,    s, file, g, k, cell) {
     printf "| option |"; for (s = 1; s <= scenes; s++) printf " %s |", scene[s]
     printf "\n|---|"; for (s = 1; s <= scenes; s++) printf "---|"
     print ""
@@ -82,8 +83,8 @@ function knobs(    s, file, g, k, cell) {
         printf "| `%s` |", group[g]
         for (s = 1; s <= scenes; s++) {
             file = "examples/trade/" scene[s] "/trade/orders.csv"; cell = "-"
-            for (k = 1; k <= rows[file]; k++) if (value(file, k, "group") == group[g] && value(file, k, "order") != "")
-                cell = followed(value(file, k, "order"), value(file, k, "r2"), value(file, k, "digit"))
+            for (k = 1; k <= rows[file]; k++) if (value(file, k, "group") == group[g] && value(file, k, "order" of) != "")
+                cell = followed(value(file, k, "order" of), value(file, k, "r2" of), value(file, k, "digit" of))
             printf " %s |", cell
         }
         print ""
@@ -118,9 +119,9 @@ BEGIN {
     groups = split("dt tol theta gravity_error gravity_refresh adaptive", group, " ")
 }
 
-/^<!-- [a-z]+: begin -->$/ && $2 ~ /^(presets|knobs|honesty|figures):$/ {
+/^<!-- [a-z]+: begin -->$/ && $2 ~ /^(presets|knobs|early|honesty|figures):$/ {
     print; print ""
-    if ($2 == "presets:") { presets(); print ""; verdict() } else if ($2 == "knobs:") knobs(); else if ($2 == "honesty:") honesty(); else figures()
+    if ($2 == "presets:") { presets(); print ""; verdict() } else if ($2 == "knobs:") knobs(""); else if ($2 == "early:") knobs("_early"); else if ($2 == "honesty:") honesty(); else figures()
     print ""; skipping = 1
     next
 }

@@ -234,28 +234,27 @@ fn grouped(runs: &[Compared]) -> Vec<(&str, Vec<&Compared>)> {
     groups
 }
 
-/// Of each group of several values: with what power of the value the worst error goes, and by how much the time grows
-/// when that error becomes a tenth.
+/// Of each group of three values and more, for the worst error and that of the early positions: with what power of the
+/// value it goes, and by how much the time grows when it becomes a tenth.
 fn orders(runs: &[Compared]) -> String {
-    let mut text = String::from("group,runs,order,r2,digit\n");
+    let mut text = String::from("group,runs,order,r2,digit,order_early,r2_early,digit_early\n");
     for (name, members) in grouped(runs) {
-        let of = |x: &dyn Fn(&Compared) -> f64, y: &dyn Fn(&Compared) -> f64| {
-            let points: Vec<(f64, f64)> = members.iter().map(|run| (x(run).ln(), y(run).ln())).collect();
-            Line::through(&points)
-        };
-        let worst = |run: &Compared| run.of("worst");
-        let order = of(&|run| run.of("value"), &worst);
-        let price = of(&worst, &|run| run.of("seconds"));
         if members.len() < 3 {
             continue;
         }
-        let values = [
-            order.map_or(f64::NAN, |line| line.slope),
-            order.map_or(f64::NAN, |line| line.r2),
-            price.map_or(f64::NAN, |line| 10f64.powf(-line.slope)),
-        ];
-        let values: Vec<String> = values.iter().map(Field::text).collect();
-        text += &format!("{},{},{}\n", name.replace(',', ";"), members.len(), values.join(","));
+        let line = |x: &str, y: &str| {
+            let points: Vec<(f64, f64)> = members.iter().map(|run| (run.of(x).ln(), run.of(y).ln())).collect();
+            Line::through(&points)
+        };
+        text += &format!("{},{}", name.replace(',', ";"), members.len());
+        for error in ["worst", "positions_early"] {
+            let order = line("value", error);
+            let digit = line(error, "seconds").map(|price| 10f64.powf(-price.slope));
+            for value in [order.as_ref().map(|order| order.slope), order.as_ref().map(|order| order.r2), digit] {
+                text += &format!(",{}", value.unwrap_or(f64::NAN).text());
+            }
+        }
+        text.push('\n');
     }
     text
 }
@@ -315,7 +314,9 @@ mod tests {
 
     fn run(group: &str, value: f64, seconds: f64, error: f64) -> Compared {
         let mut run = Compared { name: format!("{group}{value}"), group: group.into(), values: [f64::NAN; 14] };
-        for (name, value) in [("value", value), ("seconds", seconds), ("worst", error)] {
+        for (name, value) in
+            [("value", value), ("seconds", seconds), ("worst", error), ("positions_early", error * error)]
+        {
             run.values[COLUMNS.iter().position(|column| column.0 == name).unwrap()] = value;
         }
         run
@@ -323,14 +324,16 @@ mod tests {
 
     #[test]
     fn orders_and_prices_are_found() {
-        // Of second order, half the step twice the time: a digit costs the square root of ten.
+        // Of second order, half the step twice the time: a digit costs the square root of ten; of fourth, the fourth root.
         let mut runs: Vec<Compared> = [1.0, 0.5, 0.25].map(|h| run("dt", h, 3.0 / h, h * h)).to_vec();
         runs.push(run("draft", f64::NAN, 1.0, 0.1));
         let text = orders(&runs);
         let row: Vec<&str> = text.lines().nth(1).unwrap().split(',').collect();
         assert_eq!((text.lines().count(), row[0], row[1]), (2, "dt", "3"));
         let number = |k: usize| -> f64 { row[k].parse().unwrap() };
-        assert!((number(2) - 2.0).abs() < 1e-12 && (number(4) - 10f64.sqrt()).abs() < 1e-12, "{text}");
+        for (k, expected) in [(2, 2.0), (3, 1.0), (4, 10f64.sqrt()), (5, 4.0), (6, 1.0), (7, 10f64.sqrt().sqrt())] {
+            assert!((number(k) - expected).abs() < 1e-12, "{k}: {text}");
+        }
     }
 
     #[test]
