@@ -434,6 +434,7 @@ struct Entries<'a> {
 
 impl Entries<'_> {
     /// The array `name`, of `rows` rows if that is known; a fault, and nothing, if it is not there as it should be.
+    /// Rows with a number that is not finite are faults too.
     fn take<T: Element>(&mut self, name: &str, rows: Option<usize>) -> Option<Vec<T>> {
         let taken = self.entry(name).and_then(|bytes| npy_rows::<T>(&bytes)).and_then(|array| match rows {
             Some(rows) if rows != array.len() => Err(format!("has {} rows, others have {rows}", array.len())),
@@ -445,6 +446,20 @@ impl Entries<'_> {
                 self.faults.push(Fault::new(self.path, None, format!("array {name}"), found, expected));
             })
             .ok()
+            .inspect(|array| self.expect_finite(name, array))
+    }
+
+    fn expect_finite<T: Element>(&mut self, name: &str, array: &[T]) {
+        if T::DESCR != <f64 as Element>::DESCR {
+            return;
+        }
+        for (number, row) in (1..).zip(array) {
+            let row: &[f64] = bytemuck::cast_slice(std::slice::from_ref(row));
+            if !row.iter().all(|x| x.is_finite()) {
+                let (object, found) = (format!("array {name}, row {number}"), format!("{row:?}"));
+                self.faults.push(Fault::new(self.path, None, object, found, "expected finite numbers"));
+            }
+        }
     }
 
     fn entry(&mut self, name: &str) -> Result<Vec<u8>, String> {
@@ -501,7 +516,7 @@ impl Snapshot {
         atomic::write(path, &self.to_bytes())
     }
 
-    /// Reads and checks a file: checksums, shapes, equal numbers of rows, indices in range.
+    /// Reads and checks a file: checksums, shapes, equal numbers of rows, finite numbers, indices in range.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         let bytes = fs::read(path).map_err(|error| Fault::io(path, "read", &error))?;
         let refuse = |found: String| {
@@ -631,6 +646,19 @@ mod tests {
         flipped[place] ^= 1;
         fs::write(&path, &flipped).unwrap();
         assert!(Snapshot::read(&path).unwrap_err().to_string().contains("body_x"));
+    }
+
+    #[test]
+    fn refuses_what_is_not_finite_row_by_row() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("snapshot-000000.npz");
+        let mut wrong = sample();
+        wrong.bodies.body_q[1][2] = f64::NAN;
+        wrong.bodies.body_mass[0] = f64::INFINITY;
+        wrong.write(&path).unwrap();
+        let text = Snapshot::read(&path).unwrap_err().to_string();
+        assert_eq!(text.lines().count(), 2, "{text}");
+        assert!(text.contains("array body_q, row 2: [") && text.contains("array body_mass, row 1: [inf]"), "{text}");
     }
 
     #[test]

@@ -160,19 +160,21 @@ fn a_damaged_snapshot_is_refused_and_the_series_stays_as_it_was() {
 }
 
 #[test]
-fn a_broken_state_is_refused_by_body_and_contact() {
+fn a_broken_state_is_refused_row_by_row() {
     let case = case(&[0]);
     let mut broken = scene(0).snapshot;
-    broken.bodies.body_v[2][1] = f64::NAN;
     broken.bodies.body_mass[3] = -1.0;
-    broken.contacts.contact_gap[1] = f64::INFINITY;
     let path = snapshot::path(&case.path().join("OUTBOX"), 0);
     broken.write(&path).unwrap();
     let file = path.display();
+    let expected = format!("cd-post: {file}: body 4, body_mass: [-1.0]; expected numbers > 0\n");
+    assert_eq!(refused(case.path()), (2, expected));
+    broken.bodies.body_v[2][1] = f64::NAN;
+    broken.contacts.contact_gap[1] = f64::INFINITY;
+    broken.write(&path).unwrap();
     let expected = format!(
-        "cd-post: {file}: body 3, body_v: [0.0, NaN, 0.0]; expected finite numbers\n\
-         cd-post: {file}: body 4, body_mass: [-1.0]; expected finite numbers > 0\n\
-         cd-post: {file}: contact 1, contact_gap: [inf]; expected finite numbers\n"
+        "cd-post: {file}: array body_v, row 3: [0.0, NaN, 0.0]; expected finite numbers\n\
+         cd-post: {file}: array contact_gap, row 2: [inf]; expected finite numbers\n"
     );
     assert_eq!(refused(case.path()), (2, expected));
     assert!(!case.path().join("POSTPRO").exists());

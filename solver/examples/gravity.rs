@@ -2,7 +2,7 @@
 //!
 //!     cargo run --release -p cd-solve --example gravity -- IN.csv --error 1e-3 -o OUT.csv
 //!
-//! Reads x, y, z, m from the first columns below a header line, with G = 1; writes ax, ay, az and prints
+//! Reads x, y, z, m from the first columns, below a header line if there is one, with G = 1; writes ax, ay, az and prints
 //! `bodies seconds_per_evaluation us_per_body`, the median of the repetitions with the tree's building. From the second on
 //! bodies are sorted from the order that they have, as in a run.
 
@@ -11,19 +11,19 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use cd_solve::gravity::{Gravity, Method};
+use cd_solve::gravity::{Gravity, LEAST_ERROR, Method};
 use cd_solve::math::{Vec3, morton};
 use clap::Parser;
 
 #[derive(Parser)]
 struct Arguments {
-    /// Table of x, y, z, m[, ...] below a header line.
+    /// Table of x, y, z, m[, ...], with or without a header line.
     input: PathBuf,
     /// RMS relative error asked for.
     #[arg(long, default_value_t = 1e-3)]
     error: f64,
-    /// direct, fmm or auto.
-    #[arg(long, default_value = "auto")]
+    /// fmm, direct, or auto: the cheaper of these, which may be far more exact than is asked for.
+    #[arg(long, default_value = "fmm")]
     method: Method,
     /// Order of the expansions, instead of that of the error.
     #[arg(long)]
@@ -58,10 +58,15 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), String> {
     let named = |e: &dyn std::fmt::Display| format!("{}: {e}", arguments.input.display());
     let text = std::fs::read_to_string(&arguments.input).map_err(|e| named(&e))?;
+    if arguments.method != Method::Direct && !(arguments.error >= LEAST_ERROR) {
+        return Err(format!("--error {}; expected {LEAST_ERROR:e} or more, or --method direct", arguments.error));
+    }
     let (mut positions, mut masses) = (Vec::new(), Vec::new());
-    for (k, line) in text.lines().enumerate().skip(1).filter(|(_, line)| !line.trim().is_empty()) {
+    for (k, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
         let numbers: Result<Vec<f64>, _> = line.split(',').take(4).map(|word| word.trim().parse()).collect();
         match numbers.as_deref() {
+            // Names of columns.
+            Err(_) if k == 0 => {}
             Ok(&[x, y, z, m]) if [x, y, z, m].iter().all(|x| x.is_finite()) => {
                 positions.push(Vec3::new(x, y, z));
                 masses.push(m);

@@ -3,14 +3,18 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::tell::tell;
 
 use crate::assemble::potential_energy;
+use crate::detect;
+use crate::integrate::predict;
 use crate::math::Vec3;
+use crate::plan::{Bound, bounds};
 use crate::progress::Progress;
 use crate::scene::Scene;
-use crate::state::{SolvedContact, State};
+use crate::state::State;
 use crate::step::{Clock, Motion, next_problem, step};
 use crate::write::summary::{Course, text};
 use crate::write::{Results, errors};
@@ -49,6 +53,10 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     }
 
     let progress = Progress::new(state.step, last.max(state.step));
+    too_long(scene, &state).into_iter().for_each(|message| progress.tell(&message));
+    if !resumed {
+        overlaps(scene, &state).into_iter().for_each(|message| progress.tell(&message));
+    }
     while state.step < last {
         if let Some(number) =
             dump.filter(|&number| state.step < number && number - state.step <= scene.options.adaptive().most)
@@ -63,9 +71,6 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         let first = state.step;
         let report = step(scene, &mut state, &mut lap);
         expect_finite(&state).inspect_err(|_| progress.finish())?;
-        if course.steps == 0 && !resumed {
-            overlaps(scene, &state.contacts).into_iter().for_each(|message| progress.tell(&message));
-        }
         course.steps += 1;
         course.units += state.step - first;
         course.longest = course.longest.max(report.h);
@@ -97,10 +102,21 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
 /// Overlap over the mean radius from which a run tells that it began with it.
 const DEEP: f64 = 1e-2;
 
-/// What to tell of the contacts of the first step, if deep overlaps are among them: no step has made those.
-fn overlaps(scene: &Scene, contacts: &[SolvedContact]) -> Option<String> {
-    let deep =
-        || contacts.iter().map(|solved| &solved.contact).filter(|contact| -contact.gap > DEEP * scene.mean_radius);
+/// What to tell of a step that is longer than suits even a draft.
+fn too_long(scene: &Scene, state: &State) -> Option<String> {
+    let sharpest = bounds(scene, state).into_iter().next()?;
+    let (h, suits) = (scene.options.dt, Accuracy::Draft.step() * sharpest.h);
+    let Bound { reason, .. } = sharpest;
+    (h > suits).then(|| {
+        format!("cd-solve: dt = {h} s is {:.1} times the longest that suits a draft, {suits:.3e} s: {reason}; --plan tells more", h / suits)
+    })
+}
+
+/// What to tell of deep overlaps at the start, which no step has made.
+fn overlaps(scene: &Scene, state: &State) -> Option<String> {
+    let still = vec![Vec3::zeros(); scene.bodies.len()];
+    let (contacts, _) = detect::contacts(scene, &predict(scene, state, 0), &still, &[]);
+    let deep = || contacts.iter().filter(|contact| -contact.gap > DEEP * scene.mean_radius);
     let deepest = deep().min_by(|a, b| a.gap.total_cmp(&b.gap))?;
     let mut pairs: Vec<[u32; 2]> = deep().map(|contact| [contact.candidate, contact.antagonist]).collect();
     pairs.dedup();
