@@ -177,6 +177,10 @@ macro_rules! options {
         impl Compute {
             /// The options with those flags put in their place.
             pub fn with(mut self, flags: &Flags) -> Self {
+                // Of the two ends the one of the command line holds.
+                if flags.end_time.is_some() {
+                    self.steps = None;
+                }
                 $(if let Some(value) = &flags.$name { self.$name = value.clone().into(); })+
                 self
             }

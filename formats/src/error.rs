@@ -54,8 +54,22 @@ impl fmt::Display for Fault {
                 write!(f, ":{column}")?;
             }
         }
-        write!(f, ": {}: {}; {}", self.object, self.found, self.expected)
+        write!(f, ": {}: {}; {}", readable(&self.object), readable(&self.found), self.expected)
     }
+}
+
+/// What a file holds on one line, without control characters, and not longer than a reader cares for.
+fn readable(text: &str) -> String {
+    const LONGEST: usize = 200;
+    let mut line = String::new();
+    for (k, letter) in text.chars().enumerate() {
+        if k == LONGEST {
+            line += "...";
+            break;
+        }
+        if letter.is_control() { line.extend(letter.escape_default()) } else { line.push(letter) }
+    }
+    line
 }
 
 /// All faults of one reading; at least one.

@@ -542,7 +542,21 @@ impl Snapshot {
         entries.faults.into_result(())?;
         let snapshot = Snapshot { meta, bodies, contacts, memory, gravity, shapes };
         snapshot.check_indices().map_err(refuse)?;
+        snapshot.check_quaternions(path)?;
         Ok(snapshot)
+    }
+
+    /// To what the digits of the files leave.
+    fn check_quaternions(&self, path: &Path) -> Result<(), Faults> {
+        let mut faults = Faults::default();
+        for (number, q) in (1..).zip(&self.bodies.body_q) {
+            let square: f64 = q.iter().map(|x| x * x).sum();
+            if (square - 1.0).abs() > 1e-6 {
+                let object = format!("array body_q, row {number}");
+                faults.push(Fault::new(path, None, object, format!("{q:?}"), "expected a quaternion of length 1"));
+            }
+        }
+        faults.into_result(())
     }
 
     fn check_indices(&self) -> Result<(), String> {

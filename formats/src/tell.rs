@@ -8,3 +8,8 @@ use std::io::Write;
 pub fn tell(message: impl Display) {
     let _ = writeln!(std::io::stdout(), "{message}");
 }
+
+/// The same on stderr, for what went wrong: a message that nobody can receive ends no run.
+pub fn complain(message: impl Display) {
+    let _ = writeln!(std::io::stderr(), "{message}");
+}

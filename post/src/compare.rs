@@ -91,9 +91,13 @@ pub fn read(path: &Path) -> Result<Columns, Faults> {
     let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
     let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
     let mut faults = Faults::default();
+    if names == [""] {
+        faults.push(Fault::new(path, Some(1), "table", "is empty", "expected names of columns"));
+    }
+    let finite = |field: &str| field.parse().ok().filter(|x: &f64| x.is_finite());
     for (number, line) in (2..).zip(lines) {
         let fields: Vec<Option<f64>> =
-            line.split(',').map(|field| if field.is_empty() { Some(f64::NAN) } else { field.parse().ok() }).collect();
+            line.split(',').map(|field| if field.is_empty() { Some(f64::NAN) } else { finite(field) }).collect();
         match (fields.len() == names.len()).then(|| fields.into_iter().collect::<Option<Vec<f64>>>()).flatten() {
             Some(values) => columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value)),
             None => {

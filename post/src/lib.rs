@@ -13,9 +13,10 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::tell;
+use cd_formats::tell::{complain, tell};
 use cd_formats::{atomic, snapshot};
 use clap::Parser;
+use clap::builder::RangedU64ValueParser;
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
@@ -167,7 +168,7 @@ pub struct Options {
     #[arg(long)]
     pub direct_gravity: bool,
     /// Threads; 0 takes all cores. Results do not depend on it
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
     pub threads: usize,
 }
 
@@ -186,7 +187,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {
         Ok(pool) => pool,
         Err(error) => {
-            eprintln!("cd-post: --threads: {}: {error}; expected a number that the system allows", options.threads);
+            complain(format_args!(
+                "cd-post: --threads: {}: {error}; expected a number that the system allows",
+                options.threads
+            ));
             return 2;
         }
     };
@@ -224,11 +228,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     });
     match done {
         Ok(notes) => {
-            notes.iter().for_each(|note| eprintln!("cd-post: {note}"));
+            notes.iter().for_each(|note| complain(format_args!("cd-post: {note}")));
             i32::from(!notes.is_empty())
         }
         Err(faults) => {
-            eprint!("{}", faults.report("cd-post"));
+            complain(faults.report("cd-post").trim_end());
             2
         }
     }

@@ -121,7 +121,7 @@ pub(crate) fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
     }
 }
 
-fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
+pub(crate) fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
     check_shape(report, path, grains);
     match &grains.sizes {
         Some(sizes) => check_sizes(report, &format!("{path}.sizes"), sizes),

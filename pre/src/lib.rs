@@ -37,7 +37,7 @@ use cd_formats::atomic;
 use cd_formats::compute::from_ron;
 use cd_formats::error::Faults;
 use cd_formats::scan::{fortran_real, long14};
-use cd_formats::tell::tell;
+use cd_formats::tell::{complain, tell};
 use clap::Parser;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -71,7 +71,7 @@ enum Command {
     /// Makes DATBOX from a snapshot of another case: its bodies, laws and contacts, bit for bit.
     ///
     /// A file of changes, described in docs/from-outbox.md, may keep the largest remnant alone, move and spin it,
-    /// add bodies of other runs and spheres, and set other laws and options.
+    /// add bodies of other runs and new ones, and set other laws and options.
     FromOutbox {
         /// Folder of the case with DATBOX and OUTBOX.
         case: PathBuf,
@@ -114,7 +114,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             0
         }
         Err(faults) => {
-            eprint!("{}", faults.report("cd-pre"));
+            complain(faults.report("cd-pre").trim_end());
             2
         }
     }
@@ -129,10 +129,8 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     let text = places::set(&atomic::read_text(source)?, settings)?;
     let (scene, population) = read(source, &text)?;
     let files = write::files(&scene, &population);
+    atomic::write_all(files.iter().map(|(name, text)| (datbox.join(name), text.as_bytes())))?;
     from_outbox::clear(datbox)?;
-    for (name, text) in &files {
-        atomic::write(&datbox.join(name), text.as_bytes())?;
-    }
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     Ok(format!("{}wrote {}: {}\n", summary(&scene, &population), datbox.display(), names.join(" ")))
 }
@@ -154,21 +152,29 @@ pub fn read(source: &Path, text: &str) -> Result<(Scene, Population), Faults> {
     report.faults.into_result((scene, population))
 }
 
-/// Counts, sizes and masses, a line for each body of grains.
+/// Counts, sizes and masses, a line for each body of grains and one for all.
 fn summary(scene: &Scene, population: &Population) -> String {
-    let line = |name: String, grains: &[&population::Grain]| {
-        let radii = || grains.iter().map(|grain| grain.radius);
-        let (count, min, max) = (grains.len(), radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
-        let mean = radii().sum::<f64>() / count as f64;
-        let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
-        let polyhedra = grains.iter().filter(|grain| grain.polyhedron.is_some()).count();
-        let kind = match polyhedra {
-            0 => format!("{count} spheres"),
-            _ if polyhedra == count => format!("{count} polyhedra ({})", vertices(grains)),
-            _ => format!("{} spheres and {polyhedra} polyhedra", count - polyhedra),
-        };
-        format!("{name}: {kind}, radius {min:.5} to {max:.5} m (mean {mean:.5} m), mass {mass:.6e} kg")
+    let (all, plates) = (population.grains.iter().collect::<Vec<_>>(), population.plates.len());
+    let total = line(format!("{} bodies, {plates} of them plates", all.len() + plates), &all);
+    groups(scene, population) + &total + "\n"
+}
+
+fn line(name: String, grains: &[&population::Grain]) -> String {
+    let radii = || grains.iter().map(|grain| grain.radius);
+    let (count, min, max) = (grains.len(), radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
+    let mean = radii().sum::<f64>() / count as f64;
+    let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
+    let polyhedra = grains.iter().filter(|grain| grain.polyhedron.is_some()).count();
+    let kind = match polyhedra {
+        0 => format!("{count} spheres"),
+        _ if polyhedra == count => format!("{count} polyhedra ({})", vertices(grains)),
+        _ => format!("{} spheres and {polyhedra} polyhedra", count - polyhedra),
     };
+    format!("{name}: {kind}, radius {min:.5} to {max:.5} m (mean {mean:.5} m), mass {mass:.6e} kg")
+}
+
+/// A line for each body of grains.
+fn groups(scene: &Scene, population: &Population) -> String {
     let mut text = String::new();
     for (group, room) in population.rooms.iter().enumerate() {
         let grains: Vec<_> = population.grains.iter().filter(|grain| grain.group == group).collect();
@@ -187,8 +193,7 @@ fn summary(scene: &Scene, population: &Population) -> String {
         }
         text += if scene.grains[group].driven.is_some() { ", driven\n" } else { "\n" };
     }
-    let (all, plates) = (population.grains.iter().collect::<Vec<_>>(), population.plates.len());
-    text + &line(format!("{} bodies, {plates} of them plates", all.len() + plates), &all) + "\n"
+    text
 }
 
 /// How a shape was moved and turned to its centre of mass and principal axes.

@@ -38,7 +38,11 @@ fn object(path: &str) -> String {
     for key in path.split('.') {
         match (key.parse::<usize>(), words.last_mut()) {
             (Ok(index), Some(list)) => {
-                let one = if list == "grains" { list.as_str() } else { list.trim_end_matches('s') };
+                let one = match list.as_str() {
+                    "grains" => "grains",
+                    "bodies" => "body",
+                    list => list.trim_end_matches('s'),
+                };
                 *list = format!("{one} {}", index + 1);
             }
             _ => words.push(key.to_string()),
@@ -56,5 +60,6 @@ mod tests {
         assert_eq!(object("grains.0.sizes"), "grains 1, sizes");
         assert_eq!(object("materials.2.name"), "material 3, name");
         assert_eq!(object("compute.dt"), "compute, dt");
+        assert_eq!(object("bodies.1.spin"), "body 2, spin");
     }
 }

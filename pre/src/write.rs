@@ -6,7 +6,7 @@ use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof};
 use cd_formats::tact_behav::{Law, See, Side, TactBehav};
 use cd_formats::vloc_rloc::VlocRloc;
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::population::{Grain, Population};
 use crate::scene::{Evolution, Scene};
@@ -130,14 +130,15 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     TactBehav { laws: scene.laws.iter().map(law).collect(), visibility }
 }
 
-/// A tenth of the mean radius, and at least what two bodies at the greatest initial speed approach
-/// each other in a step, m.
+/// A tenth of the mean radius, and at least what two bodies at the greatest initial speed, from the mean velocity of the
+/// grains, approach each other in a step, m.
 pub fn default_alert(scene: &Scene, population: &Population) -> f64 {
     let grains = &population.grains;
     let mean_radius = grains.iter().map(|grain| grain.radius).sum::<f64>() / grains.len() as f64;
-    let plate_speed = |plate: &Plate| (0..3).map(|k| plate.motion[k].at_start().powi(2)).sum::<f64>().sqrt();
-    let speeds = grains.iter().map(|grain| grain.velocity.norm()).chain(population.plates.iter().map(plate_speed));
-    let fastest = speeds.fold(0.0, f64::max);
+    let drift = grains.iter().map(|grain| grain.velocity).sum::<Vector3<f64>>() / grains.len() as f64;
+    let of_plate = |plate: &Plate| Vector3::from_fn(|k, _| plate.motion[k].at_start());
+    let velocities = grains.iter().map(|grain| grain.velocity).chain(population.plates.iter().map(of_plate));
+    let fastest = velocities.map(|v| (v - drift).norm()).fold(0.0, f64::max);
     (0.1 * mean_radius).max(2.0 * scene.compute.dt * fastest)
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use cd_formats::compute::Flags;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::tell;
+use cd_formats::tell::{complain, tell};
 use clap::Parser;
 
 use crate::run::{Failure, check, run as run_case};
@@ -53,11 +53,11 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
             0
         }
         Err(Failure::Files(faults)) => {
-            eprint!("{}", faults.report(PROGRAM));
+            complain(faults.report(PROGRAM).trim_end());
             2
         }
         Err(Failure::Broken(message)) => {
-            eprintln!("{PROGRAM}: internal: {message}");
+            complain(format_args!("{PROGRAM}: internal: {message}"));
             3
         }
     }
@@ -71,6 +71,7 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
         return Err(Failure::Files(fault.into()));
     }
     let (scene, mut state) = read::case(case, &arguments.flags)?;
+    let _lock = if arguments.plan { None } else { Some(write::lock(case)?) };
     scene.notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
     let mut resumed = false;
     if arguments.resume {

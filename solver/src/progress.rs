@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use cd_formats::compute::Compute;
-use cd_formats::tell::tell;
+use cd_formats::tell::{complain, tell};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::state::State;
@@ -63,7 +63,7 @@ impl Progress {
             "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{pair}; continuing",
             state.step, state.time, report.sweeps, report.residual
         );
-        self.bar.suspend(|| eprintln!("{message}"));
+        self.bar.suspend(|| complain(&message));
     }
 
     /// Any line, beside the bar.

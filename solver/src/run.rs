@@ -95,7 +95,9 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     progress.finish();
     course.wall = start.elapsed();
     let sources = course.tally.sources(scene, &state);
-    errors::write(case, &sources)?;
+    if course.steps > 0 {
+        errors::write(case, &sources)?;
+    }
     Ok(text(scene, &state, &course, &sources))
 }
 
@@ -132,8 +134,9 @@ fn overlaps(scene: &Scene, state: &State) -> Option<String> {
 }
 
 /// Writes the state; returns the time that it took.
-fn output(results: &mut Results, scene: &Scene, state: &State) -> Result<Duration, Faults> {
+fn output(results: &mut Results, scene: &Scene, state: &State) -> Result<Duration, Failure> {
     let start = Instant::now();
+    expect(state.contacts_are_finite(), state, "a number of a contact")?;
     results.state(scene, state)?;
     Ok(start.elapsed())
 }
@@ -151,12 +154,13 @@ fn open_ledger(scene: &Scene, state: &mut State) {
 
 /// What is not finite is never written.
 fn expect_finite(state: &State) -> Result<(), Failure> {
-    if state.is_finite() {
-        return Ok(());
-    }
+    expect(state.is_finite(), state, "a position, velocity, momentum or energy")
+}
+
+fn expect(finite: bool, state: &State, what: &str) -> Result<(), Failure> {
     let State { step, time, .. } = state;
-    let found = "a position, velocity, momentum or energy is not finite";
-    Err(Failure::Broken(format!("step {step}, t = {time} s: {found}; snapshots written before are sound")))
+    let broken = || format!("step {step}, t = {time:e} s: {what} is not finite; snapshots written before are sound");
+    if finite { Ok(()) } else { Err(Failure::Broken(broken())) }
 }
 
 /// Refuses options that cannot lead to a run from this state.

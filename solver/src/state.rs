@@ -159,7 +159,16 @@ impl State {
         }
     }
 
-    /// Whether every number is finite, those of the ledger among them.
+    /// Whether every number of the contacts is finite: those of contacts without force decide nothing, but are written.
+    pub fn contacts_are_finite(&self) -> bool {
+        self.contacts.iter().all(|solved| {
+            let SolvedContact { contact, impulse, moment, velocity, .. } = solved;
+            let vectors = [&contact.point, &contact.normal, impulse, moment, velocity];
+            contact.gap.is_finite() && vectors.iter().all(|v| v.iter().all(|x| x.is_finite()))
+        })
+    }
+
+    /// Whether every number of the bodies and of the ledger is finite.
     pub fn is_finite(&self) -> bool {
         let finite = |vectors: &[Vec3]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
         let Ledger { energy_start, contact_work, friction_work, outside_work, momentum_scale, .. } = self.ledger;

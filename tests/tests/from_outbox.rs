@@ -42,6 +42,18 @@ fn a_run_that_goes_on_in_another_folder_equals_the_unbroken_one() {
     assert!(origin(&anew).iter().all(|(body, number)| body == number));
 }
 
+#[test]
+fn what_moves_as_a_whole_is_solved_as_if_at_rest() {
+    let from = collapse().solved(&[]);
+    let contacts = |changes: &str| {
+        let case = next(&from, changes).solved(&["--steps", "5"]);
+        let table = fs::read_to_string(case.path().join("OUTBOX/steps.csv")).unwrap();
+        let listed = |row: &str| row.split(',').nth(2).unwrap().parse::<usize>().unwrap();
+        table.lines().skip(1).map(listed).collect::<Vec<_>>()
+    };
+    assert_eq!(contacts("(bodies: [(velocity: (4000.0, 0.0, 0.0))])"), contacts("(bodies: [(stop: Drift)])"));
+}
+
 /// The new and the old number of each body.
 fn origin(case: &Case) -> Vec<(u64, u64)> {
     let text = fs::read_to_string(case.datbox("ORIGIN.csv")).unwrap();
@@ -120,7 +132,7 @@ fn a_twin_an_impactor_and_other_laws_come_together() {
             (keep: Largest, stop: Drift, centre: (1.0, 0.0, 0.0)),
             (keep: Largest, stop: Drift, centre: (10.0, 0.5, 0.0), velocity: (-0.1, 0.0, 0.0), colour: "REDxx"),
         ],
-        spheres: [(material: "IRONx", colour: "IRONx", radius: 0.5, centre: (0.0, 0.0, 9.0), velocity: (0.0, 0.0, -2.0))],
+        grains: [(material: "IRONx", colour: "IRONx", sizes: Single(0.5), place: List(positions: [(0.0, 0.0, 9.0)]), velocity: (0.0, 0.0, -2.0))],
         materials: [(name: "IRONx", density: 7800.0)],
         laws: [(name: "wet00", kind: IQS_WET_DS_CLB(cohesion: 10.0, range: 0.5, dynamic_friction: 0.3, static_friction: 0.4))],
         contacts: [
@@ -160,7 +172,7 @@ fn a_sampler_moves_as_it_is_told() {
         let contacts = r#"[(between: ("BLUEx", "IRONx"), law: "iqsc0")]"#;
         format!(
             r#"(bodies: [(stop: Motion)], materials: [(name: "IRONx", density: 7800.0)], contacts: {contacts}, compute: (dt: 0.25, steps: 8),
-               spheres: [(material: "IRONx", colour: "IRONx", radius: 0.5, centre: (0.0, 0.0, 2.75), {motion})])"#
+               grains: [(material: "IRONx", colour: "IRONx", sizes: Single(0.5), place: List(positions: [(0.0, 0.0, 2.75)]), {motion})])"#
         )
     };
     let down = "driven: (Constant(0.0), Constant(0.0), Table([(0.0, -1.0), (1.0, -1.0), (2.0, 0.0)]))";
@@ -173,6 +185,33 @@ fn a_sampler_moves_as_it_is_told() {
     assert!(last.bodies.body_x[0][2] < -0.2, "{:?}", last.bodies.body_x[0]);
     let both = format!("velocity: (0.0, 0.0, 1.0), {down}");
     refused(from.path(), &sampler(&both));
+}
+
+#[test]
+fn a_lander_of_another_shape_comes_to_rest_on_what_was_there() {
+    let scene = r#"(
+        gravity: (0.0, 0.0, -1.0),
+        materials: [(name: "ROCKx", density: 3000.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.3))],
+        contacts: [(between: ("BLUEx", "FLOOR"), law: "iqsc0")],
+        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(0.5), place: List(positions: [(5, 0, 0.5)]))],
+        walls: [Plate(material: "ROCKx", colour: "FLOOR", centre: (0, 0, -0.5), half_lengths: (20, 20, 0.5))],
+        compute: (dt: 0.01, steps: 10),
+    )"#;
+    let from = Case::of(scene).solved(&[]);
+    let changes = r#"(
+        grains: [(material: "STEEL", colour: "LANDx", shape: Box(lengths: (1.0, 1.2, 0.6)), place: List(positions: [(0.0, 0.0, 1.0)]))],
+        materials: [(name: "STEEL", density: 7800.0)],
+        contacts: [(between: ("LANDx", "FLOOR"), law: "iqsc0"), (between: ("LANDx", "BLUEx"), law: "iqsc0"), (between: ("LANDx", "LANDx"), law: None)],
+        compute: (dt: 0.01, end_time: 4.0),
+    )"#;
+    let case = next(&from, changes).solved(&[]);
+    let last = case.last_snapshot();
+    assert_eq!(last.bodies.body_driven, [0, 63, 0]);
+    assert!((last.bodies.body_mass[2] - 7800.0 * 0.72).abs() < 1e-6, "{}", last.bodies.body_mass[2]);
+    // Half its height above the floor, but for what it goes in within the step of the impact: 1.2 m/s for 0.01 s.
+    assert!((last.bodies.body_x[2][2] - 0.3).abs() < 0.012, "{:?}", last.bodies.body_x[2]);
+    assert!(last.bodies.body_v[2].iter().all(|v| v.abs() < 1e-3), "{:?}", last.bodies.body_v[2]);
 }
 
 #[test]
@@ -210,7 +249,13 @@ fn what_cannot_be_is_refused_and_nothing_written() {
     refused(from.path(), "(bodies: [(keep: Smallest)])");
     refused(from.path(), "(bodies: [(), (centre: (34.0, 0.5, 0.0))])"); // in each other
     refused(from.path(), "(bodies: [(), (centre: (0.0, 99.0, 0.0), colour: \"REDxx\")])"); // no law
-    refused(from.path(), "(spheres: [(material: \"IRONx\", colour: \"BLUEx\", radius: 1.0, centre: (0, 50, 0))])");
+    let grain = |material: &str, place: &str| {
+        format!(
+            "(grains: [(material: \"{material}\", colour: \"BLUEx\", sizes: Single(1.0), place: List(positions: [{place}]))])"
+        )
+    };
+    refused(from.path(), &grain("IRONx", "(0, 50, 0)")); // no such material
+    refused(from.path(), &grain("ROCKx", "(33.0, 0.5, 0.0)")); // in another
     refused(from.path(), "(contacts: [(between: (\"BLUEx\", \"BLUEx\"), law: \"other\")])");
     refused(from.path(), "(compute: (dt: -1.0))");
     // Into the case itself.

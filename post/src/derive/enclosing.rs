@@ -53,7 +53,7 @@ fn spread([low, high]: [f64; 2], x: f64) -> [f64; 2] {
 /// What sticks out less than this share of the radius is inside: some hundred roundings.
 const ROUNDING: f64 = 1e-13;
 
-/// The smallest ball that contains `balls`, to round-off.
+/// The smallest ball that contains `balls`, to round-off, wherever they are.
 ///
 /// At most four of them, the basis, decide it. Beginning with one, the ball that sticks out most is
 /// taken in, and the smallest enclosing ball of these at most five is found by trying every subset
@@ -63,6 +63,16 @@ const ROUNDING: f64 = 1e-13;
 /// Source: Fischer & Gaertner (2003), "The smallest enclosing ball of balls: combinatorial
 /// structure and algorithms" (an LP-type problem of dimension 4; Welzl's recursion fails on balls).
 pub fn smallest_enclosing(balls: &[Ball]) -> Ball {
+    // Far from the origin the rounding of places would be more than that of distances.
+    let Some(origin) = balls.first().map(|ball| ball.centre) else {
+        return Ball { centre: Vec3::repeat(f64::NAN), radius: f64::NAN };
+    };
+    let near: Vec<Ball> = balls.iter().map(|ball| Ball { centre: ball.centre - origin, ..*ball }).collect();
+    let ball = smallest_of_near(&near);
+    Ball { centre: ball.centre + origin, ..ball }
+}
+
+fn smallest_of_near(balls: &[Ball]) -> Ball {
     let Some(first) = balls.iter().max_by(|a, b| a.radius.total_cmp(&b.radius)) else {
         return Ball { centre: Vec3::repeat(f64::NAN), radius: f64::NAN };
     };
@@ -168,6 +178,16 @@ mod tests {
         let tetrahedron = corners.map(|[x, y, z]| ball(x, y, z, 0.5));
         assert_ball(smallest_enclosing(&tetrahedron), ball(0.0, 0.0, 0.0, 3f64.sqrt() + 0.5));
         assert!(smallest_enclosing(&[]).radius.is_nan());
+    }
+
+    #[test]
+    fn it_is_as_large_anywhere() {
+        let at = |x: f64| {
+            [ball(x, 0.0, 0.0, 1.0), ball(x + 8.0, 0.0, 0.0, 2.0), ball(x, 6.0, 0.0, 1.0), ball(x, 0.0, 5.0, 1.5)]
+        };
+        let near = smallest_enclosing(&at(0.0));
+        // All places are whole numbers, which 2^40 leaves exact.
+        assert_eq!(smallest_enclosing(&at(2f64.powi(40))).radius, near.radius);
     }
 
     #[test]

@@ -37,7 +37,8 @@ pub fn pressure(stress: &Mat3) -> f64 {
 /// F_i is every force on grain i but those of other grains: self-gravity, uniform gravity, walls.
 /// Self-gravity is homogeneous of degree -2 in the distances, so its sum is the potential energy
 /// W itself and its share |W| / 3V, whatever the arrangement. Uniform gravity pulls at the centre
-/// of mass, and so adds nothing. NaN in a scene that repeats, where the bodies' own images hold them too.
+/// of mass, and so adds nothing. NaN in a scene that repeats, where the bodies' own images hold them too, and in one
+/// with `fields`, whose forces on the grains are not counted.
 ///
 /// At rest this equals [`pressure`] of [`mean_stress`] exactly: the forces on each grain add up to
 /// zero, and the contact forces' sum f.l is their sum x_i.F_i. Turning steadily, the pressure of
@@ -47,7 +48,7 @@ pub fn pressure(stress: &Mat3) -> f64 {
 /// Source: the virial theorem of Clausius (1870).
 pub fn virial_pressure(frame: &Frame, volume: f64, summation: Summation) -> f64 {
     let grains = &frame.grains;
-    if frame.cell().repeats() {
+    if frame.cell().repeats() || !frame.meta.parameters.fields.is_empty() {
         return f64::NAN;
     }
     let com = grains.iter().map(|g| g.mass * g.x_contact).sum::<Vec3>() / frame.mass();

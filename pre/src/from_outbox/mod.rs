@@ -14,10 +14,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
-use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bodies::{Bodies, Body, Shape};
 use cd_formats::compute::{Compute, from_ron};
 use cd_formats::dof::{BodyDof, Dof};
-use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof, Evolution, table_text};
+use cd_formats::drv_dof::{Driven, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::{START, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
@@ -27,10 +27,10 @@ use serde::Deserialize;
 use crate::check::three;
 use crate::place::cells::Cells;
 use crate::places;
+use crate::population::{Population, populate};
 use crate::report::Report;
-use crate::scene::{self, Contact, Law, Material, Rotation};
-use crate::sizes::volume;
-use crate::walls;
+use crate::scene::{Contact, Grains, Law, Material, Rotation, Scene};
+use crate::write;
 use source::{Part, Source, quaternion};
 use tables::Tables;
 
@@ -43,8 +43,10 @@ pub const ORIGIN: &str = "ORIGIN.csv";
 pub struct Changes {
     /// What is taken from which run; left out, all of the case.
     pub bodies: Vec<Taken>,
-    /// Further spheres.
-    pub spheres: Vec<Sphere>,
+    /// Further bodies, as in a scene.
+    pub grains: Vec<Grains>,
+    /// Seed of what is drawn at random for these.
+    pub seed: u64,
     /// New ones, and new densities of those that there are.
     pub materials: Vec<Material>,
     /// New ones, and others under a name that there is.
@@ -121,27 +123,6 @@ pub enum Stop {
     Motion,
 }
 
-/// A sphere that no run had, such as an impactor.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Sphere {
-    pub material: String,
-    pub colour: String,
-    /// m
-    pub radius: f64,
-    /// m
-    pub centre: [f64; 3],
-    /// m/s
-    #[serde(default)]
-    pub velocity: [f64; 3],
-    /// rad/s
-    #[serde(default)]
-    pub spin: [f64; 3],
-    /// Imposes its velocity, m/s; it does not turn.
-    #[serde(default)]
-    pub driven: Option<[scene::Evolution; 3]>,
-}
-
 /// A file of DATBOX: name and bytes.
 type File = (String, Vec<u8>);
 
@@ -198,19 +179,17 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         options.end_time = sources[0].options.end_time;
         options.events.clone_from(&sources[0].options.events);
     }
-    let records = records(&parts, &changes.spheres);
-    check_overlaps(&parts, &changes.spheres, &records, &mut report);
+    let new = New::of(&changes, &parts, &options, folder, &mut report);
+    let records = records(&parts, &new);
+    check_overlaps(&parts, &new, &records, &mut report);
     let tables = Tables::merged(&changes, &parts, &records, &options, &mut report);
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
 
     let datbox = dir.join("DATBOX");
-    let files = files(&changes, &parts, &records, tables, &options, &cases);
-    clear(&datbox)?;
-    for (name, bytes) in &files {
-        atomic::write(&datbox.join(name), bytes)?;
-    }
+    let files = files(&changes, &parts, &new, &records, tables, &options, &cases);
+    atomic::write_all(files.iter().map(|(name, bytes)| (datbox.join(name), bytes.as_slice())))?;
     let mut summary = String::new();
     for part in &parts {
         let (step, time) = (part.source.snapshot.meta.step, part.source.snapshot.meta.time);
@@ -222,6 +201,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
             part.state.contacts.contact_body.len()
         );
     }
+    summary += &crate::groups(&new.scene, &new.population);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     summary += &format!("{} bodies; wrote {}: {}\n", records.0.len(), datbox.display(), names.join(" "));
     Ok(summary)
@@ -246,21 +226,10 @@ fn check(changes: &Changes, file: &Path, report: &mut Report) {
             crate::check::five_characters(report, &format!("{path}.colour"), colour);
         }
     }
-    for (k, sphere) in changes.spheres.iter().enumerate() {
-        let path = format!("spheres.{k}");
-        let radius = sphere.radius;
-        let found = format!("{radius:?}");
-        report.expect(crate::check::positive(radius), &format!("{path}.radius"), found, "a radius > 0 m");
-        three(report, &format!("{path}.centre"), "", &sphere.centre, "m");
-        three(report, &format!("{path}.velocity"), "", &sphere.velocity, "m/s");
-        three(report, &format!("{path}.spin"), "", &sphere.spin, "rad/s");
-        if let Some(driven) = &sphere.driven {
-            crate::check::check_evolutions(report, &format!("{path}.driven"), driven, "m/s");
-            let at_rest = sphere.velocity == [0.0; 3] && sphere.spin == [0.0; 3];
-            let found = "it has a velocity or spin as well";
-            report.expect(at_rest, &format!("{path}.driven"), found, "its motion imposed or initial, not both");
-        }
-        crate::check::five_characters(report, &format!("{path}.colour"), &sphere.colour);
+    for (k, grains) in changes.grains.iter().enumerate() {
+        let path = format!("grains.{k}");
+        crate::check::five_characters(report, &format!("{path}.colour"), &grains.colour);
+        crate::check::check_grains(report, &path, grains);
     }
     for (k, material) in changes.materials.iter().enumerate() {
         crate::check::five_characters(report, &format!("materials.{k}.name"), &material.name);
@@ -280,38 +249,52 @@ fn check(changes: &Changes, file: &Path, report: &mut Report) {
     }
 }
 
-/// The bodies in the order of their new numbers: part by part, then the spheres.
-fn records(parts: &[Part], spheres: &[Sphere]) -> Bodies {
-    let sphere = |sphere: &Sphere| {
-        let radius = sphere.radius;
-        Body {
-            line: 0,
-            material: sphere.material.clone(),
-            equivalent_radius: radius,
-            inertia: Some([0.4 * volume(radius) * radius * radius; 3]),
-            position: sphere.centre,
-            contactors: vec![Contactor {
-                colour: sphere.colour.clone(),
-                shape: Shape::Sphere { radius },
-                local_frame: None,
-            }],
-        }
-    };
-    Bodies(parts.iter().flat_map(|part| part.records.iter().cloned()).chain(spheres.iter().map(sphere)).collect())
+/// Bodies that no run had, such as an impactor: a scene of their own.
+struct New {
+    scene: Scene,
+    population: Population,
+}
+
+impl New {
+    /// What cannot be placed goes into the report.
+    fn of(changes: &Changes, parts: &[Part], options: &Compute, folder: &Path, report: &mut Report) -> New {
+        let known = parts.iter().flat_map(|part| &part.source.bulk.materials);
+        let known = known.map(|known| Material { name: known.name.clone(), density: known.density });
+        let scene = Scene {
+            seed: changes.seed,
+            gravity: [0.0; 3],
+            // The first of a name counts.
+            materials: changes.materials.iter().cloned().chain(known).collect(),
+            laws: Vec::new(),
+            contacts: Vec::new(),
+            grains: changes.grains.clone(),
+            walls: Vec::new(),
+            compute: options.clone(),
+        };
+        let population = populate(&scene, folder, report);
+        New { scene, population }
+    }
+}
+
+/// The bodies in the order of their new numbers: part by part, then the new ones.
+fn records(parts: &[Part], new: &New) -> Bodies {
+    let new = write::bodies(&new.scene, &new.population).0;
+    Bodies(parts.iter().flat_map(|part| part.records.iter().cloned()).chain(new).collect())
 }
 
 /// Bodies of different parts may touch but not overlap; a body that is no sphere and no plate counts
-/// as the ball about it.
-fn check_overlaps(parts: &[Part], spheres: &[Sphere], records: &Bodies, report: &mut Report) {
+/// as the ball about it. The new ones among themselves have been checked.
+fn check_overlaps(parts: &[Part], new: &New, records: &Bodies, report: &mut Report) {
     const TOUCHING: f64 = 1e-6;
     let mut owner = Vec::new();
     for (k, part) in parts.iter().enumerate() {
         owner.extend(std::iter::repeat_n(k, part.rows.len()));
     }
-    owner.extend((0..spheres.len()).map(|k| parts.len() + k));
-    let name = |owner: usize| match owner.checked_sub(parts.len()) {
-        None => format!("bodies.{owner}"),
-        Some(sphere) => format!("spheres.{sphere}"),
+    let old = owner.len();
+    owner.resize(records.0.len(), parts.len());
+    let name = |body: usize| match body.checked_sub(old) {
+        None => format!("bodies.{}", owner[body]),
+        Some(grain) => format!("grains.{}", new.population.grains[grain].group),
     };
     let radius = |body: &Body| match &body.contactors[0].shape {
         Shape::Sphere { radius } => Some(*radius),
@@ -353,13 +336,15 @@ fn check_overlaps(parts: &[Part], spheres: &[Sphere], records: &Bodies, report: 
     }
     if let Some((overlap, a, b)) = deepest {
         let found = format!("new bodies {} and {} overlap by {overlap:.3e} m, the deepest of all", a + 1, b + 1);
-        report.fault(&name(owner[b]), found, "bodies of different origin that touch at most");
+        let expected = "bodies of different origin that touch at most; polyhedra count as the balls around them";
+        report.fault(&name(b), found, expected);
     }
 }
 
 fn files(
     changes: &Changes,
     parts: &[Part],
+    new: &New,
     records: &Bodies,
     tables: Tables,
     options: &Compute,
@@ -388,19 +373,13 @@ fn files(
             bodies.push(part.dof(k, body));
         }
     }
-    for sphere in &changes.spheres {
-        let velocity = match &sphere.driven {
-            Some(driven) => [0, 1, 2].map(|k| driven[k].at_start()),
-            None => sphere.velocity,
-        };
-        let ([a, b, c], [d, e, f]) = (velocity, sphere.spin);
-        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    for state in write::dof(&new.population).bodies {
         let body = bodies.len();
         origin += &format!("{},,,\n", body + 1);
-        bodies.push(BodyDof { line: 0, body, displacement: [0.0; 6], velocity: [a, b, c, d, e, f], axes });
+        bodies.push(BodyDof { body, ..state });
     }
     let dof = Dof { step: start.meta.step, time: start.meta.time, bodies };
-    let driven = driven(parts, &changes.spheres);
+    let driven = driven(parts, new);
     let mut files: Vec<File> = [
         ("BODIES.DAT", records.to_text()),
         ("BULK_BEHAV.DAT", tables.bulk.to_text()),
@@ -422,7 +401,6 @@ fn files(
             files.push((name.clone(), table_text(points).into_bytes()));
         }
     }
-    // Last: it is of no use without the others.
     files.push((START.to_string(), start.to_bytes()));
     files
 }
@@ -434,7 +412,7 @@ fn quoted(path: &Path) -> String {
 }
 
 /// What drives the bodies, under their new numbers; equal tables share a file.
-fn driven(parts: &[Part], spheres: &[Sphere]) -> DrvDof {
+fn driven(parts: &[Part], new: &New) -> DrvDof {
     let (mut all, mut first) = (Vec::new(), 0);
     for part in parts {
         for row in &part.source.driven.0 {
@@ -443,14 +421,8 @@ fn driven(parts: &[Part], spheres: &[Sphere]) -> DrvDof {
         }
         first += part.rows.len();
     }
-    for (k, sphere) in spheres.iter().enumerate() {
-        let Some(driven) = &sphere.driven else { continue };
-        for component in 0..6 {
-            let rest = scene::Evolution::default();
-            let evolution = walls::Tables::default().written(driven.get(component).unwrap_or(&rest));
-            all.push(Driven { line: 0, body: first + k, component, kind: DrivenKind::Velocity, evolution });
-        }
-    }
+    let (rows, _) = write::drv_dof(&new.scene, &new.population);
+    all.extend(rows.0.into_iter().map(|row| Driven { body: first + row.body, ..row }));
     let mut tables = Vec::<Vec<[f64; 2]>>::new();
     for row in &mut all {
         if let Evolution::Table { name, points } = &mut row.evolution {

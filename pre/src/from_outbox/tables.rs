@@ -6,6 +6,7 @@ use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::compute::Compute;
 use cd_formats::tact_behav::{LAWS, Law, See, Side, TactBehav};
+use nalgebra::Vector3;
 
 use super::Changes;
 use super::source::Part;
@@ -55,10 +56,10 @@ fn materials(changes: &Changes, parts: &[Part], records: &Bodies, report: &mut R
         }
     }
     let names: Vec<&str> = all.iter().map(|material| material.name.as_str()).collect();
-    for (k, sphere) in changes.spheres.iter().enumerate() {
-        if !names.contains(&sphere.material.as_str()) {
-            let found = format!("'{}' is not defined", sphere.material);
-            report.fault(&format!("spheres.{k}.material"), found, format!("one of {}", names.join(", ")));
+    for (k, grains) in changes.grains.iter().enumerate() {
+        if !names.contains(&grains.material.as_str()) {
+            let found = format!("'{}' is not defined", grains.material);
+            report.fault(&format!("grains.{k}.material"), found, format!("one of {}", names.join(", ")));
         }
     }
     all.retain(|material| records.0.iter().any(|body| body.material == material.name));
@@ -203,9 +204,9 @@ fn expect_all_pairs(changes: &Changes, parts: &[Part], rows: &[See], named: &[(&
         free.push(of(true));
         driven.push(of(false));
     }
-    for sphere in &changes.spheres {
-        let (colour, none) = ([sphere.colour.as_str()].into(), BTreeSet::new());
-        let (moving, imposed) = if sphere.driven.is_some() { (none, colour) } else { (colour, none) };
+    for grains in &changes.grains {
+        let (colour, none) = ([grains.colour.as_str()].into(), BTreeSet::new());
+        let (moving, imposed) = if grains.driven.is_some() { (none, colour) } else { (colour, none) };
         free.push(moving);
         driven.push(imposed);
     }
@@ -228,8 +229,8 @@ fn expect_all_pairs(changes: &Changes, parts: &[Part], rows: &[See], named: &[(&
     }
 }
 
-/// As for a scene: a tenth of the mean radius, and at least what two bodies at the greatest speed approach
-/// each other in a step, m.
+/// As for a scene: a tenth of the mean radius, and at least what two bodies at the greatest speed, from the mean velocity,
+/// approach each other in a step, m.
 fn default_alert(parts: &[Part], records: &Bodies, options: &Compute) -> f64 {
     let radii: Vec<f64> = parts
         .iter()
@@ -241,8 +242,9 @@ fn default_alert(parts: &[Part], records: &Bodies, options: &Compute) -> f64 {
     let count = parts.iter().map(|part| part.rows.len()).sum::<usize>();
     let new: Vec<f64> = records.0[count..].iter().map(|body| body.equivalent_radius).collect();
     let mean = radii.iter().chain(&new).sum::<f64>() / (radii.len() + new.len()) as f64;
-    let speed = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let fastest = parts.iter().flat_map(|part| part.state.bodies.body_v.iter().map(speed)).fold(0.0, f64::max);
+    let velocities = || parts.iter().flat_map(|part| part.state.bodies.body_v.iter().map(|v| Vector3::from(*v)));
+    let drift = velocities().sum::<Vector3<f64>>() / count as f64;
+    let fastest = velocities().map(|v| (v - drift).norm()).fold(0.0, f64::max);
     (0.1 * mean).max(2.0 * options.dt * fastest)
 }
 

@@ -119,7 +119,27 @@ fn obj(bytes: &[u8]) -> Result<Mesh, String> {
     Ok(mesh)
 }
 
+/// What an STL file holds beside one solid: the reader passes over it.
+fn beside_one_solid(bytes: &[u8]) -> Option<String> {
+    if let Some(count) = bytes.get(80..84) {
+        let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize;
+        if bytes.len() == 84 + 50 * count {
+            return None;
+        }
+        if !bytes.starts_with(b"solid") {
+            return Some(format!("{} bytes with {count} triangles", bytes.len()));
+        }
+    }
+    let text = String::from_utf8_lossy(bytes);
+    let (_, after) = text.split_once("endsolid")?;
+    let after = after.split_once('\n').map_or("", |(_, after)| after).trim();
+    (!after.is_empty()).then(|| "more than one solid".to_string())
+}
+
 fn stl(bytes: &[u8]) -> Result<Mesh, String> {
+    if let Some(found) = beside_one_solid(bytes) {
+        return Err(found);
+    }
     let read = stl_io::read_stl(&mut Cursor::new(bytes)).map_err(|error| error.to_string())?;
     Ok(Mesh {
         points: read.vertices.iter().map(|v| v.0.map(f64::from)).collect(),

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::tell::tell;
 
 use crate::scene::Scene;
 use crate::solve::norms::Norms;
@@ -21,29 +22,50 @@ pub const TIMER: &str = "TIMER.csv";
 pub struct Table {
     path: PathBuf,
     file: BufWriter<File>,
+    /// Empty fields of columns that an earlier part of the run had and this one has not.
+    others: String,
 }
 
 impl Table {
-    /// Opens the file to go on after `step`: its rows up to that step are kept, if it has the same header.
-    pub fn open(path: &Path, header: &str, step: u64) -> Result<Self, Faults> {
-        let old = std::fs::read_to_string(path).unwrap_or_default();
-        let mut text = format!("{header}\n");
-        if let Some(rows) = old.strip_prefix(&text).map(str::to_owned) {
-            let whole = rows.split_inclusive('\n').filter(|row| row.ends_with('\n'));
-            let number = |row: &str| row.split(',').next().and_then(|n| n.parse::<u64>().ok());
-            text.extend(whole.take_while(|row| number(row).is_some_and(|n| n <= step)));
+    /// Opens the file to go on after `step`, in a run that began after `first`. Its rows up to that step are kept; where
+    /// other options made other columns, fields that a row has not are empty. Tells of rows that are not there.
+    pub fn open(path: &Path, header: &str, first: u64, step: u64) -> Result<Self, Faults> {
+        let old = if path.is_file() { std::fs::read(path).unwrap_or_default() } else { Vec::new() };
+        let old = String::from_utf8_lossy(&old);
+        let mut lines = old.split_inclusive('\n').filter_map(|line| line.strip_suffix('\n'));
+        let known: Vec<&str> = lines.next().filter(|line| line.starts_with("step,")).unwrap_or("").split(',').collect();
+        let mut columns: Vec<&str> = header.split(',').collect();
+        let own = columns.len();
+        columns
+            .extend(known.iter().filter(|name| !name.is_empty() && !header.split(',').any(|column| column == **name)));
+        let place = |column: &&str| known.iter().position(|name| name == column);
+        let places: Vec<Option<usize>> = columns.iter().map(place).collect();
+        let (mut text, mut last) = (format!("{}\n", columns.join(",")), first);
+        for line in lines {
+            let fields: Vec<&str> = line.split(',').collect();
+            let number = fields[0].parse::<u64>().ok().filter(|number| (last + 1..=step).contains(number));
+            let (Some(number), true) = (number, fields.len() == known.len()) else { break };
+            let fields: Vec<&str> = places.iter().map(|place| place.map_or("", |k| fields[k])).collect();
+            text += &format!("{}\n", fields.join(","));
+            last = number;
+        }
+        if last < step {
+            let path = path.display();
+            tell(format_args!("cd-solve: {path}: no rows of steps {} to {step}, which are behind this run", last + 1));
         }
         atomic::write(path, text.as_bytes())?;
         let file = File::options().append(true).open(path).map_err(|error| Fault::io(path, "written", &error))?;
-        Ok(Table { path: path.to_path_buf(), file: BufWriter::new(file) })
+        Ok(Table { path: path.to_path_buf(), file: BufWriter::new(file), others: ",".repeat(columns.len() - own) })
     }
 
     pub fn row(&mut self, row: &str) -> Result<(), Faults> {
-        writeln!(self.file, "{row}").map_err(|error| Fault::io(&self.path, "written", &error).into())
+        writeln!(self.file, "{row}{}", self.others).map_err(|error| Fault::io(&self.path, "written", &error).into())
     }
 
+    /// Brings the rows to the disk, so that no snapshot is there without those before it.
     pub fn flush(&mut self) -> Result<(), Faults> {
-        self.file.flush().map_err(|error| Fault::io(&self.path, "written", &error).into())
+        let synced = self.file.flush().and_then(|()| self.file.get_ref().sync_data());
+        synced.map_err(|error| Fault::io(&self.path, "written", &error).into())
     }
 }
 
@@ -144,12 +166,27 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.csv");
         std::fs::write(&path, "step,a\n1,x\n2,y\n3,z\n4,").unwrap();
-        let mut table = Table::open(&path, "step,a", 2).unwrap();
+        let mut table = Table::open(&path, "step,a", 0, 2).unwrap();
         table.row("3,new").unwrap();
         table.flush().unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "step,a\n1,x\n2,y\n3,new\n");
-        // Another header: another program's file.
-        Table::open(&path, "step,b", 2).unwrap();
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), "step,b\n");
+    }
+
+    #[test]
+    fn other_columns_leave_those_that_were_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.csv");
+        std::fs::write(&path, "step,a,h\n1,x,0.5\n2,y,0.5\n").unwrap();
+        let mut table = Table::open(&path, "step,a,norm", 0, 2).unwrap();
+        table.row("3,z,7").unwrap();
+        table.flush().unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(text, "step,a,norm,h\n1,x,,0.5\n2,y,,0.5\n3,z,7,\n");
+        // What is no table of steps, and a row that is none.
+        for (old, rows) in [("name,b\n1,x\n", ""), ("step,a\n1,x\noh\n2,y\n", "1,x\n"), ("", "")] {
+            std::fs::write(&path, old).unwrap();
+            Table::open(&path, "step,a", 0, 2).unwrap();
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), format!("step,a\n{rows}"));
+        }
     }
 }

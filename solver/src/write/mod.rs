@@ -7,6 +7,7 @@ mod snapshot;
 pub mod summary;
 mod text;
 
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use cd_formats::error::{Fault, Faults};
@@ -30,6 +31,21 @@ pub struct Results {
 /// OUTBOX of a case.
 pub fn outbox(case: &Path) -> PathBuf {
     case.join("OUTBOX")
+}
+
+/// Takes the case for this run alone, until the file is dropped.
+///
+/// Errors: another run has it. Where files cannot be locked, every run gets it.
+pub fn lock(case: &Path) -> Result<File, Faults> {
+    let path = case.join("DATBOX/BODIES.DAT");
+    let file = File::open(&path).map_err(|error| Fault::io(&path, "read", &error))?;
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => {
+            let expected = "expected one run of a case at a time";
+            Err(Fault::new(case, None, "folder", "another run is at work in it", expected).into())
+        }
+        _ => Ok(file),
+    }
 }
 
 /// Refuses a case that has results; LMGC90's count only if this run would write over them (`text`).
@@ -76,8 +92,9 @@ impl Results {
         if scene.options.lmgc90_norms {
             columns = format!("{columns},{}", log::norms_header());
         }
-        let steps = Table::open(&outbox.join(log::STEPS), &columns, state.step)?;
-        let timer = Table::open(&case.join(log::TIMER), &log::timer_header(), state.step)?;
+        let first = scene.start.0;
+        let steps = Table::open(&outbox.join(log::STEPS), &columns, first, state.step)?;
+        let timer = Table::open(&case.join(log::TIMER), &log::timer_header(), first, state.step)?;
         Ok(Results { outbox, steps, timer })
     }
 

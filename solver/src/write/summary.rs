@@ -31,12 +31,14 @@ pub struct Course {
 }
 
 /// Energy that is not accounted for over the largest of the energies at play,
-/// (E - E_start - work of contacts - work from outside) / max(|E_start|, |E|, |works|), and that largest, J.
+/// (E - E_start - work of contacts - work from outside) over the largest of kinetic and potential energy, |E_start| and
+/// the works, and that largest, J.
 pub fn energy_drift(scene: &Scene, state: &State) -> (f64, f64) {
     let ledger = &state.ledger;
     let motion = Motion::of(scene, &state.q, &state.v, &state.w);
-    let energy = motion.kinetic + motion.rotational + potential_energy(scene, state, &state.x);
-    let scale = [ledger.energy_start, energy, ledger.contact_work, ledger.outside_work];
+    let (kinetic, potential) = (motion.kinetic + motion.rotational, potential_energy(scene, state, &state.x));
+    let energy = kinetic + potential;
+    let scale = [kinetic, potential, ledger.energy_start, ledger.contact_work, ledger.outside_work];
     let scale = scale.iter().fold(0.0, |s: f64, e| s.max(e.abs()));
     let drift = energy - ledger.energy_start - ledger.contact_work - ledger.outside_work;
     (if scale > 0.0 { drift / scale } else { 0.0 }, scale)
