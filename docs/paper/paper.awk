@@ -10,7 +10,7 @@
 # NUMBER is one of
 #   cell FILE COLUMN KEY=VALUE...           of the first row that has these; KEY~PART: whose KEY holds PART
 #   over FILE COLUMN KEY=VALUE... / COLUMN KEY=VALUE...   one cell over another
-#   less FILE COLUMN KEY=VALUE... / COLUMN KEY=VALUE...   one cell less another
+#   less FILE COLUMN KEY=VALUE... / COLUMN KEY=VALUE...   one cell less another; of both, the second may be `/ FILE COLUMN...`
 #   share FILE COLUMN TIME                  the column at a time over its largest value
 #   ratio FILE COLUMN TIME TIME             the column at the second time over that at the first
 #   range FILE COLUMN TIME TIME             largest less smallest value between two times
@@ -108,7 +108,9 @@ function number(words, n,    file, name, k, x, y, low, high, from, to) {
     if (words[1] == "cell") return cell(file, words, 3, n)
     if (words[1] == "over" || words[1] == "less") {
         for (k = 3; k < n && words[k] != "/"; k++) ;
-        x = cell(file, words, 3, k - 1); y = cell(file, words, k + 1, n)
+        x = cell(file, words, 3, k - 1)
+        if (words[k + 1] ~ /\.csv$/) { file = words[++k]; load(file) }
+        y = cell(file, words, k + 1, n)
         return words[1] == "over" ? x / y : x - y
     }
     if (words[1] == "climb") return climb(file, name)
