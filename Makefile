@@ -4,6 +4,7 @@ CARGO ?= cargo
 CARGO_TARGET_DIR ?= target
 TARGET := $(abspath $(CARGO_TARGET_DIR))
 BIN := $(TARGET)/release
+SIDE_BY_SIDE = $(MAKE) --no-print-directory --jobs=$(shell getconf _NPROCESSORS_ONLN) SOLVE_FLAGS="--threads 1"
 EXTREMES := extremes envelope limits thousand_periods
 
 .PHONY: help build demo paper trade extremes test vtk browser golden lint fmt doc check clean
@@ -24,11 +25,11 @@ demo: build ## runs examples/accretion: a thousand grains fall together
 	@echo "  DISPLAY/view.py        in ParaView: paraview --script=examples/accretion/DISPLAY/view.py"
 	@echo "  OUTBOX/steps.csv       cost and error of every step"
 
-paper: build ## runs the studies, in less than half an hour, and writes docs/paper.md
-	$(MAKE) --no-print-directory -C examples/accretion study CD_BIN=$(BIN)
-	$(MAKE) --no-print-directory -C examples/accretion-polyhedra study CD_BIN=$(BIN)
-	$(MAKE) --no-print-directory -C examples/spin-up CD_BIN=$(BIN)
-	$(MAKE) --no-print-directory -C examples/spin-up fluid CD_BIN=$(BIN)
+paper: build ## runs the studies, a run a core, and writes docs/paper.md
+	$(SIDE_BY_SIDE) -C examples/accretion study CD_BIN=$(BIN)
+	$(SIDE_BY_SIDE) -C examples/accretion-polyhedra study CD_BIN=$(BIN)
+	$(SIDE_BY_SIDE) -C examples/spin-up CD_BIN=$(BIN)
+	$(SIDE_BY_SIDE) -C examples/spin-up fluid CD_BIN=$(BIN)
 	awk -f docs/paper/paper.awk docs/paper/paper.md.in > docs/paper.md.part
 	mv docs/paper.md.part docs/paper.md
 

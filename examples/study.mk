@@ -13,14 +13,16 @@ EMPTY :=
 COMMA := ,
 SPACE := $(EMPTY) $(EMPTY)
 listed = $(subst $(SPACE),$(COMMA),$(strip $(1)))
+reversed = $(if $(1),$(call reversed,$(wordlist 2,$(words $(1)),$(1))) $(firstword $(1)))
 # Of study/N250-mu0.4-f1000: number, friction, cohesion, group.
 part = $(patsubst $(2)%,%,$(filter $(2)%,$(subst -, ,$(notdir $(1)))))
 group = mu$(call part,$(1),mu)-f$(call part,$(1),f)
 law = $(if $(filter 0,$(2)),IQS_CLB(friction: $(1)),IQS_WET_DS_CLB(cohesion: $(2), range: 0.1, dynamic_friction: $(1), static_friction: $(1)))
 
-RUNS := $(foreach mu,$(FRICTIONS),$(NUMBERS:%=study/N%-mu$(mu)-f0)) \
-	$(foreach f,$(COHESIONS),$(foreach mu,$(COHESIVE_FRICTIONS),$(NUMBERS:%=study/N%-mu$(mu)-f$(f)))) \
-	$(foreach mu,$(LARGER_FRICTIONS),$(LARGER:%=study/N%-mu$(mu)-f0))
+SMALL := $(foreach mu,$(FRICTIONS),$(NUMBERS:%=study/N%-mu$(mu)-f0)) \
+	$(foreach f,$(COHESIONS),$(foreach mu,$(COHESIVE_FRICTIONS),$(NUMBERS:%=study/N%-mu$(mu)-f$(f))))
+LARGE := $(foreach mu,$(LARGER_FRICTIONS),$(LARGER:%=study/N%-mu$(mu)-f0))
+RUNS := $(SMALL) $(LARGE)
 STILLED := $(foreach number,$(STILL),$(if $(filter study/N$(number)-mu0-f0,$(RUNS)),study/still-N$(number)))
 LARGEST := $(lastword $(NUMBERS))
 BY_NUMBER := $(filter %-mu$(SHOWN)-f0,$(RUNS))
@@ -28,7 +30,8 @@ BY_LAW := $(filter study/N$(LARGEST)-%,$(RUNS))
 TIMES := Ec_mean,Z,nu,pressure
 
 ifneq ($(filter study,$(MAKECMDGOALS)),)
-CASES := $(RUNS) $(STILLED)
+# With `make -j` what takes longest begins first.
+CASES := $(call reversed,$(LARGE)) $(SMALL) $(STILLED)
 POST_FLAGS := --no-vtk
 FIGURES = $(CD_BIN)/cd-post study $(RUNS) -o study/figures --from $(FROM) --until $(END) --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \
 	$(CD_BIN)/cd-post study $(RUNS) -o study/figures/rest --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \

@@ -1,117 +1,148 @@
-# The spin at which each aggregate fails, against the limits of Drucker and Prager:
-#   awk -v svg=limit.svg -f limit.awk f0/POSTPRO/series.csv f100/POSTPRO/series.csv ...
-# It fails when its largest remnant has lost a hundredth of the mass or is longer by a fifth than at the start; the spin is
-# the largest that it had before. With svg=FOLDER/limit.svg the table is written to FOLDER/limit.csv too.
-# Columns go by their names; SI units.
+# The spins at which aggregates that are spun up slowly yield and fail, against the limits of Drucker and Prager:
+#   awk -v svg=limit.svg -f limit.awk slow-f0/POSTPRO/series.csv slow-f100/POSTPRO/series.csv ...
+# One yields when its largest remnant is longer by a twentieth than at the start, while it is still close to a ball, and fails
+# when that is longer by a fifth; or when it has lost a hundredth of the mass. The spin is the largest that it had before.
+#
+# The friction angle is that of the mean stress of the aggregate without cohesion, `friction_angle`, mean from where it yields to
+# where it fails. The cohesion k of the whole comes from it and from the force f between two grains: the tensile strength of
+# grains of number Z and solid fraction nu is nu Z f / (pi d^2) (Rumpf 1970), and Drucker and Prager's cone, sqrt(J2) = s tr + k,
+# has its apex there, k = 3 s times that. Beside it is what the mean stress asks of the whole, sqrt(J2) - s tr, mean while the
+# spin is within a hundredth of the largest before it fails.
+# With svg=FOLDER/limit.svg the table is written to FOLDER/limit.csv too. Columns go by their names; SI units.
 
 BEGIN {
-    FS = ","; G = 6.6743e-11; PI = atan2(0, -1)
+    FS = ","; G = 6.6743e-11; PI = atan2(0, -1); YIELDS = 1.05; FAILS = 1.2
     for (k = 1; k < ARGC; k++) files[++cases] = ARGV[k]
 }
 
 FNR == 1 {
-    c++
+    run++
     for (k = 1; k <= NF; k++) column[$k] = k
     name = FILENAME; sub(/^.*\/?f/, "", name); sub(/\/.*/, "", name)
-    cohesion[c] = name + 0
+    cohesion[run] = name + 0
     next
 }
 
+# The volume of the ellipsoid of equal inertia, over 4 pi / 3.
+{ size = $column["largest_a"] * $column["largest_b"] * $column["largest_c"] }
+
 FNR == 2 {
-    # The aggregate at the start: volume of the ellipsoid of equal inertia, radius of the ball of that volume.
-    volume = 4 / 3 * PI * $column["a"] * $column["b"] * $column["c"]
-    long[c] = $column["a"]
-    radius[c] = ($column["a"] * $column["b"] * $column["c"]) ^ (1 / 3)
-    density[c] = $column["mass"] / volume
-    grains[c] = $column["n_grains"]; z[c] = $column["Z"]
-    # 500 grains of radii about r; solid volume over that of the ellipsoid
-    solid[c] = $column["nu"] * (4 / 3 * PI * $column["R_enclosing"] ^ 3) / volume
-    mean[c] = (solid[c] * volume / grains[c] / (4 / 3 * PI)) ^ (1 / 3)
+    long[run] = $column["largest_a"]; radius[run] = size ^ (1 / 3)
+    density[run] = $column["largest_mass"] / (4 / 3 * PI * size)
+    # Mean radius by volume; the solid volume is nu times that of the enclosing ball.
+    mean[run] = ($column["nu"] * $column["R_enclosing"] ^ 3 / $column["n_grains"]) ^ (1 / 3)
 }
 
-!failed[c] {
-    if ($column["largest_fraction"] < 0.99 || $column["largest_a"] > 1.2 * long[c]) { failed[c] = 1; time[c] = $column["time"] }
-    else if ($column["largest_spin"] > spin[c]) {
-        spin[c] = $column["largest_spin"]; axis_a[c] = $column["largest_a"]; axis_c[c] = $column["largest_c"]
-    }
+function beyond(longer) { return $column["largest_fraction"] < 0.99 || $column["largest_a"] > longer * long[run] }
+
+!yielded[run] && beyond(YIELDS) { yielded[run] = 1 }
+!failed[run] && beyond(FAILS) { failed[run] = 1 }
+!yielded[run] {
+    if ($column["largest_spin"] > yield[run]) yield[run] = $column["largest_spin"]
+    strength[run] = $column["nu"] * $column["R_enclosing"] ^ 3 / size * $column["Z"] * cohesion[run] / (4 * PI * mean[run] ^ 2)
+}
+!failed[run] && $column["largest_spin"] > failure[run] {
+    failure[run] = $column["largest_spin"]
+    axis_a[run] = sqrt($column["largest_a"] * $column["largest_b"]); axis_c[run] = $column["largest_c"]
+    density_then[run] = $column["largest_mass"] / (4 / 3 * PI * size)
+}
+yielded[run] && !failed[run] { between[run]++; angle[run] += $column["friction_angle"] }
+# Stresses are over the enclosing ball; here over the ellipsoid.
+!failed[run] {
+    row = ++states[run]; share = $column["R_enclosing"] ^ 3 / size
+    spin[run, row] = $column["largest_spin"]; root[run, row] = $column["sqrt_J2"] * share; trace[run, row] = 3 * $column["pressure"] * share
 }
 
-function sine(phi) { return sin(phi * PI / 180) }
-# Coefficient of Drucker and Prager, and with it the spin over w_c without cohesion.
-function s_of(phi) { return 2 * sine(phi) / (sqrt(3) * (3 - sine(phi))) }
-function cohesionless(phi,    q) { q = 2 * sine(phi) / (3 - sine(phi)); return sqrt(3 * q / (1 + 2 * q)) }
-# With a cohesion k (Pa) of the whole: w^2 (1/sqrt(3) + 2 s) = 4 pi G rho s + 5 k / (rho R^2).
-function cohesive(phi, k, rho, r) { return sqrt((4 * PI * G * rho * s_of(phi) + 5 * k / (rho * r * r)) / (1 / sqrt(3) + 2 * s_of(phi))) }
-# Tensile strength of grains that hold each other by f (Rumpf 1970): nu Z f / (pi d^2); k = 3 s times that.
-function strength(c) { return solid[c] * z[c] * cohesion[c] / (4 * PI * mean[c] ^ 2) }
+# w^2 of a ball of that run with a cohesion k: w^2 (1/sqrt(3) + 2 s) = 4 pi G rho s + 5 k / (rho R^2).
+function ball(run, k) { return (4 * PI * G * density[run] * s + 5 * k / (density[run] * radius[run] ^ 2)) / (1 / sqrt(3) + 2 * s) }
+# The same of an oblate body (Holsapple 2004, with cohesion 2007), with the shape and density of that run as it fails:
+# w^2 = 2 pi G rho A_x - (2 pi G rho A_z (c/a)^2 (1/sqrt(3) - s) - 5 k / (rho a^2)) / (1/sqrt(3) + 2 s).
+function oblate(run, k,    r, e2, e, az, g) {
+    r = axis_c[run] / axis_a[run]; e2 = 1 - r * r; e = sqrt(e2); az = 2 / e2 * (1 - r / e * atan2(e, r))
+    g = 2 * PI * G * density_then[run]
+    return g * (1 - az / 2) - (g * az * r * r * (1 / sqrt(3) - s) - 5 * k / (density_then[run] * axis_a[run] ^ 2)) / (1 / sqrt(3) + 2 * s)
+}
+function rumpf(run) { return 3 * s * strength[run] }
+function measured(run,    row, n, sum) {
+    for (row = 1; row <= states[run]; row++) if (spin[run, row] > 0.99 * failure[run]) { n++; sum += root[run, row] - s * trace[run, row] }
+    return sum / n
+}
+function hours(w) { return 2 * PI / w / 3600 }
 
 END {
-    critical = sqrt(4 * PI * G * density[1] / 3)
-    printf "Spin at failure; bulk density %.0f kg/m^3, R %.1f m, w_c %.3e rad/s (period %.2f h)\n", density[1], radius[1], critical, 2 * PI / critical / 3600
-    print "   f_c [N]  strength [Pa]    w [rad/s]    w/w_c  period [h]   c/a   limits at phi = 30, 40 deg"
-    for (c = 1; c <= cases; c++) {
-        t = strength(c)
-        printf "%10g %14.3f %12.3e %8.3f %11.2f %5.2f   %.3f %.3f%s\n", cohesion[c], t, spin[c], spin[c] / critical, \
-            2 * PI / spin[c] / 3600, axis_c[c] / axis_a[c], cohesive(30, 3 * s_of(30) * t, density[c], radius[c]) / critical, \
-            cohesive(40, 3 * s_of(40) * t, density[c], radius[c]) / critical, failed[c] ? "" : "  (held to the end)"
-    }
-    printf "Without cohesion, (w/w_c)^2 = 3 q / (1 + 2 q): %.3f at 30 deg, %.3f at 40 deg\n", cohesionless(30), cohesionless(40)
+    if (cohesion[1] != 0 || !between[1]) { print "the first is to be without cohesion, and to yield" > "/dev/stderr"; exit 1 }
+    phi = angle[1] / between[1]
+    q = 2 * sin(phi) / (3 - sin(phi)); s = q / sqrt(3)
+    critical2 = 4 * PI * G * density[1] / 3
+    printf "Bulk density %.0f kg/m^3, R %.1f m, w_c %.3e rad/s (period %.2f h)\n", density[1], radius[1], sqrt(critical2), hours(sqrt(critical2))
+    printf "Friction angle without cohesion, mean of %d: %.1f degrees; 3 q / (1 + 2 q) = %.3f\n", between[1], phi * 180 / PI, 3 * q / (1 + 2 * q)
+    print "                k [Pa]         yields: (w/w_c)^2, ball of k        fails: (w/w_c)^2"
+    print "   f_c [N]  Rumpf  stress     run   Rumpf  over  stress  over   c/a    run  oblate  over  period [h]"
+    for (run = 1; run <= cases; run++)
+        printf "%10g %6.3f %7.3f %7.3f %7.3f %5.2f %7.3f %5.2f %5.2f %6.3f %7.3f %5.2f %11.2f%s\n", cohesion[run], rumpf(run), measured(run), yield[run] ^ 2 / critical2, \
+            ball(run, rumpf(run)) / critical2, yield[run] ^ 2 / ball(run, rumpf(run)), ball(run, measured(run)) / critical2, \
+            yield[run] ^ 2 / ball(run, measured(run)), axis_c[run] / axis_a[run], failure[run] ^ 2 / critical2, \
+            oblate(run, rumpf(run)) / critical2, failure[run] ^ 2 / oblate(run, rumpf(run)), hours(failure[run]), failed[run] ? "" : "  (held to the end)"
     if (svg != "") { write_table(); draw() }
 }
 
-function write_table(    table, c, t) {
+function write_table(    table, run) {
     table = svg; sub(/svg$/, "csv", table)
-    print "cohesion,strength,spin,spin_over_critical,limit_30,limit_40,over_mean_limit,failed" > table
-    for (c = 1; c <= cases; c++) {
-        t = strength(c)
-        low = cohesive(30, 3 * s_of(30) * t, density[c], radius[c]); high = cohesive(40, 3 * s_of(40) * t, density[c], radius[c])
-        printf "%g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d\n", cohesion[c], t, spin[c], spin[c] / critical, low / critical, high / critical, 2 * spin[c] / (low + high), failed[c] > table
-    }
+    print "cohesion,friction_angle,q,strength,k,k_measured,yield_spin,yield2,ball2,yield_over_ball,yield_over_measured,axis_ratio,failure_spin,failure_period,failure2,oblate2,failure_over_oblate,failed" > table
+    for (run = 1; run <= cases; run++)
+        printf "%g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d\n", cohesion[run], phi * 180 / PI, q, strength[run], rumpf(run), measured(run), \
+            yield[run], yield[run] ^ 2 / critical2, ball(run, rumpf(run)) / critical2, yield[run] ^ 2 / ball(run, rumpf(run)), \
+            yield[run] ^ 2 / ball(run, measured(run)), axis_c[run] / axis_a[run], failure[run], hours(failure[run]), failure[run] ^ 2 / critical2, oblate(run, rumpf(run)) / critical2, failure[run] ^ 2 / oblate(run, rumpf(run)), failed[run] > table
     close(table)
 }
 
-function x(t) { return 70 + 400 * t / most }
-function y(w) { return 270 - 220 * w / top }
+function px(force) { return 70 + 470 * force / most }
+function py(period) { return 310 - 270 * period / top }
 
-# The largest of 1, 2 and 5 times a power of ten that is not above x > 0.
-function round_part(x,    power) {
+# The largest of 1, 2 and 5 times a power of ten that is not above the number, > 0.
+function round_part(number,    power) {
     power = 1
-    while (power > x) power /= 10
-    while (10 * power <= x) power *= 10
-    return (x >= 5 * power ? 5 : x >= 2 * power ? 2 : 1) * power
+    while (power > number) power /= 10
+    while (10 * power <= number) power *= 10
+    return (number >= 5 * power ? 5 : number >= 2 * power ? 2 : 1) * power
 }
 
-function curve(phi,    k, t) {
-    printf "<path fill=\"none\" stroke=\"#999\" d=\"" > svg
-    for (k = 0; k <= 60; k++) {
-        t = most * k / 60
-        printf "%s%.1f %.1f", k ? "L" : "M", x(t), y(cohesive(phi, 3 * s_of(phi) * t, density[1], radius[1]) / critical) > svg
-    }
-    print "\"/>" > svg
-    printf "<text x=\"%.1f\" y=\"%.1f\" fill=\"#666\">φ = %d°</text>\n", x(most) + 5, y(cohesive(phi, 3 * s_of(phi) * most, density[1], radius[1]) / critical) + 4, phi > svg
-}
+function text(x, y, anchor, words) { printf "<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">%s</text>\n", x, y, anchor, words > svg }
+function line(x0, y0, x1, y1, style) { printf "<path d=\"M%.1f %.1fL%.1f %.1f\" %s/>\n", x0, y0, x1, y1, style > svg }
+function dot(x, y) { printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"#0072b2\"/>\n", x, y > svg }
+function ring(x, y) { printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"7\" fill=\"none\" stroke=\"#0072b2\" stroke-width=\"1.5\"/>\n", x, y > svg }
+function square(x, y) { printf "<rect x=\"%.1f\" y=\"%.1f\" width=\"7\" height=\"7\" fill=\"#d55e00\"/>\n", x - 3.5, y - 3.5 > svg }
 
-function draw(    c, k, tick) {
-    most = 1.05 * strength(cases); if (most == 0) most = 1
+function draw(    k, run, tick, grey, dashed) {
+    grey = "stroke=\"#666\" stroke-width=\"1.5\" fill=\"none\""; dashed = grey " stroke-dasharray=\"6 4\""
+    most = cohesion[cases] ? 1.05 * cohesion[cases] : 1
     top = 0
-    for (c = 1; c <= cases; c++) if (spin[c] / critical > top) top = spin[c] / critical
-    tick = cohesive(40, 3 * s_of(40) * most, density[1], radius[1]) / critical; if (tick > top) top = tick
-    top *= 1.1
-    printf "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"560\" height=\"330\" font-family=\"sans-serif\" font-size=\"13\">\n" > svg
-    print "<rect width=\"560\" height=\"330\" fill=\"white\"/>" > svg
-    for (k = 0; k <= top; k += 0.5) {
-        printf "<path d=\"M70 %.1f H470\" stroke=\"#e0e0e0\"/><text x=\"62\" y=\"%.1f\" text-anchor=\"end\">%.1f</text>\n", y(k), y(k) + 4, k > svg
-    }
+    for (run = 1; run <= cases; run++) { if (hours(yield[run]) > top) top = hours(yield[run]); if (hours(sqrt(oblate(run, rumpf(run)))) > top) top = hours(sqrt(oblate(run, rumpf(run)))) }
+    top = int(1.15 * top + 1)
+    print "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"580\" height=\"370\" font-family=\"sans-serif\" font-size=\"13\">" > svg
+    print "<rect width=\"580\" height=\"370\" fill=\"white\"/>" > svg
+    for (k = 0; k <= top; k++) { line(70, py(k), 540, py(k), "stroke=\"#e0e0e0\""); text(62, py(k) + 4, "end", k) }
     tick = round_part(most / 3)
-    for (k = 0; k * tick <= most; k++)
-        printf "<text x=\"%.1f\" y=\"288\" text-anchor=\"middle\">%g</text>\n", x(k * tick), k * tick > svg
-    curve(20); curve(30); curve(40)
-    for (c = 1; c <= cases; c++)
-        printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"5\" fill=\"%s\" stroke=\"#0072b2\" stroke-width=\"2\"/>\n", x(strength(c)), y(spin[c] / critical), failed[c] ? "#0072b2" : "white" > svg
-    print "<path d=\"M70 40 V270 H470\" fill=\"none\" stroke=\"black\"/>" > svg
-    print "<text x=\"270\" y=\"315\" text-anchor=\"middle\">tensile strength ν Z f / π d² (Pa)</text>" > svg
-    print "<text x=\"22\" y=\"155\" text-anchor=\"middle\" transform=\"rotate(-90 22 155)\">spin at failure / √(4πGρ/3)</text>" > svg
-    print "<text x=\"70\" y=\"25\">Dots: runs. Lines: Drucker and Prager, friction angle φ.</text>" > svg
+    for (k = 0; k * tick <= most; k++) { line(px(k * tick), 310, px(k * tick), 315, "stroke=\"black\""); text(px(k * tick), 330, "middle", k * tick) }
+    line(70, py(hours(sqrt(critical2))), 540, py(hours(sqrt(critical2))), dashed)
+    # The tensile strength goes with the force, as in the last run.
+    printf "<path %s d=\"", grey > svg
+    for (k = 0; k <= 100; k++)
+        printf "%s%.1f %.1f", k ? "L" : "M", px(most * k / 100), py(hours(sqrt(ball(1, cohesion[cases] ? rumpf(cases) * most * k / 100 / cohesion[cases] : 0)))) > svg
+    print "\"/>" > svg
+    for (run = 1; run <= cases; run++) {
+        square(px(cohesion[run]), py(hours(sqrt(oblate(run, rumpf(run))))))
+        dot(px(cohesion[run]), py(hours(yield[run]))); ring(px(cohesion[run]), py(hours(failure[run])))
+    }
+    print "<path d=\"M70 40 V310 H540\" fill=\"none\" stroke=\"black\"/>" > svg
+    text(305, 355, "middle", "cohesion between two grains (N)")
+    print "<text x=\"30\" y=\"175\" text-anchor=\"middle\" transform=\"rotate(-90 30 175)\">period of rotation (h)</text>" > svg
+    text(70, 25, "start", "Period at yield and at failure against cohesion")
+    dot(296, 52); text(315, 56, "start", "runs, at yield")
+    ring(296, 70); text(315, 74, "start", "runs, at failure")
+    line(285, 88, 308, 88, dashed); text(315, 92, "start", "sphere, √(4πGρ/3)")
+    line(285, 106, 308, 106, grey); text(315, 110, "start", sprintf("sphere, Drucker–Prager, φ = %.1f°", phi * 180 / PI))
+    square(296, 124); text(315, 128, "start", "the same, oblate as at failure")
     print "</svg>" > svg
     close(svg)
     print "drawn in " svg
