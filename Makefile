@@ -30,6 +30,8 @@ paper: build ## runs the studies, a run a core, and writes docs/paper.md
 	$(SIDE_BY_SIDE) -C examples/accretion-polyhedra study CD_BIN=$(BIN)
 	$(SIDE_BY_SIDE) -C examples/spin-up CD_BIN=$(BIN)
 	$(SIDE_BY_SIDE) -C examples/spin-up fluid CD_BIN=$(BIN)
+	$(SIDE_BY_SIDE) -C examples/regolith study CD_BIN=$(BIN)
+	$(SIDE_BY_SIDE) -C examples/shape-model CD_BIN=$(BIN)
 	awk -f docs/paper/paper.awk docs/paper/paper.md.in > docs/paper.md.part
 	mv docs/paper.md.part docs/paper.md
 

@@ -1,5 +1,9 @@
-# Semi-axes and slopes at the end of each case, from its series.csv and the surface.csv of its last state.
-BEGIN { FS = ","; printf "%-8s %6s %6s %6s %6s %8s %8s %10s\n", "", "a", "b", "c", "nu", "slope", "90 %", "above 30°" }
+# Semi-axes and slopes at the end of each case, from its series.csv and the surface.csv of its last state; with -v csv=FILE the
+# same as a table.
+BEGIN {
+	FS = ","; if (csv) print "case,a,b,c,nu,mean_slope,slope_of_nine_tenths,share_above_30" > csv
+	printf "%-8s %6s %6s %6s %6s %8s %8s %10s\n", "", "a", "b", "c", "nu", "slope", "90 %", "above 30°"
+}
 FNR == 1 {
 	finish(); split("", column); for (i = 1; i <= NF; i++) column[$i] = i
 	split(FILENAME, path, "/"); surface = FILENAME ~ /surface/
@@ -12,5 +16,6 @@ function finish(    i, j, t) {
 	if (!n) return
 	for (i = 1; i < n; i++) { t = slopes[i]; for (j = i - 1; j >= 0 && slopes[j] > t; j--) slopes[j + 1] = slopes[j]; slopes[j + 1] = t }
 	printf "%-8s %6.1f %6.1f %6.1f %6.3f %8.1f %8.1f %9.0f %%\n", path[1], a, b, c, nu, sum / all, slopes[int(0.9 * n)], 100 * steep / all
+	if (csv) printf "%s,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n", path[1], a, b, c, nu, sum / all, slopes[int(0.9 * n)], steep / all > csv
 	n = all = steep = sum = 0
 }
