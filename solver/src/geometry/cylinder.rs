@@ -273,16 +273,26 @@ impl Pair<'_> {
             rim.push((fall / fall.norm()).into());
         }
         let offset = normal.dot(&self.vertices[corners[0] as usize]);
-        for (k, at) in rim.iter().enumerate() {
+        let place = |k: usize, at: [f64; 2]| {
             let [x, y] = at.map(|x| x * self.radius);
             let inside = |k: usize| {
                 let (p, q) = (outline[k], outline[next(k)]);
                 ((q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0])) * doubled > 0.0
             };
-            if (0..outline.len()).all(inside) {
+            (0..outline.len()).all(inside).then(|| {
                 let gap = (offset - normal.dot(&on_end(x, y))) / rise;
-                patch.corners.push(self.corner(on_end(x, y), m, gap, [x, y], (face(f), RIM + 2 + k as u32)));
-            }
+                self.corner(on_end(x, y), m, gap, [x, y], (face(f), RIM + 2 + k as u32))
+            })
+        };
+        patch.corners.extend(rim.iter().enumerate().filter_map(|(k, at)| place(k, *at)));
+        // A segment between these: the middle of its arc, or a face would rest on a line.
+        if let [p, q] = patch.corners[..]
+            && p.features.0 == q.features.0
+        {
+            let (x, y) = (p.flat[1] - q.flat[1], q.flat[0] - p.flat[0]);
+            let towards = doubled.signum() / x.hypot(y);
+            // Its own number, whether the face tilts or not.
+            patch.corners.extend(place(5, [x * towards, y * towards]));
         }
         patch.area = area_in_disc(&nearer_than(&outline, area_within), self.radius) * m.z.abs();
     }

@@ -147,8 +147,9 @@ impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
         let (axis, met) = self.axis();
         let faces = if axis.s > self.enough { (0, 0) } else { support_faces(self.l, self.pair, &axis, met) };
         let lost = match axis.feature {
-            // Shapes rounded in files are convex to their digits alone: there crossed arcs may promise too much.
-            Feature::Edges(..) => separation(self.l, self.pair, &axis.n) < axis.s - 1e-9 * self.pair.small,
+            // Crossed arcs may promise too much: of shapes rounded in files, which are convex to their digits alone, and of
+            // short edges nearly parallel to long ones, whose ends are rounded by more than they are apart.
+            Feature::Edges(..) => separation(self.l, self.pair, &axis.n) < axis.s - self.pair.tie(),
             Feature::None => axis.s <= 0.0,
             _ => false,
         };

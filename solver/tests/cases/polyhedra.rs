@@ -254,6 +254,87 @@ fn the_texts_of_a_stack_start_another() {
     assert!(again(&case).0 > 2.0 * warm);
 }
 
+/// Far from the origin positions are rounded, and nothing else: a blow of two cubes, off their centres, and a stack.
+#[test]
+fn far_from_the_origin_only_positions_are_rounded() {
+    let out = |far: f64, x: [f64; 3]| [far + x[0], -far + x[1], far + x[2]];
+    let blow = |far: f64| {
+        let mut case = Case::new();
+        case.law_of_all("RST_CLB", &[0.8, 0.0, 0.3]);
+        case.options.dt = 0.01;
+        case.block([0.5; 3], out(far, [0.1, 0.2, 0.3]), [X, Y, Z]);
+        let other = case.block([0.5; 3], out(far, [1.3015, 0.6, 0.1]), [X, Y, Z]);
+        case.launch(other, [-0.3, 0.1, 0.0], [0.0; 3]);
+        case.run(150)
+    };
+    let stack = |far: f64| {
+        let mut case = scene(0.5, [0.0, 0.0, -8.0]);
+        case.options.dt = 0.005;
+        for k in 0..4 {
+            case.block([0.45; 3], out(far, [0.1, 0.1 * f64::from(k), 0.55 + 0.9 * f64::from(k)]), [X, Y, Z]);
+        }
+        let floor = case.plate([8.0, 8.0, 0.5], out(far, [0.0, 0.0, -0.4]), [X, Y, Z]);
+        let end = case.run(200);
+        let on_floor = reaction(&end, floor);
+        (end, on_floor)
+    };
+    let (blow_here, (stack_here, _)) = (blow(0.0), stack(0.0));
+    assert!(blow_here.w(0).norm() > 0.1 && blow_here.v(0).norm() > 0.1, "the blow is felt");
+    for far in [1e6, 1e9] {
+        // Between one number of that size and the next.
+        let step = f64::EPSILON * 2f64.powi(f64::log2(far) as i32);
+        let from = Vec3::from(out(far, [0.0; 3]));
+        let (blow, (stack, on_floor)) = (blow(far), stack(far));
+        for body in 0..2 {
+            // Each of the 150 steps may round a place by half of that, and the levers of the blow, of half a metre, with
+            // it: at 0.3 m/s that is less than as much in v and w. The way is the sum along three axes, and of v in 1.5 s.
+            let places = 150.0 * 0.5 * step;
+            near(blow.v(body), blow_here.v(body), places);
+            near(blow.w(body), blow_here.w(body), places);
+            near(blow.x(body) - from, blow_here.x(body), (3f64.sqrt() + 1.5) * places);
+        }
+        for body in 0..4 {
+            // Each of four gaps begins and ends between two such numbers, and what is less than one keeps its speed.
+            near(stack.x(body) - from, stack_here.x(body), 4.0 * 3f64.sqrt() * step);
+            near(stack.v(body), [0.0; 3], 4.0 * step / 0.005 + 1e-12);
+            near(stack.w(body), [0.0; 3], 4.0 * step / 0.005 + 1e-12);
+        }
+        // As much as such a change of speed would be within one step.
+        let weight = 4.0 * 0.9f64.powi(3) * 8.0;
+        near(on_floor, [0.0, 0.0, -weight], 4.0 * step / 0.005 * weight / 8.0 / 0.005 + 1e-9);
+    }
+}
+
+/// A run tells of bodies that overlap from its start: how many, which most, and by how much.
+#[test]
+fn deep_overlaps_at_the_start_are_told() {
+    let told = |case: &mut Case| {
+        case.options.steps = Some(1);
+        case.write();
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
+        assert!(output.status.success());
+        let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        text.lines().find(|line| line.contains("overlap")).map(str::to_string)
+    };
+    // The mean radius is that of the ball of a cube's volume, 0.62035 m.
+    let cubes = |places: &[f64]| {
+        let mut case = scene(0.5, [0.0; 3]);
+        places.iter().for_each(|&x| _ = case.block([0.5; 3], [x, 0.1, 0.2], [X, Y, Z]));
+        case
+    };
+    let expected = |pairs: &str, most: &str| {
+        Some(format!(
+            "cd-solve: from the start bodies overlap by more than 1 % of the mean radius: {pairs}, most bodies {most}; laws \
+             other than GAP_SGR_CLB keep what they find, as a push adds energy"
+        ))
+    };
+    assert_eq!(told(&mut cubes(&[0.0, 0.9])), expected("1 pair", "1-2 by 1.000e-1 m, 16.1 %"));
+    assert_eq!(told(&mut cubes(&[0.0, 0.95, 5.0, 5.75])), expected("2 pairs", "3-4 by 2.500e-1 m, 40.3 %"));
+    // Of 1 % on either side: 6.2035e-3 m.
+    assert_eq!(told(&mut cubes(&[0.0, 0.9937])), expected("1 pair", "1-2 by 6.300e-3 m, 1.0 %"));
+    assert_eq!(told(&mut cubes(&[0.0, 0.9939])), None);
+}
+
 /// Cards of half lengths (thickness, width, length) in three storeys of tents, a roof over each but the last.
 fn card_house(case: &mut Case) -> Vec<usize> {
     let (length, thick, wide, lean) = (1.0, 0.02, 0.4, 12f64.to_radians());

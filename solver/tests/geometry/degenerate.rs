@@ -54,7 +54,7 @@ fn stacked(a: Solid, qa: Quat, b: Solid, qb: Quat, side: [f64; 2], gap: f64) -> 
 }
 
 /// A turn after which an edge looks along `to` (-z or z) and is level; its direction comes out along x.
-fn edge_to(random: &mut Random, solid: &Solid, to: f64) -> Quat {
+pub fn edge_to(random: &mut Random, solid: &Solid, to: f64) -> Quat {
     let normals = normals(solid);
     let edges: Vec<([Vec3; 2], Vec3)> = edges(solid)
         .into_iter()
@@ -70,8 +70,14 @@ fn edge_to(random: &mut Random, solid: &Solid, to: f64) -> Quat {
     to_axes(along, down * to)
 }
 
+/// A turn after which a face looks along `to`.
+pub fn face_to(random: &mut Random, solid: &Solid, to: f64) -> Quat {
+    let normals = normals(solid);
+    to_axes(random.direction(), normals[random.index(normals.len())] * to)
+}
+
 /// A turn after which a vertex looks along `to`.
-fn vertex_to(random: &mut Random, solid: &Solid, to: f64) -> Quat {
+pub fn vertex_to(random: &mut Random, solid: &Solid, to: f64) -> Quat {
     let normals = normals(solid);
     let v = random.index(solid.vertices.len()) as u32;
     let around = solid.triangles.iter().zip(&normals).filter(|(t, _)| t.contains(&v));
@@ -131,10 +137,11 @@ fn spin(random: &mut Random) -> Quat {
     about(Vec3::z(), [0.0, 0.0, std::f64::consts::FRAC_PI_2, random.between(0.0, 6.3)][random.index(4)])
 }
 
-/// Runs a class: gap, what `expect` says, exchange of the bodies, and noise. `pointed`: the nearest features are
-/// points and lines.
+/// Runs a class: gap, what `expect` says, exchange of the bodies, and noise, in both narrow phases. `pointed`: the nearest
+/// features are points and lines.
 fn class(seed: u64, pointed: bool, make: impl Fn(&mut Random) -> Touch, expect: impl Fn(&Touch, &Manifold)) {
     let mut random = Random(seed);
+    let mut stays = 0;
     for k in 0..COUNT {
         let touch = make(&mut random);
         let Touch { a, qa, b, qb, c, .. } = &touch;
@@ -152,6 +159,26 @@ fn class(seed: u64, pointed: bool, make: impl Fn(&mut Random) -> Touch, expect: 
         let (expected, _) = separation(a, &qa, b, &qb, &c);
         let far = |found: &Manifold, expected: f64| (found.gap() - expected).abs() / size;
         assert!(far(&first, expected) < 1e-12, "case {k}: {first:?}, expected {expected}");
+        let fast = |qa: &Quat, qb: &Quat, c: &Vec3, memory: &mut Memory| {
+            let found = remembered(a, qa, b, qb, c, alert, Narrow::Fast, memory);
+            found.iter().for_each(|found| check(found, alert, size, &|| format!("case {k}, fast")));
+            found
+        };
+        // With nothing remembered the fast search is the other.
+        assert_eq!(fast(&qa, &qb, &c, &mut Memory::default()), Some(first), "case {k}");
+        // From the step before it may stay at another direction in which bodies overlap, and more than in the best; where
+        // it finds them apart it has found what is nearest.
+        let step = a.shape.inradius().min(b.shape.inradius()) * [1e-6, 1e-4, 1e-2][k % 3];
+        let mut turned = |q: &Quat| Quat::from_scaled_axis(random.direction() * (step / size)) * q;
+        let (before_a, before_b) = (turned(&qa), turned(&qb));
+        let mut from_before = Memory::default();
+        fast(&before_a, &before_b, &(c + random.direction() * step), &mut from_before);
+        let after = fast(&qa, &qb, &c, &mut from_before).unwrap_or_else(|| panic!("case {k}, fast: {first:?} lost"));
+        assert!(after.gap() < expected + 1e-12 * size, "case {k}, fast: {after:?}, expected {expected}");
+        if after.gap() > 0.0 {
+            assert!(far(&after, expected) < 1e-12, "case {k}, fast: {after:?}, expected {expected}");
+        }
+        stays += usize::from(far(&after, expected) > 1e-11);
         // A for B.
         let other = contact(b, &qb, a, &qa, &-c, alert).unwrap();
         check(&other, alert, size, &|| format!("case {k} exchanged"));
@@ -160,6 +187,7 @@ fn class(seed: u64, pointed: bool, make: impl Fn(&mut Random) -> Touch, expect: 
         let mut noise = |reach: f64| random.direction() * (NOISE * small / reach);
         let (dc, da, db) = (noise(1.0), noise(size), noise(size));
         let (qa, qb, c) = (Quat::from_scaled_axis(da) * qa, Quat::from_scaled_axis(db) * qb, c + dc);
+        let mut fast_memory = memory;
         let again = remembered(a, &qa, b, &qb, &c, alert, Narrow::Accurate, &mut memory)
             .unwrap_or_else(|| panic!("case {k} lost: {first:?}, {:?}", separation(a, &qa, b, &qb, &c)));
         check(&again, alert, size, &|| format!("case {k} with noise"));
@@ -170,7 +198,12 @@ fn class(seed: u64, pointed: bool, make: impl Fn(&mut Random) -> Touch, expect: 
         // The normal of edges turns by noise over their angle, between points a gap apart by noise over gap.
         let free = if pointed && touch.gap > 0.0 { 100.0 * NOISE * small / touch.gap } else { 100.0 * NOISE };
         assert!((again.normal - first.normal).norm() < free, "case {k}: {first:?} {again:?}");
+        let again = fast(&qa, &qb, &c, &mut fast_memory).unwrap_or_else(|| panic!("case {k}, fast: {first:?} lost"));
+        assert!(far(&again, expected) < 1e-11, "case {k}, fast: {again:?}, expected {expected}");
+        assert_eq!(ids(&again), ids(&first), "case {k}, fast: {first:?} {again:?}");
+        assert!((again.normal - first.normal).norm() < free, "case {k}, fast: {first:?} {again:?}");
     }
+    println!("the fast search stays at another direction in {stays} of {COUNT}");
 }
 
 fn scaled(solid: Solid, by: f64) -> Solid {

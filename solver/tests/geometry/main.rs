@@ -4,6 +4,7 @@ mod cylinder;
 mod degenerate;
 mod oracle;
 mod other;
+mod patch;
 mod random;
 mod shapes;
 mod table;

@@ -5,6 +5,7 @@ use cd_solve::math::Vec3;
 
 use crate::check;
 use crate::oracle::{nearest_to, separation};
+use crate::patch::{Posed, Tally, agree};
 use crate::shapes::{Random, cuboid, regular, rock};
 
 #[test]
@@ -40,6 +41,7 @@ fn spheres_touch_the_nearest_point() {
         if expected > 1e-6 {
             assert!((found.normal + n).norm() < 1e-14 / expected, "{k}: {found:?} {n}");
         }
+        assert_eq!((found.points.len(), found.area), (1, 0.0), "{k}: {found:?}");
         let sphere_side = found.points[0].position - found.normal * (0.5 * found.points[0].gap);
         assert!(((sphere_side - c).norm() - radius).abs() < 1e-14, "{k}: {found:?}");
     }
@@ -48,7 +50,11 @@ fn spheres_touch_the_nearest_point() {
 #[test]
 fn plates_touch_as_cuboids_do() {
     let mut random = Random(12);
-    for k in 0..2_000 {
+    let mut tally = Tally::default();
+    for k in 0.. {
+        if tally.met() == 10_000 {
+            break;
+        }
         let count = 4 + random.index(16);
         let a = rock(&mut random, count, Vec3::new(1.0, 1.0, 0.6));
         let half = Vec3::new(random.between(1.0, 20.0), random.between(1.0, 20.0), random.between(0.05, 2.0));
@@ -67,16 +73,19 @@ fn plates_touch_as_cuboids_do() {
             Some(found) => {
                 check(&found, alert, 1.0 + half.norm(), &|| format!("{k}"));
                 assert!((found.gap() - expected).abs() < 1e-13, "{k}: {found:?}, expected {expected}");
+                let posed = Posed { a: &a, qa: &q, b: &plate, qb: &turn, c: &c, alert };
+                agree(&posed, &found, &mut tally, &|| format!("{k}"));
             }
         }
     }
+    println!("{tally:?}");
 }
 
 #[test]
 fn drums_are_touched_where_bodies_reach_farthest() {
     let mut random = Random(13);
     let (mut sides, mut ends) = (0, 0);
-    for k in 0..2_000 {
+    for k in 0..10_000 {
         let count = 4 + random.index(16);
         let a = rock(&mut random, count, Vec3::new(1.0, 1.0, 0.6));
         let (q, turn, radius, half_height) =
@@ -100,6 +109,7 @@ fn drums_are_touched_where_bodies_reach_farthest() {
         assert!((deepest - expected.min(0.5)).abs() < 1e-14, "{k}: {deepest} {expected}");
         for manifold in &found {
             check(manifold, 0.5, 3.0, &|| format!("{k}"));
+            assert_eq!((manifold.points.len(), manifold.area), (1, 0.0), "{k}: {manifold:?}");
             let point = manifold.points[0];
             let on_wall = turn.inverse() * (point.position - c - manifold.normal * (0.5 * point.gap));
             let inward = turn.inverse() * manifold.normal;
