@@ -1,7 +1,9 @@
 //! The option `solver`: all of them find the same, `auto` goes on where sweeps stall; and LMGC90's criteria.
 
 use cd_formats::compute::ContactSolver::{self, Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
+use cd_formats::fc3d::Fc3d;
 use cd_formats::snapshot::Snapshot;
+use cd_solve::solve::stored::{Limits, Problem, Solver, solve};
 
 use crate::case::{Case, Figures, Vec3, near};
 
@@ -19,6 +21,20 @@ fn packed(solver: ContactSolver, friction: f64) -> Case {
     }
     // A round of sweeps, and room for what comes after it, which counts too.
     (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, Some(1e-8), Some(5000));
+    case
+}
+
+/// Two spheres on a floor and a third on top, that slide.
+fn pyramid(solver: ContactSolver) -> Case {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.25]);
+    case.gravity = [1.0, 0.0, -8.0];
+    case.floor();
+    for x in [[-0.5, 0.0, 0.5], [0.5, 0.0, 0.5], [0.0, 0.0, 0.5 + 0.75f64.sqrt()]] {
+        let ball = case.sphere(0.5, x);
+        case.launch(ball, [2.0, 0.5, 0.0], [0.0; 3]);
+    }
+    (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, Some(1e-8), Some(2000));
     case
 }
 
@@ -47,21 +63,36 @@ fn newtons_method_finds_what_auto_finds_where_sweeps_stall() {
 #[test]
 fn all_solvers_let_a_pyramid_slide_alike() {
     let ends = [Auto, Nlgs, NlgsAnderson, ProxNewton, Admm, InteriorPoint].map(|solver| {
-        let mut case = Case::new();
-        case.law("IQS_CLB", &[0.25]);
-        case.gravity = [1.0, 0.0, -8.0];
-        case.floor();
-        for x in [[-0.5, 0.0, 0.5], [0.5, 0.0, 0.5], [0.0, 0.0, 0.5 + 0.75f64.sqrt()]] {
-            let ball = case.sphere(0.5, x);
-            case.launch(ball, [2.0, 0.5, 0.0], [0.0; 3]);
-        }
-        (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, Some(1e-8), Some(2000));
+        let mut case = pyramid(solver);
         let end = case.run(3);
         assert!(all_converged(&case), "{solver}");
         end
     });
     for end in &ends {
         assert!(difference(&ends[0], end) < 1e-6, "{}", difference(&ends[0], end));
+    }
+}
+
+#[test]
+fn a_problem_written_out_has_the_impulses_of_its_step() {
+    let mut case = pyramid(Nlgs);
+    (case.options.tol, case.options.output_every, case.options.steps) = (Some(1e-10), 1, Some(3));
+    case.write();
+    assert_eq!(case.solve(&["--dump-problem", "2"]), 0);
+    let Fc3d { name, mu, q, blocks, .. } = Fc3d::read(&case.path().join("problem-000002.fc3d")).unwrap();
+    assert_eq!(name, "step-000002");
+    let problem = Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).unwrap();
+    let limits = Limits { tol: 1e-10, max_sweeps: 2000, max_time: None, max_cost: f64::INFINITY };
+    let found = solve(&problem, Solver::ProxNewton, &[], limits);
+    assert!(found.converged, "{}", found.residual);
+    // All contacts of the step touch, so all are in the problem, in the same order.
+    let step = &case.written()[2];
+    let forces = &step.contacts.contact_force;
+    assert!(forces.len() == found.r.len() && forces.len() >= 4, "{} {}", forces.len(), found.r.len());
+    let scale = forces.iter().map(|force| Vec3::from(*force).norm()).fold(0.0, f64::max) * case.options.dt;
+    for (force, r) in forces.iter().zip(found.r) {
+        // Both to 1e-10, in a system that may amplify that a hundred times.
+        near(Vec3::from(*force) * case.options.dt, r, 2e-8 * scale);
     }
 }
 
