@@ -1,5 +1,7 @@
 //! The option `solver`: all of them find the same, `auto` goes on where sweeps stall; and LMGC90's criteria.
 
+use std::process::Command;
+
 use cd_formats::compute::ContactSolver::{self, Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
 use cd_formats::fc3d::Fc3d;
 use cd_formats::snapshot::Snapshot;
@@ -138,4 +140,28 @@ fn convergence_is_checked_where_it_is_asked_for() {
         assert!(case.column("sweeps").iter().all(|sweeps| *sweeps >= 30.0 && sweeps % 30.0 == 0.0), "{law}");
         assert!(all_converged(&case), "{law}");
     }
+}
+
+/// What a run from the beginning tells, and what it warns of.
+fn told(case: &Case) -> [String; 2] {
+    case.write();
+    let program = env!("CARGO_BIN_EXE_cd-solve");
+    let output = Command::new(program).arg(case.path()).args(["--force", "--steps", "3"]).output().unwrap();
+    assert!(output.status.success());
+    [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap())
+}
+
+#[test]
+fn a_solver_whose_place_sweeps_take_is_told_once() {
+    let rolling = |solver| {
+        let mut case = pyramid(solver);
+        case.law("IQS_DS_ROLL_CLB", &[0.25, 0.25, 0.1, 0.1]);
+        case.options.max_sweeps = Some(1);
+        case
+    };
+    let [out, warnings] = told(&rolling(Admm));
+    assert_eq!(out.matches("sweeps take the place of the solver asked for, as rolling").count(), 1, "{out}");
+    assert!(warnings.contains("step 1, t = 0.001 s: sweeps in place of admm stopped after 1 sweeps"), "{warnings}");
+    let [out, warnings] = told(&rolling(Nlgs));
+    assert!(!out.contains("place of") && warnings.contains(" s: nlgs stopped after 1 sweeps"), "{out} {warnings}");
 }
