@@ -30,7 +30,7 @@ struct Arguments {
     /// Tell what the run would be - models, memory, time of a step, bounds on h - and write nothing.
     #[arg(long, conflicts_with = "dump_problem")]
     plan: bool,
-    /// Write the contact problem that leads to this step to DIR/problem-STEP.fc3d.
+    /// Write the contact problem that leads to this step of the run to DIR/problem-STEP.fc3d.
     #[arg(long, value_name = "STEP")]
     dump_problem: Option<u64>,
     #[command(flatten)]
@@ -83,6 +83,9 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
         write::expect_none(case, scene.options.text)?;
     }
     check(&scene, &state)?;
+    if let Some(step) = arguments.dump_problem {
+        write::expect_problem(&scene, &state, step)?;
+    }
     if arguments.force && !arguments.plan {
         write::remove(case)?;
     }

@@ -83,16 +83,18 @@ pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
 /// Models that the scene does without, and what that saves.
 pub fn not_needed(scene: &Scene) -> Vec<&'static str> {
     let laws = &scene.laws;
+    let rolling = laws.iter().any(|law| law.rolling.is_some());
     let absent = [
         (scene.bodies.iter().all(Body::is_sphere), "walls"),
         (!scene.is_general(), "polyhedra: blocks of contacts are diagonal"),
         (scene.turning.is_empty(), "free rotation: moments of inertia are equal"),
         (
             laws.iter().all(|law| law.friction_static == 0.0 && law.friction_dynamic == 0.0),
-            "friction: one unknown a contact",
+            // Sweeps of polyhedra and of moments keep all three components.
+            if scene.is_general() || rolling { "friction" } else { "friction: one unknown a contact" },
         ),
         (laws.iter().all(|law| law.cohesion.is_none()), "cohesion"),
-        (laws.iter().all(|law| law.rolling.is_none()), "rolling friction: no moments"),
+        (!rolling, "rolling friction: no moments"),
         (!scene.options.self_gravity, "self-gravity: no tree"),
         (scene.options.fields.is_empty(), "fields from outside"),
         (!scene.drives.iter().any(Drive::moves), "motion of walls"),

@@ -1,5 +1,6 @@
 //! What a user sees while a run goes on: a bar on a terminal, a line per output otherwise.
 
+use std::cell::Cell;
 use std::time::Instant;
 
 use cd_formats::compute::Compute;
@@ -7,13 +8,15 @@ use cd_formats::tell::{complain, tell};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::state::State;
-use crate::step::StepReport;
+use crate::step::{StepReport, WorstContact};
 
 pub struct Progress {
     bar: ProgressBar,
     first: u64,
     last: u64,
     start: Instant,
+    /// Whether it was told that sweeps take another solver's place.
+    told: Cell<bool>,
 }
 
 impl Progress {
@@ -24,13 +27,17 @@ impl Progress {
             bar.set_style(style);
         }
         bar.reset_eta();
-        Progress { bar, first, last, start: Instant::now() }
+        Progress { bar, first, last, start: Instant::now(), told: Cell::new(false) }
     }
 
     pub fn step(&self, state: &State, report: &StepReport) {
         self.bar.set_position(state.step);
         if state.step.is_multiple_of(10) {
             self.bar.set_message(format!("{} contacts, {} sweeps", report.contacts_active, report.sweeps));
+        }
+        if let Some(reason) = report.replaced.filter(|_| !self.told.replace(true)) {
+            let step = state.step;
+            self.tell(&format!("cd-solve: step {step}: sweeps take the place of the solver asked for, as {reason}"));
         }
     }
 
@@ -57,10 +64,15 @@ impl Progress {
 
     /// Tells of a step that did not converge.
     pub fn unconverged(&self, state: &State, report: &StepReport, options: &Compute) {
-        let pair = report.worst_pair.map_or(String::new(), |(a, b)| format!(", worst pair bodies {}-{}", a + 1, b + 1));
+        let place = |WorstContact { bodies: [a, b], point }: WorstContact| {
+            let [x, y, z] = [point.x, point.y, point.z];
+            format!(", worst contact bodies {}-{} at ({x:.6e}, {y:.6e}, {z:.6e}) m", a + 1, b + 1)
+        };
+        let worst = report.worst.map_or(String::new(), place);
+        let in_place = if report.replaced.is_some() { "sweeps in place of " } else { "" };
         let (tol, solver) = (options.tol(), options.solver);
         let message = format!(
-            "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{pair}; continuing",
+            "cd-solve: step {}, t = {} s: {in_place}{solver} stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{worst}; continuing",
             state.step, state.time, report.sweeps, report.residual
         );
         self.bar.suspend(|| complain(&message));

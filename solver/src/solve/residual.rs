@@ -2,14 +2,15 @@
 //!
 //! E = |F(r)|/|F(0)| with the natural map F(r) = r - P_K(r - rho (û + mu |û_T| n)), rho = 3N/trace W, over
 //! the contacts that can close in the step: 1 when nothing is solved, 0 exactly at a solution, the same
-//! in any units and whatever the alert distance.
+//! in any units and whatever the alert distance. A moment m of rolling and spinning friction counts as an impulse m/R
+//! against a velocity R w.
 //!
 //! Source: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 13.
 
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
-use crate::assemble::{Record, System};
+use crate::assemble::{Record, Roll, System};
 use crate::math::Vec3;
 use crate::math::lanes::{Lanes, Width};
 
@@ -37,7 +38,7 @@ struct Eight {
 /// Velocity (m/s), 0, angular velocity (rad/s), 0 of a body; world frame.
 pub type Motion = [f64; 8];
 
-pub(super) fn motion(v: &Vec3, w: &Vec3) -> Motion {
+fn motion(v: &Vec3, w: &Vec3) -> Motion {
     [v.x, v.y, v.z, 0.0, w.x, w.y, w.z, 0.0]
 }
 
@@ -47,7 +48,7 @@ pub struct Judge<'a> {
     /// Rows that are judged.
     rows: &'a [u32],
     contacts: Vec<Eight>,
-    pub(super) rho: f64,
+    rho: f64,
     at_zero: f64,
     floor: f64,
 }
@@ -75,7 +76,7 @@ impl<'a> Judge<'a> {
         let floor = FLOOR * rho * speeds.sqrt();
         let mut judge = Judge { system, width, rows, contacts, rho, at_zero: 0.0, floor };
         let free: Vec<Motion> = system.records.iter().map(|record| motion(&record.v, &record.w)).collect();
-        judge.at_zero = judge.norm(&vec![Vec3::zeros(); system.rows.len()], &free).0;
+        judge.at_zero = judge.norm(&vec![Vec3::zeros(); system.rows.len()], &[], &free).0;
         judge
     }
 
@@ -91,13 +92,12 @@ impl<'a> Judge<'a> {
 
     /// The same, where the motions that the impulses lead to are known.
     pub fn residual_at(&self, impulses: &[Vec3], motions: &[Motion]) -> Residual {
-        self.residual_with(impulses, motions, 0.0)
+        self.residual_with(impulses, &[], motions)
     }
 
-    /// The same, with a further part `others` of |F|^2, N^2 s^2.
-    pub(super) fn residual_with(&self, impulses: &[Vec3], motions: &[Motion], others: f64) -> Residual {
-        let (norm, worst) = self.norm(impulses, motions);
-        let norm = if others > 0.0 { (norm * norm + others).sqrt() } else { norm };
+    /// The same of impulses and moments, one a roll of the system, and of the motions that both lead to.
+    pub fn residual_with(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[Motion]) -> Residual {
+        let (norm, worst) = self.norm(impulses, moments, motions);
         if norm <= self.floor {
             return Residual { value: 0.0, worst: None };
         }
@@ -126,6 +126,18 @@ impl<'a> Judge<'a> {
         self.system.records.par_iter().with_min_len(TASK * EIGHT).enumerate().map(moved).collect()
     }
 
+    /// V_free + M⁻¹ (H r̂ + m) from the beginning, `moments` one a roll of the system, world frame, on the candidate, N m s.
+    pub fn motions_with(&self, impulses: &[Vec3], moments: &[Vec3]) -> Vec<Motion> {
+        let mut motions = self.motions(impulses);
+        for (roll, m) in self.system.rolls.iter().zip(moments) {
+            for (body, m) in self.system.rows[roll.row as usize].bodies.into_iter().zip([*m, -m]) {
+                let turned = self.system.spin(body, &m);
+                (0..3).for_each(|k| motions[body as usize][4 + k] += turned[k]);
+            }
+        }
+        motions
+    }
+
     /// The system's records with these motions.
     pub fn records(&self, motions: &[Motion]) -> Vec<Record> {
         let of = |(record, m): (&Record, &Motion)| Record {
@@ -137,7 +149,7 @@ impl<'a> Judge<'a> {
     }
 
     /// |F| and the row with the largest part in it.
-    fn norm(&self, impulses: &[Vec3], motions: &[Motion]) -> (f64, Option<u32>) {
+    fn norm(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[Motion]) -> (f64, Option<u32>) {
         let of_task = |(rows, contacts): (&[u32], &[Eight])| match self.width {
             Width::One(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
             #[cfg(target_arch = "x86_64")]
@@ -148,13 +160,39 @@ impl<'a> Judge<'a> {
         let tasks = self.rows.par_chunks(EIGHT * TASK).zip(self.contacts.par_chunks(TASK));
         let parts: Vec<(f64, f64, Option<u32>)> = tasks.map(of_task).collect();
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
-        for (part, size2, row) in parts {
+        let of_moments = self.system.rolls.iter().zip(moments).map(|(roll, m)| {
+            let size2 = self.of_moment(roll, m, &impulses[roll.row as usize], motions);
+            (size2, size2, Some(roll.row))
+        });
+        for (part, size2, row) in parts.into_iter().chain(of_moments) {
             sum += part;
             if size2 > largest {
                 (largest, worst) = (size2, row);
             }
         }
         (sum.sqrt(), worst)
+    }
+
+    /// |F|^2 of the moment `m` of a contact with the impulse `r`, N^2 s^2.
+    ///
+    /// With s = m/R and z = s - rho R w, F is rho R w and what of z is beyond the bounds: mu_s r_n along n, mu_r r_n
+    /// across. Where nothing presses, s itself, without the rounding of w.
+    fn of_moment(&self, roll: &Roll, m: &Vec3, r: &Vec3, motions: &[Motion]) -> f64 {
+        let row = &self.system.rows[roll.row as usize];
+        let [a, b] = row.bodies.map(|body| &motions[body as usize]);
+        let n = row.normal;
+        let pressed = n.x * r.x + n.y * r.y + n.z * r.z;
+        if pressed <= 0.0 {
+            return (0..3).map(|k| (m[k] / roll.radius).powi(2)).sum();
+        }
+        let f = [0, 1, 2].map(|k| self.rho * roll.radius * (a[4 + k] - b[4 + k] + roll.shift[k]));
+        let z = [0, 1, 2].map(|k| m[k] / roll.radius - f[k]);
+        let along = n.x * z[0] + n.y * z[1] + n.z * z[2];
+        let across = [0, 1, 2].map(|k| z[k] - along * n[k]);
+        let size = across[0].hypot(across[1]).hypot(across[2]);
+        let beyond = (along.abs() - roll.spinning * pressed).max(0.0).copysign(along);
+        let share = if size > 0.0 { (1.0 - roll.rolling * pressed / size).max(0.0) } else { 0.0 };
+        (0..3).map(|k| (f[k] + beyond * n[k] + share * across[k]).powi(2)).sum()
     }
 
     /// Sum of |F|^2 of some contacts, the largest and its row.
@@ -337,8 +375,86 @@ pub fn project_on_cone<L: Lanes>(l: L, z_n: L::V, z_t: L::V, mu: L::V) -> (L::V,
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::assemble::Row;
     use crate::math::lanes::Scalar;
+    use crate::solve::{Until, rolling};
     use proptest::prelude::*;
+
+    /// A ball of radius 1/2 and mass 1 that comes down at 1 m/s on a plate without friction, rolls at 2 rad/s and spins
+    /// at 0.1 rad/s; bounds of 0.05 and 0.1 N m s. The plate may turn.
+    fn ball_on_plate(turning: Vec3) -> System {
+        let record = Record {
+            v: Vec3::new(0.0, 0.0, -1.0),
+            inverse_mass: 1.0,
+            w: Vec3::new(0.0, 2.0, 0.1) + turning,
+            inverse_inertia: 10.0,
+            radius: 0.5,
+        };
+        let plate = Record { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 };
+        let row = Row {
+            bodies: [0, 1],
+            normal: Vec3::z(),
+            arm: 1.0,
+            w_n: 1.0,
+            w_t: 3.5,
+            acts: true,
+            can_close: true,
+            ..Row::default()
+        };
+        let roll = Roll {
+            row: 0,
+            radius: 0.5,
+            rolling: 0.1,
+            spinning: 0.2,
+            inverse_w: 0.1,
+            shift: -turning,
+            start: Vec3::zeros(),
+        };
+        System { rows: vec![row], full: None, rolls: vec![roll], order: vec![0, 1], records: vec![record, plate] }
+    }
+
+    /// E of the impulse 1 N s along n and a moment.
+    fn judged(system: &System, m: [f64; 3]) -> f64 {
+        let (r, m) = ([Vec3::z()], [Vec3::from(m)]);
+        let judge = Judge::new(system, &[0], Width::detect());
+        judge.residual_with(&r, &m, &judge.motions_with(&r, &m)).value
+    }
+
+    #[test]
+    fn moments_are_judged_by_their_law() {
+        for turning in [Vec3::zeros(), Vec3::new(3.0, -1.0, 2.0)] {
+            let system = ball_on_plate(turning);
+            // It goes on rolling, against the bound, and stops spinning. |F(0)| = rho 1 m/s, rho = 3/8; numbers up to 10.
+            assert!(judged(&system, [0.0, -0.05, -0.01]) < 1e-14);
+            for (m, expected) in [
+                ([0.0; 3], 0.1f64.hypot(0.375 * 0.05)), // z = -rho R w = -(0, 0.375, 0.01875)
+                ([0.0, -0.1, -0.01], 0.1),              // twice the bound
+                ([0.0, 0.05, -0.01], 0.2),              // with the rolling, not against it
+                ([0.0, -0.05, 0.0], 0.375 * 0.05),      // spins on
+                ([0.0, -0.05, -0.02], 0.375 * 0.05),    // spins back
+                ([0.0, -0.05, -2.0], 3.8),              // beyond the other: s = -4, z = -4 + 0.375 * 9.95 = -0.26875
+            ] {
+                let found = judged(&system, m);
+                assert!((found - expected / 0.375).abs() < 1e-13, "{m:?}: {found} {}", expected / 0.375);
+            }
+        }
+    }
+
+    #[test]
+    fn a_solver_that_takes_another_law_is_seen() {
+        let system = ball_on_plate(Vec3::zeros());
+        let mut other = system.clone();
+        let solved = |system: &System| rolling::nlgs(system, Until::new(1e-12, 100), Width::detect());
+        let e = |solution: &crate::solve::Solution| {
+            let judge = Judge::new(&system, &[0], Width::detect());
+            let motions = judge.motions_with(&solution.impulses, &solution.moments);
+            judge.residual_with(&solution.impulses, &solution.moments, &motions)
+        };
+        assert!(e(&solved(&system)).value < 1e-12);
+        other.rolls[0].rolling *= 1.01;
+        let found = e(&solved(&other));
+        assert!(found.value > 1e-3 && found.worst == Some(0), "{found:?}");
+    }
 
     proptest! {
         /// The projection is in the cone and no nearby point of the cone is nearer.

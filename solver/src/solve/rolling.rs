@@ -12,7 +12,7 @@ use crate::math::Vec3;
 use crate::math::lanes::{Scalar, Width};
 use crate::solve::local::signorini_coulomb;
 use crate::solve::nlgs::{Momentum, Solution, Until, closing_outside};
-use crate::solve::residual::{Judge, Motion, Residual, motion};
+use crate::solve::residual::{Judge, Residual};
 
 /// Solves until E is reached or all sweeps are spent, as [`crate::solve::nlgs`].
 pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
@@ -37,6 +37,7 @@ pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
                 worst: residual.worst.or(missed.first().copied()),
                 active: active.len(),
                 taken_over: false,
+                replaced: None,
             };
         }
         active.extend(missed);
@@ -59,7 +60,7 @@ fn sweep_until(sweeper: &mut Sweeper, judge: &Judge, active: &[u32], until: Unti
             None => sweeps.is_multiple_of(JUDGED_EVERY),
         };
         if due || *sweeps >= max_sweeps {
-            let residual = sweeper.residual(judge);
+            let residual = judge.residual_with(&sweeper.r, &sweeper.m, &judge.motions_with(&sweeper.r, &sweeper.m));
             if best.as_ref().is_none_or(|best| residual.value < best.0.value) {
                 best = Some((residual, sweeper.r.clone(), sweeper.m.clone()));
             }
@@ -109,13 +110,9 @@ impl<'a> Sweeper<'a> {
         }
     }
 
-    /// V_free + M⁻¹ H r + M⁻¹ m from the beginning.
+    /// V_free + M⁻¹ (H r + m) from the beginning.
     fn exact_records(&self, judge: &Judge) -> Vec<Record> {
-        let mut records = judge.records(&judge.motions(&self.r));
-        for (roll, m) in self.system.rolls.iter().zip(&self.m) {
-            roll.apply(self.system, &mut records, m);
-        }
-        records
+        judge.records(&judge.motions_with(&self.r, &self.m))
     }
 
     /// Takes the last change away: the next sweep has no momentum.
@@ -154,32 +151,17 @@ impl<'a> Sweeper<'a> {
         }
         uphill > 0.0
     }
-
-    /// E over contacts and moments, these as impulses m/R against velocities R w.
-    fn residual(&self, judge: &Judge) -> Residual {
-        let records = self.exact_records(judge);
-        let mut moments = 0.0;
-        for (roll, m) in self.system.rolls.iter().zip(&self.m) {
-            let row = &self.system.rows[roll.row as usize];
-            let step = judge.rho * roll.radius * roll.radius;
-            let z = m - roll.velocity(self.system, &records) * step;
-            let projected = roll.project(row.normal, z, row.normal.dot(&self.r[roll.row as usize]));
-            moments += (m - projected).norm_squared() / (roll.radius * roll.radius);
-        }
-        let motions: Vec<Motion> = records.iter().map(|record| motion(&record.v, &record.w)).collect();
-        judge.residual_with(&self.r, &motions, moments)
-    }
 }
 
 impl Roll {
     /// Angular velocity of the candidate against the antagonist, rad/s.
-    pub fn velocity(&self, system: &System, records: &[Record]) -> Vec3 {
+    fn velocity(&self, system: &System, records: &[Record]) -> Vec3 {
         let [a, b] = system.rows[self.row as usize].bodies.map(|i| &records[i as usize]);
         a.w - b.w + self.shift
     }
 
     /// Gives the candidate the moment `m` and the antagonist -m, N m s.
-    pub fn apply(&self, system: &System, records: &mut [Record], m: &Vec3) {
+    fn apply(&self, system: &System, records: &mut [Record], m: &Vec3) {
         let [a, b] = system.rows[self.row as usize].bodies.map(|i| i as usize);
         let inverse = records[a].inverse_inertia;
         records[a].w += m * inverse;

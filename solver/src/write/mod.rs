@@ -18,7 +18,7 @@ use crate::state::State;
 use crate::step::{Clock, StepReport};
 
 use log::Table;
-pub use problem::write as problem;
+pub use problem::{expect as expect_problem, write as problem};
 
 /// The results of a case: snapshots and `steps.csv` in OUTBOX, `TIMER.csv` beside it. Durations
 /// stand apart, so that equal runs have equal bytes in OUTBOX.

@@ -3,10 +3,29 @@
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
-use cd_formats::error::Faults;
+use cd_formats::error::{Fault, Faults};
 use cd_formats::fc3d::{Block, Fc3d};
 
 use crate::assemble::StoredProblem;
+use crate::scene::Scene;
+use crate::state::State;
+
+/// Refuses a step that a run from this state does not make, and contacts whose moments the document has no place for.
+pub fn expect(scene: &Scene, state: &State, step: u64) -> Result<(), Faults> {
+    let mut faults = Faults::default();
+    let mut fault = |found: String, expected: String| {
+        faults.push(Fault::new(Path::new("options"), None, "dump_problem", found, expected));
+    };
+    let (first, last) = (state.step, scene.last_step());
+    if step <= first || step > last {
+        fault(format!("{step}"), format!("expected a step that the run makes, after {first} and up to {last}"));
+    }
+    if state.laws.iter().any(|law| law.rolling.is_some()) {
+        let expected = "expected laws without rolling friction: the document has no place for moments";
+        fault(format!("{step}"), expected.into());
+    }
+    faults.into_result(())
+}
 
 /// Writes `CASE/problem-NNNNNN.fc3d`, the problem that leads to step NNNNNN; returns its path.
 pub fn write(case: &Path, step: u64, problem: StoredProblem) -> Result<PathBuf, Faults> {

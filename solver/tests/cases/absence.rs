@@ -131,3 +131,22 @@ fn a_law_without_cohesion_costs_no_more_than_one_that_has_it_at_nothing() {
     // The same motion; a thousandth for the text of the law's name in files.
     assert!(plain as f64 <= 1.001 * wet as f64, "{plain} {wet}");
 }
+
+#[test]
+fn a_plan_names_the_unknowns_that_friction_adds() {
+    for (cubes, law, parameters, expected) in [
+        (false, "IQS_CLB", &[0.5][..], None),
+        (false, "IQS_CLB", &[0.0], Some("friction: one unknown a contact")),
+        // Their sweeps keep three components.
+        (true, "IQS_CLB", &[0.0], Some("friction")),
+        (false, "IQS_DS_ROLL_CLB", &[0.0, 0.0, 0.1, 0.1], Some("friction")),
+    ] {
+        let case = scene(cubes, law, parameters);
+        case.write();
+        let plan = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).arg("--plan").output().unwrap();
+        let text = String::from_utf8(plan.stdout).unwrap();
+        let line = text.lines().find_map(|line| line.trim().strip_prefix("not needed")).expect("a line of the plan");
+        let found = line.trim().split("; ").find(|name| name.starts_with("friction"));
+        assert_eq!(found, expected, "{law} {parameters:?}: {line}");
+    }
+}

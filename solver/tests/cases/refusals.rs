@@ -254,6 +254,33 @@ fn values_of_flags() {
 }
 
 #[test]
+fn steps_of_which_no_problem_can_be_written() {
+    let mut case = sound();
+    let made = |first: u64| format!("expected a step that the run makes, after {first} and up to 2");
+    for step in ["0", "3", "99"] {
+        written_refused(&case, &["--dump-problem", step], &[&format!("options: dump_problem: {step}; {}", made(0))]);
+    }
+    // A run that has ended makes no step.
+    assert_eq!(spawn(&case, &[]).0, 0);
+    let flags = ["--resume", "--dump-problem", "2"];
+    refused(&case, &flags, &[&format!("options: dump_problem: 2; {}", made(2))]);
+    // Results of before stay where --force is refused.
+    let flags = ["--force", "--dump-problem", "3"];
+    refused(&case, &flags, &[&format!("options: dump_problem: 3; {}", made(0))]);
+    assert!(case.path().join("OUTBOX/steps.csv").exists());
+
+    case.law("IQS_DS_ROLL_CLB", &[0.3, 0.3, 0.1, 0.1]);
+    fs::remove_dir_all(case.path().join("OUTBOX")).unwrap();
+    let moments = "expected laws without rolling friction: the document has no place for moments";
+    written_refused(&case, &["--dump-problem", "1"], &[&format!("options: dump_problem: 1; {moments}")]);
+    // The last step of a run is one of its steps.
+    let case = sound();
+    case.write();
+    assert_eq!(spawn(&case, &["--dump-problem", "2"]), (0, String::new()));
+    assert!(case.path().join("problem-000002.fc3d").exists());
+}
+
+#[test]
 fn options_in_the_file() {
     let lines = [
         (

@@ -1,7 +1,11 @@
 //! The option `solver`: all of them find the same, `auto` goes on where sweeps stall; and LMGC90's criteria.
 
+use std::process::Command;
+
 use cd_formats::compute::ContactSolver::{self, Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
+use cd_formats::fc3d::Fc3d;
 use cd_formats::snapshot::Snapshot;
+use cd_solve::solve::stored::{Limits, Problem, Solver, solve};
 
 use crate::case::{Case, Figures, Vec3, near};
 
@@ -19,6 +23,20 @@ fn packed(solver: ContactSolver, friction: f64) -> Case {
     }
     // A round of sweeps, and room for what comes after it, which counts too.
     (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, Some(1e-8), Some(5000));
+    case
+}
+
+/// Two spheres on a floor and a third on top, that slide.
+fn pyramid(solver: ContactSolver) -> Case {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.25]);
+    case.gravity = [1.0, 0.0, -8.0];
+    case.floor();
+    for x in [[-0.5, 0.0, 0.5], [0.5, 0.0, 0.5], [0.0, 0.0, 0.5 + 0.75f64.sqrt()]] {
+        let ball = case.sphere(0.5, x);
+        case.launch(ball, [2.0, 0.5, 0.0], [0.0; 3]);
+    }
+    (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, Some(1e-8), Some(2000));
     case
 }
 
@@ -47,21 +65,36 @@ fn newtons_method_finds_what_auto_finds_where_sweeps_stall() {
 #[test]
 fn all_solvers_let_a_pyramid_slide_alike() {
     let ends = [Auto, Nlgs, NlgsAnderson, ProxNewton, Admm, InteriorPoint].map(|solver| {
-        let mut case = Case::new();
-        case.law("IQS_CLB", &[0.25]);
-        case.gravity = [1.0, 0.0, -8.0];
-        case.floor();
-        for x in [[-0.5, 0.0, 0.5], [0.5, 0.0, 0.5], [0.0, 0.0, 0.5 + 0.75f64.sqrt()]] {
-            let ball = case.sphere(0.5, x);
-            case.launch(ball, [2.0, 0.5, 0.0], [0.0; 3]);
-        }
-        (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, Some(1e-8), Some(2000));
+        let mut case = pyramid(solver);
         let end = case.run(3);
         assert!(all_converged(&case), "{solver}");
         end
     });
     for end in &ends {
         assert!(difference(&ends[0], end) < 1e-6, "{}", difference(&ends[0], end));
+    }
+}
+
+#[test]
+fn a_problem_written_out_has_the_impulses_of_its_step() {
+    let mut case = pyramid(Nlgs);
+    (case.options.tol, case.options.output_every, case.options.steps) = (Some(1e-10), 1, Some(3));
+    case.write();
+    assert_eq!(case.solve(&["--dump-problem", "2"]), 0);
+    let Fc3d { name, mu, q, blocks, .. } = Fc3d::read(&case.path().join("problem-000002.fc3d")).unwrap();
+    assert_eq!(name, "step-000002");
+    let problem = Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).unwrap();
+    let limits = Limits { tol: 1e-10, max_sweeps: 2000, max_time: None, max_cost: f64::INFINITY };
+    let found = solve(&problem, Solver::ProxNewton, &[], limits);
+    assert!(found.converged, "{}", found.residual);
+    // All contacts of the step touch, so all are in the problem, in the same order.
+    let step = &case.written()[2];
+    let forces = &step.contacts.contact_force;
+    assert!(forces.len() == found.r.len() && forces.len() >= 4, "{} {}", forces.len(), found.r.len());
+    let scale = forces.iter().map(|force| Vec3::from(*force).norm()).fold(0.0, f64::max) * case.options.dt;
+    for (force, r) in forces.iter().zip(found.r) {
+        // Both to 1e-10, in a system that may amplify that a hundred times.
+        near(Vec3::from(*force) * case.options.dt, r, 2e-8 * scale);
     }
 }
 
@@ -107,4 +140,50 @@ fn convergence_is_checked_where_it_is_asked_for() {
         assert!(case.column("sweeps").iter().all(|sweeps| *sweeps >= 30.0 && sweeps % 30.0 == 0.0), "{law}");
         assert!(all_converged(&case), "{law}");
     }
+}
+
+/// What a run from the beginning tells, and what it warns of.
+fn told(case: &Case) -> [String; 2] {
+    case.write();
+    let program = env!("CARGO_BIN_EXE_cd-solve");
+    let output = Command::new(program).arg(case.path()).args(["--force", "--steps", "3"]).output().unwrap();
+    assert!(output.status.success());
+    [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap())
+}
+
+#[test]
+fn a_solver_whose_place_sweeps_take_is_told_once() {
+    let rolling = |solver| {
+        let mut case = pyramid(solver);
+        case.law("IQS_DS_ROLL_CLB", &[0.25, 0.25, 0.1, 0.1]);
+        case.options.max_sweeps = Some(1);
+        case
+    };
+    let [out, warnings] = told(&rolling(Admm));
+    assert_eq!(out.matches("sweeps take the place of the solver asked for, as rolling").count(), 1, "{out}");
+    assert!(warnings.contains("step 1, t = 0.001 s: sweeps in place of admm stopped after 1 sweeps"), "{warnings}");
+    let [out, warnings] = told(&rolling(Nlgs));
+    assert!(!out.contains("place of") && warnings.contains(" s: nlgs stopped after 1 sweeps"), "{out} {warnings}");
+}
+
+#[test]
+fn the_worst_contact_is_told_with_its_place() {
+    // A block on a floor, pushed askew: four contacts of one pair.
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.3]);
+    case.gravity = [1.0, 0.5, -8.0];
+    case.floor();
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let block = case.block([1.0, 0.5, 0.25], [3.0, 2.0, 0.25], axes);
+    case.launch(block, [1.0, 0.3, -1.0], [0.5, 0.2, 0.7]);
+    (case.options.solver, case.options.max_sweeps) = (Nlgs, Some(1));
+    let [_, warnings] = told(&case);
+    let line = warnings.lines().next().expect("a step that did not converge");
+    let (_, place) = line.split_once(", worst contact bodies 2-1 at (").expect(line);
+    let (numbers, rest) = place.split_once(") m").expect(line);
+    assert_eq!(rest, "; continuing", "{line}");
+    let numbers: Vec<f64> = numbers.split(", ").map(|number| number.parse().unwrap()).collect();
+    // Of the first step, in which the block moves by less than 1e-3 m: one of the corners below it.
+    let corner = [(numbers[0] - 3.0).abs(), (numbers[1] - 2.0).abs(), numbers[2]];
+    near(corner, [1.0, 0.5, 0.0], 2e-3);
 }
