@@ -58,7 +58,7 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), String> {
     let named = |e: &dyn std::fmt::Display| format!("{}: {e}", arguments.input.display());
     let text = std::fs::read_to_string(&arguments.input).map_err(|e| named(&e))?;
-    if arguments.method != Method::Direct && !(arguments.error >= LEAST_ERROR) {
+    if arguments.method != Method::Direct && (arguments.error.is_nan() || arguments.error < LEAST_ERROR) {
         return Err(format!("--error {}; expected {LEAST_ERROR:e} or more, or --method direct", arguments.error));
     }
     let (mut positions, mut masses) = (Vec::new(), Vec::new());
