@@ -7,7 +7,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, Meta, SHAPE_PLANE, Snapshot};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-use crate::shapes::{self, Solid};
+use crate::shapes::{Shapes, Solid};
 
 pub type Vec3 = Vector3<f64>;
 pub type Mat3 = Matrix3<f64>;
@@ -162,14 +162,14 @@ impl Frame {
     ///
     /// Errors: those of [`Snapshot::read`], each body with a mass, moment of inertia or length that is not positive, and
     /// polyhedra that BODIES.DAT has not.
-    pub fn read(path: &Path) -> Result<Frame, Faults> {
+    pub fn read(path: &Path, shapes: &Shapes) -> Result<Frame, Faults> {
         let snapshot = Snapshot::read(path)?;
         let mut faults = Faults::default();
         for (object, found) in out_of_range(&snapshot.bodies) {
             faults.push(Fault::new(path, None, object, found, "expected numbers > 0"));
         }
         faults.into_result(())?;
-        let solids = shapes::of(path, &snapshot.bodies)?;
+        let solids = shapes.of(path, &snapshot.bodies)?;
         Ok(Frame::with(snapshot, solids))
     }
 

@@ -34,6 +34,7 @@ pub mod write;
 use derive::Row;
 use derive::energy::Summation;
 use frame::Frame;
+use shapes::Shapes;
 use write::display;
 use write::picture::Shade;
 
@@ -278,11 +279,12 @@ fn series(options: &Options) -> Result<(Vec<Row>, Vec<Frame>), Faults> {
     let summation = if options.direct_gravity { Summation::Direct } else { Summation::Fast };
     let mut rows = Vec::with_capacity(selected.len());
     let mut pictured = Vec::new();
+    let shapes = Shapes::default();
     for batch in selected.chunks(rayon::current_num_threads()) {
         let measured: Vec<Result<(Frame, Row), Faults>> = batch
             .par_iter()
             .map(|(_, path)| {
-                let frame = Frame::read(path)?;
+                let frame = Frame::read(path, &shapes)?;
                 let row = Row::with(&frame, summation);
                 if !options.no_vtk {
                     draw(&options.dir, &frame)?;

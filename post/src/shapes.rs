@@ -1,8 +1,8 @@
 //! The polyhedra of a case: snapshots say where they are, DATBOX/BODIES.DAT what they look like.
 
 use std::collections::{BTreeMap, HashMap};
-use std::path::Path;
-use std::sync::Arc;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use cd_formats::bodies::{Bodies, Body, Shape};
 use cd_formats::error::{Fault, Faults};
@@ -48,32 +48,50 @@ impl Solid {
     }
 }
 
-/// The polyhedra of each body of the snapshot `path`, none for other bodies: from DATBOX beside its OUTBOX.
-///
-/// Errors: a BODIES.DAT that cannot be read, or that has not as many bodies.
-pub fn of(path: &Path, bodies: &BodyArrays) -> Result<Vec<Option<Arc<Solid>>>, Faults> {
-    if !bodies.body_shape.contains(&SHAPE_PARTS) {
-        return Ok(Vec::new());
-    }
-    let case = path.parent().and_then(Path::parent).unwrap_or(Path::new(""));
-    let file = case.join("DATBOX").join("BODIES.DAT");
-    let solids = read(&file)?;
-    let mut faults = Faults::default();
-    let mut solid = |row: usize| {
-        let id = bodies.body_id[row];
-        let found = solids.get(&id);
-        if found.is_none() {
-            let expected = format!("expected body {id}, which {} has", path.display());
-            faults.push(Fault::new(&file, None, "file", format!("{} bodies", solids.len()), expected));
+/// The polyhedra of all bodies by their numbers.
+type Solids = HashMap<u64, Option<Arc<Solid>>>;
+
+/// The polyhedra of cases; the BODIES.DAT of each is read once.
+#[derive(Debug, Default)]
+pub struct Shapes(Mutex<HashMap<PathBuf, Arc<Solids>>>);
+
+impl Shapes {
+    /// The polyhedra of each body of the snapshot `path`, none for other bodies: from DATBOX beside its OUTBOX.
+    ///
+    /// Errors: a BODIES.DAT that cannot be read, or that has not as many bodies.
+    pub fn of(&self, path: &Path, bodies: &BodyArrays) -> Result<Vec<Option<Arc<Solid>>>, Faults> {
+        if !bodies.body_shape.contains(&SHAPE_PARTS) {
+            return Ok(Vec::new());
         }
-        found.filter(|_| bodies.body_shape[row] == SHAPE_PARTS).cloned().flatten()
-    };
-    let found = (0..bodies.body_id.len()).map(&mut solid).collect();
-    faults.into_result(found)
+        let case = path.parent().and_then(Path::parent).unwrap_or(Path::new(""));
+        let file = case.join("DATBOX").join("BODIES.DAT");
+        let solids = self.known(&file)?;
+        let mut faults = Faults::default();
+        let mut solid = |row: usize| {
+            let id = bodies.body_id[row];
+            let found = solids.get(&id);
+            if found.is_none() {
+                let expected = format!("expected body {id}, which {} has", path.display());
+                faults.push(Fault::new(&file, None, "file", format!("{} bodies", solids.len()), expected));
+            }
+            found.filter(|_| bodies.body_shape[row] == SHAPE_PARTS).cloned().flatten()
+        };
+        let found = (0..bodies.body_id.len()).map(&mut solid).collect();
+        faults.into_result(found)
+    }
+
+    fn known(&self, file: &Path) -> Result<Arc<Solids>, Faults> {
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(solids) = known.get(file) {
+            return Ok(solids.clone());
+        }
+        let solids = Arc::new(read(file)?);
+        known.insert(file.to_path_buf(), solids.clone());
+        Ok(solids)
+    }
 }
 
-/// The polyhedra of all bodies by their numbers.
-fn read(file: &Path) -> Result<HashMap<u64, Option<Arc<Solid>>>, Faults> {
+fn read(file: &Path) -> Result<Solids, Faults> {
     let mut solids = HashMap::new();
     let mut faults = Faults::default();
     for (number, body) in (1..).zip(Bodies::read(file)?.0) {

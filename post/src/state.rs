@@ -14,6 +14,7 @@ use crate::derive::orbits::orbits;
 use crate::derive::profile::shells;
 use crate::derive::surface::{Facet, Grid, surface};
 use crate::frame::{Frame, Vec3};
+use crate::shapes::Shapes;
 use crate::write::display::{cells, file, flat, scalars, vectors};
 use crate::write::figure::{Axis, Curve, Figure, Marks};
 use crate::write::{map, series::csv};
@@ -39,7 +40,7 @@ pub fn write(dir: &Path, step: Option<u64>) -> Result<(PathBuf, Vec<String>), Fa
         let found = step.map_or("holds no snapshot".into(), |step| format!("holds no snapshot of step {step}"));
         Fault::new(&outbox, None, "folder", found, "expected snapshot-*.npz, the results of cd-solve")
     })?;
-    let frame = Frame::read(path)?;
+    let frame = Frame::read(path, &Shapes::default())?;
     let folder = dir.join("POSTPRO").join(format!("state-{step:06}"));
     if frame.grains.is_empty() {
         return Ok((folder, vec![format!("the snapshot of step {step} holds no grain: nothing is written")]));

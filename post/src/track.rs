@@ -8,6 +8,7 @@ use cd_formats::error::{Fault, Faults};
 
 use crate::frame::{Frame, Side, Vec3, WallShape};
 use crate::select;
+use crate::shapes::Shapes;
 use crate::write::figure::{Axis, Curve, Figure};
 use crate::write::series::csv;
 
@@ -61,8 +62,9 @@ pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
     let mut seen = Vec::new();
     let (mut first, mut last) = (None, None);
     let (mut up, mut gravity) = (Vec3::z(), Vec3::zeros());
+    let shapes = Shapes::default();
     for (_, path) in select(&dir.join("OUTBOX"), 1)? {
-        let frame = Frame::read(&path)?;
+        let frame = Frame::read(&path, &shapes)?;
         (up, gravity) = (upward(&frame), Vec3::from(frame.meta.parameters.uniform_gravity));
         seen.push(find(&frame, body, &up).ok_or_else(|| {
             let expected = "expected the number of a sphere or polyhedron in BODIES.DAT";
