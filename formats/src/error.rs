@@ -60,7 +60,7 @@ impl fmt::Display for Fault {
 
 /// What a file holds on one line, without control characters, and not longer than a reader cares for.
 fn readable(text: &str) -> String {
-    const LONGEST: usize = 200;
+    const LONGEST: usize = 1000;
     let mut line = String::new();
     for (k, letter) in text.chars().enumerate() {
         if k == LONGEST {

@@ -213,11 +213,6 @@ impl Scene {
         time + self.last_step().saturating_sub(first) as f64 * self.options.dt
     }
 
-    /// The mean of the free bodies' velocities `v`, m/s: what they share moves no two past each other.
-    pub fn drift(&self, v: &[Vec3]) -> Vec3 {
-        self.free.iter().map(|&i| v[i as usize]).sum::<Vec3>() / self.free.len().max(1) as f64
-    }
-
     /// Whether an imposed velocity or force depends on time.
     pub fn changes_in_time(&self) -> bool {
         let of_drives = self.drives.iter().flat_map(|drive| &drive.velocity);

@@ -154,8 +154,7 @@ pub fn contact_problem(
         .collect();
 
     let history = history(&state.contacts, contacts);
-    let drift = scene.drift(v_free);
-    let setting = Setting { scene, state, q_c, v_free, w_free, records: &records, full: full.is_some(), drift };
+    let setting = Setting { scene, state, q_c, v_free, w_free, records: &records, full: full.is_some() };
     let of_contact =
         |(contact, old): (&Contact, &Option<u32>)| setting.row(contact, old.map(|k| &state.contacts[k as usize]));
     let mut rows: Vec<Row> = contacts.par_iter().zip(&history).with_min_len(256).map(of_contact).collect();
@@ -239,14 +238,12 @@ struct Setting<'a> {
     w_free: &'a [Vec3],
     records: &'a [Record],
     full: bool,
-    /// Of all bodies, m/s.
-    drift: Vec3,
 }
 
 impl Setting<'_> {
     /// The row of a contact, with what the last step had of it.
     fn row(&self, contact: &Contact, previous: Option<&SolvedContact>) -> Row {
-        let Setting { state, q_c, v_free, w_free, records, full, drift, .. } = *self;
+        let Setting { state, q_c, v_free, w_free, records, full, .. } = *self;
         let h = q_c.h;
         let frame = contact.frame();
         let n = frame[0];
@@ -273,7 +270,7 @@ impl Setting<'_> {
             + (arm * radii[0]).powi(2) * records[a].inverse_inertia
             + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
         let u_tangent = u_before - n * n.dot(&u_before);
-        let past = |v: Vec3| (v - drift).norm();
+        let past = |v: Vec3| (v - q_c.drift).norm();
         let mut travel = h * (past(v_free[a]) + if on_plate { past(plate) } else { 0.0 }.max(past(v_free[b])));
         if full {
             let sides = [a, b].into_iter().zip(arms(contact, &q_c.x));

@@ -29,8 +29,7 @@ pub fn contacts(
     pairs: &[PairMemory],
 ) -> (Vec<Contact>, Vec<PairMemory>) {
     let h = q_c.ahead;
-    let drift = scene.drift(v_free);
-    let travel: Vec<f64> = v_free.iter().map(|v| h * (v - drift).norm()).collect();
+    let travel: Vec<f64> = v_free.iter().map(|v| h * (v - q_c.drift).norm()).collect();
     if scene.is_general() {
         return parts::contacts(scene, q_c, &travel, h, pairs);
     }

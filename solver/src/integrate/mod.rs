@@ -24,6 +24,8 @@ pub struct Configuration {
     pub q: Vec<Quat>,
     /// Angular velocities of the step's start, carried here by free rotation, rad/s, world frame.
     pub w: Vec<Vec3>,
+    /// Mean velocity of the free bodies at the step's start, m/s: what they share moves no two past each other.
+    pub drift: Vec3,
     /// Bodies along Morton's curve.
     pub order: Vec<u32>,
     /// Length of the step in units of `dt`, and in s.
@@ -49,7 +51,9 @@ pub fn predict(scene: &Scene, state: &State, units: u64) -> Configuration {
     }
     let ahead = if scene.options.adaptive().is_on() { length::GROWTH as f64 * h } else { h };
     let order = morton::order(&x, &state.order);
-    Configuration { x, q, w, order, units, h, ahead }
+    let sum: Vec3 = scene.free.iter().map(|&i| state.v[i as usize]).sum();
+    let drift = sum / scene.free.len().max(1) as f64;
+    Configuration { x, q, w, drift, order, units, h, ahead }
 }
 
 /// Takes the state to the step's end with the velocities `v`, `w` that the bodies have in the contact configuration
