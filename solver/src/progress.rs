@@ -1,8 +1,9 @@
 //! What a user sees while a run goes on: a bar on a terminal, a line per output otherwise.
 
+use std::cell::Cell;
 use std::time::Instant;
 
-use cd_formats::compute::Compute;
+use cd_formats::compute::{Compute, ContactSolver};
 use cd_formats::tell::tell;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -14,6 +15,8 @@ pub struct Progress {
     first: u64,
     last: u64,
     start: Instant,
+    /// Whether it was told that sweeps take another solver's place.
+    told: Cell<bool>,
 }
 
 impl Progress {
@@ -24,7 +27,7 @@ impl Progress {
             bar.set_style(style);
         }
         bar.reset_eta();
-        Progress { bar, first, last, start: Instant::now() }
+        Progress { bar, first, last, start: Instant::now(), told: Cell::new(false) }
     }
 
     pub fn step(&self, state: &State, report: &StepReport) {
@@ -32,6 +35,13 @@ impl Progress {
         if state.step.is_multiple_of(10) {
             self.bar.set_message(format!("{} contacts, {} sweeps", report.contacts_active, report.sweeps));
         }
+        self.first_replaced(state.step, report.replaced).into_iter().for_each(|message| self.tell(&message));
+    }
+
+    /// What to tell the first time that sweeps take another solver's place.
+    fn first_replaced(&self, step: u64, reason: Option<&str>) -> Option<String> {
+        let reason = reason.filter(|_| !self.told.replace(true))?;
+        Some(format!("cd-solve: step {step}: sweeps take the place of the solver asked for, as {reason}"))
     }
 
     /// Tells of an output.
@@ -58,7 +68,7 @@ impl Progress {
     /// Tells of a step that did not converge.
     pub fn unconverged(&self, state: &State, report: &StepReport, options: &Compute) {
         let pair = report.worst_pair.map_or(String::new(), |(a, b)| format!(", worst pair bodies {}-{}", a + 1, b + 1));
-        let (tol, solver) = (options.tol(), options.solver);
+        let (tol, solver) = (options.tol(), by(options.solver, report.replaced.is_some()));
         let message = format!(
             "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{pair}; continuing",
             state.step, state.time, report.sweeps, report.residual
@@ -73,5 +83,30 @@ impl Progress {
 
     pub fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// Who solved a step, where sweeps may have taken the place of the solver asked for.
+fn by(solver: ContactSolver, replaced: bool) -> String {
+    if replaced { format!("sweeps in place of {solver}") } else { solver.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_solver_is_named_that_solved() {
+        assert_eq!(by(ContactSolver::Admm, true), "sweeps in place of admm");
+        assert_eq!(by(ContactSolver::Admm, false), "admm");
+    }
+
+    #[test]
+    fn that_sweeps_take_its_place_is_told_once() {
+        let progress = Progress::new(0, 5);
+        assert_eq!(progress.first_replaced(1, None), None);
+        let message = progress.first_replaced(2, Some("it is large")).unwrap();
+        assert_eq!(message, "cd-solve: step 2: sweeps take the place of the solver asked for, as it is large");
+        assert_eq!(progress.first_replaced(3, Some("it is large")), None);
     }
 }

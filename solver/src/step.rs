@@ -51,6 +51,8 @@ pub struct StepReport {
     pub converged: bool,
     /// Whether a solver of stored problems found the solution where the sweeps had stalled.
     pub taken_over: bool,
+    /// Why sweeps took the place of the solver that was asked for.
+    pub replaced: Option<&'static str>,
     /// LMGC90's criteria, if asked for.
     pub norms: Option<Norms>,
     /// Bodies of the contact with the largest part in the residual.
@@ -228,6 +230,7 @@ fn book(
         residual: solution.residual,
         converged: solution.converged,
         taken_over: solution.taken_over,
+        replaced: solution.replaced,
         norms: scene.options.lmgc90_norms.then(|| norms(system, &solution.impulses, &solution.records)),
         worst_pair: solution.worst.map(pair),
         penetration_largest: given.penetration_largest,

@@ -19,9 +19,11 @@ pub struct StoredProblem {
 /// The problem of the rows that can close, in the order of the contacts.
 pub fn stored_problem(system: &System, contacts: &[Contact]) -> StoredProblem {
     let rows: Vec<usize> = (0..system.rows.len()).filter(|&k| system.rows[k].can_close).collect();
+    // Through a body that does not move no contact feels another: a floor's are not paired.
+    let moves = |body: &&u32| system.records[**body as usize].inverse_mass > 0.0;
     let mut on_body = vec![Vec::new(); system.records.len()];
     for (i, &k) in rows.iter().enumerate() {
-        system.rows[k].bodies.iter().for_each(|&body| on_body[body as usize].push(i));
+        system.rows[k].bodies.iter().filter(moves).for_each(|&body| on_body[body as usize].push(i));
     }
     let mut problem = StoredProblem::default();
     for (i, &here) in rows.iter().enumerate() {

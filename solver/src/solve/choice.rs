@@ -27,8 +27,9 @@ const PATIENCE: f64 = 200_000.0;
 const WORTH: f64 = 20.0;
 /// One contact in one sweep, in units of [`newton_cost`].
 const SWEPT: f64 = 6.0;
-/// From so many contacts on factors take gigabytes: sweeps take the place of the other solvers.
+/// From so many contacts on factors take gigabytes: sweeps take the place of the solvers that need them.
 const LARGE: usize = 30_000;
+const TOO_LARGE: &str = "the factors of 30 000 contacts and more take gigabytes";
 /// The stored solvers aim a little below the tolerance, which is judged by other sums than theirs.
 const AIM: f64 = 0.9;
 
@@ -46,10 +47,10 @@ pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> 
     let swept = |max_sweeps| nlgs(system, Until { max_sweeps, ..task.until }, task.width);
     let (solver, max_cost) = match task.solver {
         ContactSolver::Nlgs => return swept(limit),
-        _ if contacts >= LARGE => return swept(limit),
         ContactSolver::Auto if !pays => return swept(limit),
         ContactSolver::Auto => (Solver::Auto, PATIENCE * SWEPT * contacts as f64),
         ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, f64::INFINITY),
+        _ if contacts >= LARGE => return Solution { replaced: Some(TOO_LARGE), ..swept(limit) },
         ContactSolver::ProxNewton => (Solver::ProxNewton, f64::INFINITY),
         ContactSolver::Admm => (Solver::Admm, f64::INFINITY),
         ContactSolver::InteriorPoint => (Solver::InteriorPoint, f64::INFINITY),
@@ -115,5 +116,75 @@ fn by_stored(
             return best;
         }
         missed.into_iter().for_each(|row| system.rows[row as usize].can_close = true);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+    use crate::assemble::{Record, Row};
+    use crate::math::Vec3;
+
+    /// Balls of mass 1 that come down on one floor at 1 m/s.
+    fn balls(count: u32) -> System {
+        let record = |v: f64, inverse_mass: f64| Record {
+            v: Vec3::z() * v,
+            inverse_mass,
+            w: Vec3::zeros(),
+            inverse_inertia: 10.0 * inverse_mass,
+            radius: 0.5 * inverse_mass,
+        };
+        let row = |k: u32| Row {
+            bodies: [k, count],
+            normal: Vec3::z(),
+            arm: 1.0,
+            w_n: 1.0,
+            w_t: 3.5,
+            friction: 0.5,
+            acts: true,
+            can_close: true,
+            ..Row::default()
+        };
+        let mut records = vec![record(-1.0, 1.0); count as usize];
+        records.push(record(0.0, 0.0));
+        System { rows: (0..count).map(row).collect(), full: None, rolls: vec![], order: (0..=count).collect(), records }
+    }
+
+    /// Why sweeps stood in, and whether the problem was written out.
+    fn solved(system: &System, solver: ContactSolver) -> (Option<&'static str>, bool) {
+        let asked = Cell::new(false);
+        let stored = |system: &System| {
+            asked.set(true);
+            let diagonal = |row: &Row| [[row.w_n, 0.0, 0.0], [0.0, row.w_t, 0.0], [0.0, 0.0, row.w_t]];
+            let frame = [Vec3::z(), Vec3::x(), Vec3::y()];
+            StoredProblem {
+                mu: system.rows.iter().map(|row| row.friction).collect(),
+                q: vec![[-1.0, 0.0, 0.0]; system.rows.len()],
+                blocks: system.rows.iter().enumerate().map(|(k, row)| (k, k, diagonal(row))).collect(),
+                rows: (0..system.rows.len() as u32).map(|k| (k, frame)).collect(),
+            }
+        };
+        let task = Task { solver, until: Until::new(1e-9, 50), width: Width::detect() };
+        let solution = contact_problem(system, task, stored);
+        assert!(solution.converged && solution.residual <= 1e-9, "{solver}");
+        (solution.replaced, asked.get())
+    }
+
+    #[test]
+    fn only_solvers_with_factors_are_replaced_and_that_is_said() {
+        use ContactSolver::{Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
+        let (few, many) = (balls(10), balls(LARGE as u32));
+        for solver in [NlgsAnderson, ProxNewton, Admm, InteriorPoint] {
+            assert_eq!(solved(&few, solver), (None, true), "{solver}");
+        }
+        for solver in [ProxNewton, Admm, InteriorPoint] {
+            assert_eq!(solved(&many, solver), (Some(TOO_LARGE), false), "{solver}");
+        }
+        assert_eq!(solved(&many, NlgsAnderson), (None, true));
+        for solver in [Auto, Nlgs] {
+            assert_eq!(solved(&many, solver), (None, false), "{solver}");
+        }
     }
 }

@@ -40,6 +40,8 @@ pub struct Solution {
     pub active: usize,
     /// Whether a solver of stored problems found it where the sweeps had stalled.
     pub taken_over: bool,
+    /// Why sweeps took the place of the solver that was asked for.
+    pub replaced: Option<&'static str>,
 }
 
 /// When sweeping ends.
@@ -88,6 +90,7 @@ pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
                 worst: residual.worst.or(missed.first().copied()),
                 active: active.len(),
                 taken_over: false,
+                replaced: None,
             };
         }
         active.extend(missed);

@@ -37,6 +37,7 @@ pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
                 worst: residual.worst.or(missed.first().copied()),
                 active: active.len(),
                 taken_over: false,
+                replaced: None,
             };
         }
         active.extend(missed);
