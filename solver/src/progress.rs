@@ -8,7 +8,7 @@ use cd_formats::tell::tell;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::state::State;
-use crate::step::StepReport;
+use crate::step::{StepReport, WorstContact};
 
 pub struct Progress {
     bar: ProgressBar,
@@ -67,10 +67,14 @@ impl Progress {
 
     /// Tells of a step that did not converge.
     pub fn unconverged(&self, state: &State, report: &StepReport, options: &Compute) {
-        let pair = report.worst_pair.map_or(String::new(), |(a, b)| format!(", worst pair bodies {}-{}", a + 1, b + 1));
+        let place = |WorstContact { bodies: [a, b], point }: WorstContact| {
+            let [x, y, z] = [point.x, point.y, point.z];
+            format!(", worst contact bodies {}-{} at ({x:.6e}, {y:.6e}, {z:.6e}) m", a + 1, b + 1)
+        };
+        let worst = report.worst.map_or(String::new(), place);
         let (tol, solver) = (options.tol(), by(options.solver, report.replaced.is_some()));
         let message = format!(
-            "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{pair}; continuing",
+            "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{worst}; continuing",
             state.step, state.time, report.sweeps, report.residual
         );
         self.bar.suspend(|| eprintln!("{message}"));

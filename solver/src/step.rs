@@ -55,8 +55,8 @@ pub struct StepReport {
     pub replaced: Option<&'static str>,
     /// LMGC90's criteria, if asked for.
     pub norms: Option<Norms>,
-    /// Bodies of the contact with the largest part in the residual.
-    pub worst_pair: Option<(u32, u32)>,
+    /// The contact with the largest part in the residual.
+    pub worst: Option<WorstContact>,
     /// Largest penetration in the contact configuration, and the sum of all over `contacts_active`, m.
     pub penetration_largest: f64,
     pub penetration_mean: f64,
@@ -70,6 +70,13 @@ pub struct StepReport {
     pub gravity: GravityReport,
     /// |momentum - expected| over the largest sum of m |v| so far.
     pub momentum_drift: f64,
+}
+
+/// A contact by its two bodies and its place in the contact configuration, m: polyhedra share several.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WorstContact {
+    pub bodies: [u32; 2],
+    pub point: Vec3,
 }
 
 /// Advances the state by one step.
@@ -217,9 +224,9 @@ fn book(
         ledger.steps_unconverged += 1;
         ledger.last_unconverged = Some(state.step + 1);
     }
-    let pair = |row: u32| {
-        let [a, b] = system.rows[row as usize].bodies;
-        (a, b)
+    let worst = |row: u32| {
+        let (bodies, solved) = (system.rows[row as usize].bodies, &solved.contacts[row as usize]);
+        WorstContact { bodies, point: solved.contact.point }
     };
     StepReport {
         h,
@@ -232,7 +239,7 @@ fn book(
         taken_over: solution.taken_over,
         replaced: solution.replaced,
         norms: scene.options.lmgc90_norms.then(|| norms(system, &solution.impulses, &solution.records)),
-        worst_pair: solution.worst.map(pair),
+        worst: solution.worst.map(worst),
         penetration_largest: given.penetration_largest,
         penetration_mean: given.penetration_sum / given.contacts_active.max(1) as f64,
         virial: given.virial / h,

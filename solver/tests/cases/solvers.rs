@@ -1,5 +1,7 @@
 //! The option `solver`: all of them find the same, `auto` goes on where sweeps stall; and LMGC90's criteria.
 
+use std::process::Command;
+
 use cd_formats::compute::ContactSolver::{self, Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
 use cd_formats::fc3d::Fc3d;
 use cd_formats::snapshot::Snapshot;
@@ -138,4 +140,35 @@ fn convergence_is_checked_where_it_is_asked_for() {
         assert!(case.column("sweeps").iter().all(|sweeps| *sweeps >= 30.0 && sweeps % 30.0 == 0.0), "{law}");
         assert!(all_converged(&case), "{law}");
     }
+}
+
+/// What a run from the beginning tells, and what it warns of.
+fn told(case: &Case) -> [String; 2] {
+    case.write();
+    let program = env!("CARGO_BIN_EXE_cd-solve");
+    let output = Command::new(program).arg(case.path()).args(["--force", "--steps", "3"]).output().unwrap();
+    assert!(output.status.success());
+    [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap())
+}
+
+#[test]
+fn the_worst_contact_is_told_with_its_place() {
+    // A block on a floor, pushed askew: four contacts of one pair.
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.3]);
+    case.gravity = [1.0, 0.5, -8.0];
+    case.floor();
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let block = case.block([1.0, 0.5, 0.25], [3.0, 2.0, 0.25], axes);
+    case.launch(block, [1.0, 0.3, -1.0], [0.5, 0.2, 0.7]);
+    (case.options.solver, case.options.max_sweeps) = (Nlgs, Some(1));
+    let [_, warnings] = told(&case);
+    let line = warnings.lines().next().expect("a step that did not converge");
+    let (_, place) = line.split_once(", worst contact bodies 2-1 at (").expect(line);
+    let (numbers, rest) = place.split_once(") m").expect(line);
+    assert_eq!(rest, "; continuing", "{line}");
+    let numbers: Vec<f64> = numbers.split(", ").map(|number| number.parse().unwrap()).collect();
+    // Of the first step, in which the block moves by less than 1e-3 m: one of the corners below it.
+    let corner = [(numbers[0] - 3.0).abs(), (numbers[1] - 2.0).abs(), numbers[2]];
+    near(corner, [1.0, 0.5, 0.0], 2e-3);
 }
