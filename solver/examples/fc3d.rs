@@ -71,3 +71,23 @@ fn main() -> ExitCode {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn impulses_are_written_contact_by_contact() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, output) = (folder.path().join("one.fc3d"), folder.path().join("r.txt"));
+        // Comes down at 2 m/s and slides at 3 m/s on W = 1: r = (2, 0, -1).
+        let text = "fc3d 1\nname one\ncontacts 1\nblocks 1\nmu\n0.5\nq\n-2.0 0.0 3.0\nW\n0 0 1.0 0.0 0.0 0.0 1.0 0.0 0.0 0.0 1.0\nend\n";
+        std::fs::write(&file, text).unwrap();
+        let words = ["fc3d".as_ref(), file.as_os_str(), "-o".as_ref(), output.as_os_str()];
+        assert!(run(&Arguments::parse_from(words)).unwrap());
+        let text = std::fs::read_to_string(&output).unwrap();
+        let r: Vec<f64> = text.split_whitespace().map(|number| number.parse().unwrap()).collect();
+        assert!(r.len() == 3 && r.iter().zip([2.0, 0.0, -1.0]).all(|(a, b)| (a - b).abs() < 1e-7), "{text}");
+        assert!(run(&Arguments::parse_from(["fc3d", "absent.fc3d", "-o", "r.txt"])).is_err());
+    }
+}

@@ -101,3 +101,23 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     }
     std::fs::write(&arguments.output, table).map_err(|e| format!("{}: {e}", arguments.output.display()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_masses_attract_each_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let (input, output) = (folder.path().join("in.csv"), folder.path().join("out.csv"));
+        let words = ["gravity".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()];
+        let arguments = Arguments::parse_from(words);
+        std::fs::write(&input, "x,y,z,m\n0,0,0,1\n2,0,0,4\n").unwrap();
+        run(&arguments).unwrap();
+        let text = std::fs::read_to_string(&output).unwrap();
+        let a: Vec<f64> = text.lines().skip(1).flat_map(|row| row.split(',')).map(|x| x.parse().unwrap()).collect();
+        assert_eq!(a, [1.0, 0.0, 0.0, -0.25, 0.0, 0.0], "{text}"); // 4/2^2 and 1/2^2
+        std::fs::write(&input, "x,y,z,m\n0,0,0\n").unwrap();
+        assert!(run(&arguments).unwrap_err().ends_with("in.csv:2: 0,0,0; expected x,y,z,m"));
+    }
+}

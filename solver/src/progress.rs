@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::time::Instant;
 
-use cd_formats::compute::Compute;
+use cd_formats::compute::{Compute, ContactSolver};
 use cd_formats::tell::{complain, tell};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -35,10 +35,13 @@ impl Progress {
         if state.step.is_multiple_of(10) {
             self.bar.set_message(format!("{} contacts, {} sweeps", report.contacts_active, report.sweeps));
         }
-        if let Some(reason) = report.replaced.filter(|_| !self.told.replace(true)) {
-            let step = state.step;
-            self.tell(&format!("cd-solve: step {step}: sweeps take the place of the solver asked for, as {reason}"));
-        }
+        self.first_replaced(state.step, report.replaced).into_iter().for_each(|message| self.tell(&message));
+    }
+
+    /// What to tell the first time that sweeps take another solver's place.
+    fn first_replaced(&self, step: u64, reason: Option<&str>) -> Option<String> {
+        let reason = reason.filter(|_| !self.told.replace(true))?;
+        Some(format!("cd-solve: step {step}: sweeps take the place of the solver asked for, as {reason}"))
     }
 
     /// Tells of an output.
@@ -69,10 +72,9 @@ impl Progress {
             format!(", worst contact bodies {}-{} at ({x:.6e}, {y:.6e}, {z:.6e}) m", a + 1, b + 1)
         };
         let worst = report.worst.map_or(String::new(), place);
-        let in_place = if report.replaced.is_some() { "sweeps in place of " } else { "" };
-        let (tol, solver) = (options.tol(), options.solver);
+        let (tol, solver) = (options.tol(), by(options.solver, report.replaced.is_some()));
         let message = format!(
-            "cd-solve: step {}, t = {} s: {in_place}{solver} stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{worst}; continuing",
+            "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{worst}; continuing",
             state.step, state.time, report.sweeps, report.residual
         );
         self.bar.suspend(|| complain(&message));
@@ -85,5 +87,30 @@ impl Progress {
 
     pub fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// Who solved a step, where sweeps may have taken the place of the solver asked for.
+fn by(solver: ContactSolver, replaced: bool) -> String {
+    if replaced { format!("sweeps in place of {solver}") } else { solver.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_solver_is_named_that_solved() {
+        assert_eq!(by(ContactSolver::Admm, true), "sweeps in place of admm");
+        assert_eq!(by(ContactSolver::Admm, false), "admm");
+    }
+
+    #[test]
+    fn that_sweeps_take_its_place_is_told_once() {
+        let progress = Progress::new(0, 5);
+        assert_eq!(progress.first_replaced(1, None), None);
+        let message = progress.first_replaced(2, Some("it is large")).unwrap();
+        assert_eq!(message, "cd-solve: step 2: sweeps take the place of the solver asked for, as it is large");
+        assert_eq!(progress.first_replaced(3, Some("it is large")), None);
     }
 }

@@ -193,7 +193,7 @@ fn a_lander_of_another_shape_comes_to_rest_on_what_was_there() {
         gravity: (0.0, 0.0, -1.0),
         materials: [(name: "ROCKx", density: 3000.0)],
         laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.3))],
-        contacts: [(between: ("BLUEx", "FLOOR"), law: "iqsc0")],
+        contacts: [(between: ("BLUEx", "FLOOR"), law: "iqsc0"), (between: ("BLUEx", "BLUEx"), law: None)],
         grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(0.5), place: List(positions: [(5, 0, 0.5)]))],
         walls: [Plate(material: "ROCKx", colour: "FLOOR", centre: (0, 0, -0.5), half_lengths: (20, 20, 0.5))],
         compute: (dt: 0.01, steps: 10),
@@ -255,7 +255,7 @@ fn what_cannot_be_is_refused_and_nothing_written() {
         )
     };
     refused(from.path(), &grain("IRONx", "(0, 50, 0)")); // no such material
-    refused(from.path(), &grain("ROCKx", "(33.0, 0.5, 0.0)")); // in another
+    refused(from.path(), &grain("ROCKx", "(1.0, 0.5, 0.0)")); // in another
     refused(from.path(), "(contacts: [(between: (\"BLUEx\", \"BLUEx\"), law: \"other\")])");
     refused(from.path(), "(compute: (dt: -1.0))");
     // Into the case itself.

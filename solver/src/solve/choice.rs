@@ -29,9 +29,7 @@ const WORTH: f64 = 20.0;
 const SWEPT: f64 = 6.0;
 /// From so many contacts on factors take gigabytes: sweeps take the place of the solvers that need them.
 const LARGE: usize = 30_000;
-/// Why they do, and why they solve what has moments, too.
 const TOO_LARGE: &str = "the factors of 30 000 contacts and more take gigabytes";
-const MOMENTS: &str = "rolling friction has sweeps of its own";
 /// The stored solvers aim a little below the tolerance, which is judged by other sums than theirs.
 const AIM: f64 = 0.9;
 
@@ -39,10 +37,8 @@ const AIM: f64 = 0.9;
 ///
 /// `stored` writes the rows that can close as a problem with its Delassus matrix.
 pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> StoredProblem) -> Solution {
-    let sweeps = matches!(task.solver, ContactSolver::Nlgs | ContactSolver::Auto);
     if !system.rolls.is_empty() {
-        let replaced = (!sweeps).then_some(MOMENTS);
-        return Solution { replaced, ..rolling::nlgs(system, task.until, task.width) };
+        return rolling::nlgs(system, task.until, task.width);
     }
     let Until { tol, max_sweeps: limit, .. } = task.until;
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
@@ -128,7 +124,7 @@ mod tests {
     use std::cell::Cell;
 
     use super::*;
-    use crate::assemble::{Record, Roll, Row};
+    use crate::assemble::{Record, Row};
     use crate::math::Vec3;
 
     /// Balls of mass 1 that come down on one floor at 1 m/s.
@@ -190,17 +186,5 @@ mod tests {
         for solver in [Auto, Nlgs] {
             assert_eq!(solved(&many, solver), (None, false), "{solver}");
         }
-        let mut rolling = few;
-        rolling.rolls = vec![Roll {
-            row: 0,
-            radius: 0.5,
-            rolling: 0.1,
-            spinning: 0.1,
-            inverse_w: 0.1,
-            shift: Vec3::zeros(),
-            start: Vec3::zeros(),
-        }];
-        assert_eq!(solved(&rolling, NlgsAnderson), (Some(MOMENTS), false));
-        assert_eq!(solved(&rolling, Auto), (None, false));
     }
 }

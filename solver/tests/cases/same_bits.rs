@@ -224,3 +224,46 @@ fn the_texts_of_a_run_start_another() {
     // The contacts' forces are there to start from.
     assert_eq!(after[0].contacts.contact_body, before[2].contacts.contact_body);
 }
+
+/// Thirty balls, or blocks, that fall into a tub and on each other.
+fn poured(blocks: bool, law: &str, parameters: &[f64]) -> Case {
+    let mut case = Case::new();
+    case.law_of_all(law, parameters);
+    case.gravity = [0.15, 0.05, -4.0];
+    case.tub(2.0);
+    let mut random = uniform(3);
+    for (radius, [x, y, z]) in shaken_lattice(3, 6) {
+        let half = [0.8 * radius, 0.5 * radius, 0.6 * radius];
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let x = [x, y, z + 1.65];
+        let body = if blocks { case.block(half, x, axes) } else { case.sphere(radius, x) };
+        case.launch(body, [0; 3].map(|_| 2.0 * random() - 1.0), [0; 3].map(|_| 4.0 * random() - 2.0));
+    }
+    let options = &mut case.options;
+    (options.dt, options.tol, options.max_sweeps) = (0.002, Some(1e-6), Some(500));
+    case
+}
+
+/// Steps are so short that no push within a step carries a body past the shortest alert distance.
+#[test]
+fn the_alert_distance_changes_nothing() {
+    for (blocks, law, parameters) in [
+        (false, "IQS_CLB", &[0.4][..]),
+        (false, "RST_DS_CLB", &[0.6, 0.2, 0.3, 0.4]),
+        (false, "IQS_DS_ROLL_CLB", &[0.4, 0.5, 0.1, 0.1]),
+        (true, "IQS_CLB", &[0.4]),
+    ] {
+        let run = |share: f64| {
+            let mut case = poured(blocks, law, parameters);
+            case.options.alert = Some(share * 0.4); // of the mean radius
+            let end = case.run(220);
+            let column = |name: &str| case.column(name).iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            let steps = ["contacts_solved", "contacts_active", "sweeps", "residual"].map(column);
+            ((steps, end.bodies.body_x, end.bodies.body_v), case.column("contacts_listed").iter().sum::<f64>())
+        };
+        let [(near, few), (middle, _), (far, many)] = [0.02, 0.1, 0.3].map(run);
+        assert!(near == middle && middle == far, "{law} {blocks}");
+        assert!(many > 1.2 * few, "{law} {blocks}: {few} {many}"); // a check of the check
+        assert!(near.0[2].iter().any(|sweeps| f64::from_bits(*sweeps) > 0.0), "{law} {blocks}");
+    }
+}

@@ -152,21 +152,6 @@ fn told(case: &Case) -> [String; 2] {
 }
 
 #[test]
-fn a_solver_whose_place_sweeps_take_is_told_once() {
-    let rolling = |solver| {
-        let mut case = pyramid(solver);
-        case.law("IQS_DS_ROLL_CLB", &[0.25, 0.25, 0.1, 0.1]);
-        case.options.max_sweeps = Some(1);
-        case
-    };
-    let [out, warnings] = told(&rolling(Admm));
-    assert_eq!(out.matches("sweeps take the place of the solver asked for, as rolling").count(), 1, "{out}");
-    assert!(warnings.contains("step 1, t = 0.001 s: sweeps in place of admm stopped after 1 sweeps"), "{warnings}");
-    let [out, warnings] = told(&rolling(Nlgs));
-    assert!(!out.contains("place of") && warnings.contains(" s: nlgs stopped after 1 sweeps"), "{out} {warnings}");
-}
-
-#[test]
 fn the_worst_contact_is_told_with_its_place() {
     // A block on a floor, pushed askew: four contacts of one pair.
     let mut case = Case::new();
