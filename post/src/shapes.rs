@@ -266,12 +266,17 @@ mod tests {
             ..BodyArrays::default()
         };
         let counts = |ids: &[u64], shape| -> Vec<usize> {
-            of(&path, &bodies(ids, shape)).unwrap().iter().map(|s| s.as_ref().map_or(0, |s| s.faces.len())).collect()
+            Shapes::default()
+                .of(&path, &bodies(ids, shape))
+                .unwrap()
+                .iter()
+                .map(|s| s.as_ref().map_or(0, |s| s.faces.len()))
+                .collect()
         };
         // A body of other contactors has none, whatever the snapshot calls its shape.
         assert_eq!(counts(&[2, 1, 2], SHAPE_PARTS), [6, 0, 6]);
         assert!(counts(&[2], 0).is_empty());
-        let said = of(&path, &bodies(&[3], SHAPE_PARTS)).unwrap_err().to_string();
+        let said = Shapes::default().of(&path, &bodies(&[3], SHAPE_PARTS)).unwrap_err().to_string();
         assert!(said.contains("file: 2 bodies; expected body 3, which"), "{said}");
     }
 
