@@ -26,6 +26,7 @@ pub mod dof;
 pub mod drv_dof;
 pub mod error;
 pub mod fc3d;
+pub mod field;
 pub mod groups;
 pub mod mass;
 pub mod scan;

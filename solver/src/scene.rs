@@ -1,11 +1,11 @@
 //! Shelf: what is constant during a run.
 
-use cd_formats::compute::{Compute, Event, Field, GravityMethod, NarrowPhase};
+use cd_formats::compute::{Compute, Event, GravityMethod, NarrowPhase};
 use cd_formats::drv_dof::Evolution;
+use cd_formats::field::Outside;
 use cd_formats::snapshot::{LawName, MaterialName};
 
 use crate::geometry::Polyhedron;
-use crate::gravity::fields::Outside;
 use crate::gravity::{Gravity, Method};
 use crate::laws::Law;
 use crate::math::rotation;
@@ -259,6 +259,11 @@ impl Scene {
         !self.parts.is_empty()
     }
 
+    /// Whether directions of contact are found without a proof.
+    pub fn narrow_phase_is_fast(&self) -> bool {
+        self.is_general() && self.options.narrow_phase() == NarrowPhase::Fast
+    }
+
     /// Class of the contactor `rank` of a body, if it has that many.
     pub fn class_of(&self, body: u32, rank: u16) -> Option<u16> {
         match self.bodies[body as usize].shape {
@@ -293,19 +298,7 @@ impl Scene {
 
     /// The fields that act from outside.
     pub fn outside(&self) -> Vec<Outside> {
-        let constant = self.options.gravity_constant;
-        let primary = |mass: f64, position: [f64; 3], oblateness: f64, axis: [f64; 3]| Outside::Primary {
-            strength: constant * mass,
-            centre: position.into(),
-            oblateness,
-            axis: Vec3::from(axis).normalize(),
-        };
-        let of = |field: &Field| match *field {
-            Field::PointMass { mass, position } => primary(mass, position, 0.0, [0.0, 0.0, 1.0]),
-            Field::Oblate { mass, position, radius, j2, axis } => primary(mass, position, j2 * radius * radius, axis),
-            Field::RotatingFrame { rate, centre } => Outside::Turning { rate: rate.into(), centre: centre.into() },
-        };
-        self.options.fields.iter().map(of).collect()
+        self.options.fields.iter().map(|field| field.outside(self.options.gravity_constant)).collect()
     }
 
     /// The models that this scene uses, for the summary.

@@ -53,3 +53,39 @@ fn frictionless_spheres_at_rest_are_isostatic() {
         assert!(steps["residual"].last().unwrap() <= &1e-8);
     }
 }
+
+/// Two touching spheres at rest in axes that turn at half the rate at which they part: attraction less what the axes pull
+/// outwards is what the contact carries, and so the pressure is that of the virial of both.
+#[test]
+fn what_fields_pull_is_in_the_virial_and_the_energy() {
+    let (density, radius) = (3000.0, 1.0f64);
+    let mass = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3) * density;
+    let rate = 0.25 * (4.0 / 3.0 * std::f64::consts::PI * GRAVITATION * density).sqrt();
+    let scene = format!(
+        r#"(
+            materials: [(name: "ROCKx", density: {density:?})],
+            laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
+            contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0")],
+            grains: [(
+                material: "ROCKx",
+                colour: "BLUEx",
+                sizes: Single({radius:?}),
+                place: List(positions: [(-{radius:?}, 0.0, 0.0), ({radius:?}, 0.0, 0.0)]),
+            )],
+            compute: (
+                dt: 0.1, steps: 20, output_every: 20, self_gravity: true, gravity: direct, tol: 1.0e-12,
+                fields: [RotatingFrame(rate: (0.0, 0.0, {rate:e}), centre: (0.0, 0.0, 0.0))],
+            ),
+        )"#
+    );
+    let series = Case::of(&scene).solved(&[]).series();
+    let last = |name: &str| *series[name].last().unwrap();
+    // Radii and densities are written with eight digits.
+    let near = |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-7, "{found:e} {expected:e}");
+    let force = GRAVITATION * mass * mass / (4.0 * radius * radius) - mass * rate * rate * radius;
+    let volume = 4.0 / 3.0 * std::f64::consts::PI * (2.0 * radius).powi(3);
+    near(last("pressure"), force * 2.0 * radius / (3.0 * volume));
+    near(last("pressure_virial"), last("pressure"));
+    near(last("E_fields"), -mass * rate * rate * radius * radius);
+    near(last("E_total"), last("E_grav") + last("E_fields"));
+}

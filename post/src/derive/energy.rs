@@ -1,5 +1,6 @@
 //! Kinetic and potential energies.
 
+use cd_formats::field::Outside;
 use rayon::prelude::*;
 
 use crate::derive::gravity::Tree;
@@ -21,6 +22,18 @@ pub fn kinetic_sums(grains: &[Grain]) -> (f64, f64) {
 pub fn self_gravity_constant(frame: &Frame) -> Option<f64> {
     let parameters = &frame.meta.parameters;
     parameters.self_gravity.then_some(parameters.gravity_constant)
+}
+
+/// The fields that act from outside, besides uniform gravity.
+pub fn outside(frame: &Frame) -> Vec<Outside> {
+    let parameters = &frame.meta.parameters;
+    parameters.fields.iter().map(|field| field.outside(parameters.gravity_constant)).collect()
+}
+
+/// Potential energy in such fields, J: sum m_i phi(x_i), [`Outside::at`].
+pub fn in_fields(grains: &[Grain], fields: &[Outside]) -> f64 {
+    // 0 without fields, not the -0 of an empty sum.
+    grains.iter().flat_map(|g| fields.iter().map(|field| g.mass * field.at(&g.x).1)).fold(0.0, |sum, one| sum + one)
 }
 
 /// How potential energies are summed.

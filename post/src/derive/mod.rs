@@ -110,6 +110,7 @@ columns! {
     pressure_kinetic: f64, "Pa", "pressure of the motion about the centre of mass";
     Ec_rigid_mean: f64, "J", "kinetic energy of the rigid motion of the whole per grain";
     E_uniform: f64, "J", "potential energy in the uniform gravity, 0 at the origin";
+    E_fields: f64, "J", "potential energy in other fields from outside";
     com_x: f64, "m", "centre of mass";
     com_y: f64, "m", "the same along y";
     com_z: f64, "m", "the same along z";
@@ -188,6 +189,7 @@ impl Row {
         let largest = Largest::of(&fragments, gravity, whole.mass);
         let e_grav = gravity.map_or(0.0, |g| energy::gravitational(grains.iter().map(|k| (k.x, k.mass)), g, summation));
         let e_uniform = energy::uniform(grains, Vec3::from(frame.meta.parameters.uniform_gravity));
+        let e_fields = energy::in_fields(grains, &energy::outside(frame));
         let ledger = &frame.meta.ledger;
         Row {
             step: frame.meta.step,
@@ -219,6 +221,7 @@ impl Row {
             pressure_kinetic: stress::kinetic_pressure(grains, whole.velocity(), volume),
             Ec_rigid_mean: whole.rigid_energy() / count,
             E_uniform: e_uniform,
+            E_fields: e_fields,
             com_x: whole.x.x,
             com_y: whole.x.y,
             com_z: whole.x.z,
@@ -257,7 +260,7 @@ impl Row {
             largest_period: if largest.spin > 0.0 { std::f64::consts::TAU / largest.spin } else { f64::NAN },
             bound_fraction: largest.bound,
             escaping_fraction: largest.escaping,
-            E_total: e_translation + e_rotation + e_grav + e_uniform,
+            E_total: e_translation + e_rotation + e_grav + e_uniform + e_fields,
             E_contacts: ledger.contact_work,
             E_friction: ledger.friction_work,
             E_shocks: ledger.contact_work - ledger.friction_work,

@@ -4,7 +4,9 @@
 //! in the time-stepping scheme, so that the balance between both pressures holds to the solver's
 //! tolerance, not just to first order in the step.
 
-use crate::derive::energy::{Summation, gravitational, self_gravity_constant};
+use cd_formats::field::Outside;
+
+use crate::derive::energy::{Summation, gravitational, outside, self_gravity_constant};
 use crate::derive::fabric::eigenvalues;
 use crate::frame::{Frame, Grain, Mat3, Vec3};
 
@@ -34,11 +36,11 @@ pub fn pressure(stress: &Mat3) -> f64 {
 
 /// The pressure that balances the loads at rest, Pa: -(1/3V) sum (x_i - x_com).F_i over the grains.
 ///
-/// F_i is every force on grain i but those of other grains: self-gravity, uniform gravity, walls.
+/// F_i is every force on grain i but those of other grains: self-gravity, uniform gravity, fields, walls.
 /// Self-gravity is homogeneous of degree -2 in the distances, so its sum is the potential energy
 /// W itself and its share |W| / 3V, whatever the arrangement. Uniform gravity pulls at the centre
-/// of mass, and so adds nothing. NaN in a scene that repeats, where the bodies' own images hold them too, and in one
-/// with `fields`, whose forces on the grains are not counted.
+/// of mass, and so adds nothing. In axes that turn, Coriolis' force counts, too. NaN in a scene that repeats, where the bodies'
+/// own images hold them too.
 ///
 /// At rest this equals [`pressure`] of [`mean_stress`] exactly: the forces on each grain add up to
 /// zero, and the contact forces' sum f.l is their sum x_i.F_i. Turning steadily, the pressure of
@@ -48,7 +50,7 @@ pub fn pressure(stress: &Mat3) -> f64 {
 /// Source: the virial theorem of Clausius (1870).
 pub fn virial_pressure(frame: &Frame, volume: f64, summation: Summation) -> f64 {
     let grains = &frame.grains;
-    if frame.cell().repeats() || !frame.meta.parameters.fields.is_empty() {
+    if frame.cell().repeats() {
         return f64::NAN;
     }
     let com = grains.iter().map(|g| g.mass * g.x_contact).sum::<Vec3>() / frame.mass();
@@ -60,7 +62,14 @@ pub fn virial_pressure(frame: &Frame, volume: f64, summation: Summation) -> f64 
         .flat_map(|contact| contact.on_grains())
         .map(|(grain, force, _)| (grains[grain].x_contact - com).dot(&force))
         .sum();
-    -(self_gravity + walls) / (3.0 * volume)
+    let fields = outside(frame);
+    let rate: Vec3 = fields.iter().map(Outside::rate).sum();
+    let pull = |g: &Grain| -> Vec3 {
+        let at_rest: Vec3 = fields.iter().map(|field| field.at(&g.x_contact).0).sum();
+        at_rest - 2.0 * rate.cross(&g.v)
+    };
+    let fields: f64 = grains.iter().map(|g| g.mass * (g.x_contact - com).dot(&pull(g))).sum();
+    -(self_gravity + fields + walls) / (3.0 * volume)
 }
 
 /// Pressure of the motion about the centre of mass, Pa: (1/3V) sum m |v - v_com|^2.

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use cd_formats::compute::Action;
+use cd_formats::field::Outside;
 use cd_formats::snapshot::Attraction as Record;
 
 use crate::detect::broad::pairs;
-use crate::gravity::fields::{Outside, turned};
 use crate::gravity::quadrupole::{Rigid, correction};
 use crate::gravity::sample::{self, Sampled};
 use crate::gravity::{Field, Gravity, Method, balance};
@@ -195,6 +195,11 @@ fn pushed(outside: &[Outside], gravity: Vec3, x: &Vec3) -> (Vec3, f64) {
     outside.iter().map(|field| field.at(x)).fold(uniform, |sum, term| (sum.0 + term.0, sum.1 + term.1))
 }
 
+/// The vector u with u + k x u = b.
+fn turned(b: &Vec3, k: &Vec3) -> Vec3 {
+    (b + k * k.dot(b) - k.cross(b)) / (1.0 + k.norm_squared())
+}
+
 /// Coriolis' force in axes that turn at `rate`, on the velocity weighted over the step as (1-theta) V + theta V+; and
 /// what turns the spins of spheres against the axes. Without contacts and for theta = 1/2 it does no work, exactly.
 fn coriolis(scene: &Scene, state: &State, q_c: &Configuration, rate: Vec3, free: &mut Free) {
@@ -218,9 +223,6 @@ fn coriolis(scene: &Scene, state: &State, q_c: &Configuration, rate: Vec3, free:
 /// Up to this many bodies the energies that a run's drift is taken from are summed directly: twice a
 /// run, within a second or two.
 const DIRECT_ENERGY: usize = 50_000;
-
-/// Steps between two looks at the error of self-gravity.
-const LOOK_EVERY: u64 = 100;
 
 /// Of the error asked of self-gravity, the part that its extrapolation may reach.
 const STALE: f64 = 0.25;
@@ -256,8 +258,7 @@ fn attraction(scene: &Scene, state: &State, q_c: &Configuration) -> Pull {
         extrapolated(scene, state, q_c, &positions, &masses)
     };
     let approximate = scene.gravity_refresh() > 1 || scene.gravity().method_for(masses.len()) == Method::Fmm;
-    let looks = state.step.next_multiple_of(LOOK_EVERY) < state.step + q_c.units;
-    if approximate && looks {
+    if approximate && state.looks(q_c.units) {
         let constant = scene.options.gravity_constant;
         pull.report.sampled = Some(sample::error(&positions, &masses, constant, &pull.acceleration, state.step));
     }
@@ -398,4 +399,16 @@ fn loads(scene: &Scene, state: &State, h: f64) -> Vec<(usize, Vec3, Vec3)> {
             }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turned_solves_its_equation() {
+        let (b, k) = (Vec3::new(1.0, -2.0, 3.0), Vec3::new(0.4, 0.1, -2.0));
+        let u = turned(&b, &k);
+        assert!((u + k.cross(&u) - b).norm() < 1e-14);
+    }
 }

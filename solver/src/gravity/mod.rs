@@ -2,7 +2,6 @@
 
 mod balance;
 pub mod direct;
-pub mod fields;
 pub mod quadrupole;
 pub mod sample;
 // No iterators in the kernels: they are functions of their own, which a compiler may leave outside the instruction set

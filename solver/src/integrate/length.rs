@@ -14,9 +14,9 @@
 
 use std::f64::consts::TAU;
 
+use cd_formats::field::Outside;
 use rayon::prelude::*;
 
-use crate::gravity::fields::Outside;
 use crate::scene::Scene;
 use crate::state::{SolvedContact, State};
 
