@@ -1,7 +1,30 @@
-//! A synthetic contact problem for benches and tests.
+//! Synthetic contact problems for benches and tests.
 
-use cd_solve::assemble::{Record, Row, System};
-use cd_solve::math::Vec3;
+use cd_solve::assemble::{Full, Record, Row, System};
+use cd_solve::math::{Mat3, Vec3};
+
+/// The same with cuboids in place of the spheres, four points on each face that touches.
+pub fn blocks(side: usize, friction: f64) -> System {
+    let mut system = packing(side, friction);
+    let turned = |k: usize| 0.2 * ((k as f64 + 0.5) * 9.7).sin();
+    let inverse_inertia = |k: usize| Mat3::from_diagonal(&Vec3::new(1.5, 1.2 + turned(k), 1.8));
+    let inverse_inertia = (0..system.records.len()).map(inverse_inertia).collect();
+    let mut full = Full { arms: Vec::new(), inverse_inertia };
+    let mut rows = Vec::new();
+    for row in &system.rows {
+        let (u, v) = (row.normal.cross(&Vec3::new(0.6, 0.8, 0.1)), row.normal.yzx());
+        let along = (v - row.normal * v.dot(&row.normal)).normalize();
+        for (x, y) in [(-0.7, -0.7), (0.7, -0.7), (0.7, 0.7), (-0.7, 0.7)] {
+            let across = u.normalize() * x + along * y;
+            full.arms.push([across - row.normal, across + row.normal]);
+            let block = full.block(rows.len(), row, &system.records);
+            let w_n = row.normal.dot(&(block * row.normal));
+            rows.push(Row { w_n, w_t: 0.5 * (block.trace() - w_n), ..*row });
+        }
+    }
+    (system.rows, system.full) = (rows, Some(full));
+    system
+}
 
 /// side^3 spheres on a cubic lattice, each touching its neighbours, with random velocities; ordered along Morton's curve.
 pub fn packing(side: usize, friction: f64) -> System {

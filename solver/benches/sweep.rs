@@ -1,4 +1,4 @@
-//! Nanoseconds per contact and sweep, on synthetic packings of touching spheres.
+//! Nanoseconds per contact and sweep, on synthetic packings of touching spheres and cuboids.
 //!
 //!     cargo bench -p cd-solve --bench sweep
 //!
@@ -13,10 +13,12 @@ use cd_solve::solve::laid::Laid;
 use cd_solve::solve::residual::Judge;
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use packing::packing;
+use packing::{blocks, packing};
 
 /// 882, 9450, 95 232 and 1 014 300 contacts.
 const SIDES: [usize; 4] = [7, 15, 32, 70];
+/// 1200, 10 800, 105 840 and 998 976 contacts.
+const SIDES_OF_BLOCKS: [usize; 4] = [5, 10, 21, 44];
 const SWEEPS: usize = 20;
 
 fn main() {
@@ -28,8 +30,7 @@ fn start(system: &System) -> (Vec<u32>, Vec<Vec3>) {
     ((0..system.rows.len() as u32).collect(), vec![Vec3::zeros(); system.rows.len()])
 }
 
-fn sweeps(bencher: Bencher, side: usize, friction: f64, width: Width, threads: usize) {
-    let system = packing(side, friction);
+fn sweeps(bencher: Bencher, system: System, width: Width, threads: usize) {
     let (active, impulses) = start(&system);
     let mut problem = Laid::new(&system, &active, &impulses, &system.records);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -41,34 +42,51 @@ fn sweeps(bencher: Bencher, side: usize, friction: f64, width: Width, threads: u
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn frictional(bencher: Bencher, side: usize) {
-    sweeps(bencher, side, 0.4, Width::detect(), 1);
+    sweeps(bencher, packing(side, 0.4), Width::detect(), 1);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn frictional_two_threads(bencher: Bencher, side: usize) {
-    sweeps(bencher, side, 0.4, Width::detect(), 2);
+    sweeps(bencher, packing(side, 0.4), Width::detect(), 2);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn frictional_four_wide(bencher: Bencher, side: usize) {
     if let Some(width) = Width::all().get(1) {
-        sweeps(bencher, side, 0.4, *width, 1);
+        sweeps(bencher, packing(side, 0.4), *width, 1);
     }
 }
 
 #[divan::bench(args = SIDES, sample_count = 5)]
 fn frictional_one_wide(bencher: Bencher, side: usize) {
-    sweeps(bencher, side, 0.4, Width::all()[0], 1);
+    sweeps(bencher, packing(side, 0.4), Width::all()[0], 1);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn frictionless(bencher: Bencher, side: usize) {
-    sweeps(bencher, side, 0.0, Width::detect(), 1);
+    sweeps(bencher, packing(side, 0.0), Width::detect(), 1);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn frictionless_two_threads(bencher: Bencher, side: usize) {
-    sweeps(bencher, side, 0.0, Width::detect(), 2);
+    sweeps(bencher, packing(side, 0.0), Width::detect(), 2);
+}
+
+#[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
+fn polyhedra(bencher: Bencher, side: usize) {
+    sweeps(bencher, blocks(side, 0.4), Width::detect(), 1);
+}
+
+#[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
+fn polyhedra_two_threads(bencher: Bencher, side: usize) {
+    sweeps(bencher, blocks(side, 0.4), Width::detect(), 2);
+}
+
+#[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
+fn polyhedra_four_wide(bencher: Bencher, side: usize) {
+    if let Some(width) = Width::all().get(1) {
+        sweeps(bencher, blocks(side, 0.4), *width, 1);
+    }
 }
 
 /// Colouring and batching, once a step, on one thread.

@@ -9,11 +9,11 @@ use cd_solve::solve::{Until, nlgs};
 /// Enough bodies for four ranges, and sweeps for momentum to grow and, without friction, to start again.
 #[test]
 fn neither_threads_nor_vectors_change_a_solution() {
-    for friction in [0.4, 0.0] {
-        let system = packing::packing(17, friction);
+    let (spheres, smooth, cuboids) = (packing::packing(17, 0.4), packing::packing(17, 0.0), packing::blocks(17, 0.4));
+    for (system, sweeps) in [(spheres, 120), (smooth, 120), (cuboids, 40)] {
         let solve = |width, threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let solution = pool.install(|| nlgs(&system, Until::new(1e-12, 120), width));
+            let solution = pool.install(|| nlgs(&system, Until::new(1e-12, sweeps), width));
             (solution.impulses, solution.records, solution.residual, solution.sweeps, solution.worst)
         };
         let plain = solve(Width::all()[0], 1);

@@ -8,7 +8,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use crate::integrate::Configuration;
-use crate::laws::{Approach, Rolling};
+use crate::laws::{Approach, Rolling, Shift};
 use crate::math::{Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Scene, Shape};
 use crate::state::{Bonding, Contact, SolvedContact, State, Status, UNKNOWN};
@@ -287,7 +287,7 @@ impl Setting<'_> {
             impulse_shift: shift.impulse,
             acts,
             can_close: acts && (contact.gap <= travel || shift.impulse != 0.0),
-            start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, shift.impulse, h / state.h)),
+            start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
             bond: bond.filter(|_| acts),
         }
@@ -338,14 +338,17 @@ fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
 }
 
 /// r̂ of the last step for the same contact, scaled to the new step length, its tangential part
-/// laid into the new tangent plane.
-fn warm_start(old: &SolvedContact, contact: &Contact, impulse_shift: f64, scale: f64) -> Vec3 {
+/// laid into the new tangent plane, if there is friction.
+fn warm_start(old: &SolvedContact, contact: &Contact, shift: &Shift, scale: f64) -> Vec3 {
     let [n_old, t_old, s_old] = old.contact.frame();
     let n = contact.normal;
     debug_assert!((n_old.norm() - 1.0).abs() < 1e-3);
+    let normal = n * (old.impulse.x * scale - shift.impulse).max(0.0);
+    if shift.friction == 0.0 {
+        return normal;
+    }
     let tangential = t_old * old.impulse.y + s_old * old.impulse.z;
-    let normal = (old.impulse.x * scale - impulse_shift).max(0.0);
-    n * normal + (tangential - n * n.dot(&tangential)) * scale
+    normal + (tangential - n * n.dot(&tangential)) * scale
 }
 
 impl System {
@@ -383,7 +386,7 @@ impl System {
     }
 
     /// Gives the two bodies of row `k` the impulse `r` on the candidate and -r on the antagonist, N s.
-    fn apply(&mut self, k: usize, r: &Vec3) {
+    pub fn apply(&mut self, k: usize, r: &Vec3) {
         if self.full.is_none() {
             return self.rows[k].apply(&mut self.records, r);
         }

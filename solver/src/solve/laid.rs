@@ -13,19 +13,22 @@ pub enum Laid {
     Frictionless(Problem<Half>),
     /// Spheres and plates: the blocks are diagonal.
     Diagonal(Problem<Line>),
-    Full(full::batches::Problem),
+    /// Bodies of any shape, and those without friction.
+    Full(full::batches::Problem<full::batches::Point>),
+    FullFrictionless(full::batches::Problem<full::batches::Normal>),
 }
 
 impl Laid {
     /// Starts from `impulses` (one a row of the system) and from the velocities that they lead to.
     pub fn new(system: &System, active: &[u32], impulses: &[Vec3], records: &[Record]) -> Self {
-        if let Some(full) = &system.full {
-            return Laid::Full(full::batches::Problem::new(system, full, active, impulses, records));
-        }
-        if active.iter().any(|&k| system.rows[k as usize].friction > 0.0) {
-            Laid::Diagonal(Problem::new(system, active, impulses, records))
-        } else {
-            Laid::Frictionless(Problem::new(system, active, impulses, records))
+        let frictional = active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
+        match (&system.full, frictional) {
+            (None, true) => Laid::Diagonal(Problem::new(system, active, impulses, records)),
+            (None, false) => Laid::Frictionless(Problem::new(system, active, impulses, records)),
+            (Some(full), true) => Laid::Full(full::batches::Problem::new(system, full, active, impulses, records)),
+            (Some(full), false) => {
+                Laid::FullFrictionless(full::batches::Problem::new(system, full, active, impulses, records))
+            }
         }
     }
 
@@ -35,6 +38,7 @@ impl Laid {
             Laid::Frictionless(problem) => sweep(problem, width, beta),
             Laid::Diagonal(problem) => sweep(problem, width, beta),
             Laid::Full(problem) => full::sweep::sweep(problem, width, beta),
+            Laid::FullFrictionless(problem) => full::sweep::sweep(problem, width, beta),
         }
     }
 
@@ -44,6 +48,7 @@ impl Laid {
             Laid::Frictionless(problem) => problem.read_back(impulses),
             Laid::Diagonal(problem) => problem.read_back(impulses),
             Laid::Full(problem) => problem.read_back(impulses),
+            Laid::FullFrictionless(problem) => problem.read_back(impulses),
         }
     }
 }

@@ -169,6 +169,35 @@ fn events_change_friction_and_cohesion_of_a_law() {
     near(states[2].v(1), [v, 0.0, 0.0], 1e-7 * v);
 }
 
+/// A ball that rolls and a block that sticks on a slope: from one step to the next nothing holds them, and what held
+/// them is no part of what is solved.
+#[test]
+fn friction_that_is_set_to_nothing_leaves_nothing_behind() {
+    for block in [false, true] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        case.gravity = [1.0, 0.0, -8.0];
+        case.floor();
+        let body = match block {
+            true => case.block([0.5; 3], [0.0, 0.0, 0.5], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+            false => case.sphere(0.5, [0.0, 0.0, 0.5]),
+        };
+        for nickname in case.tact.laws.iter().map(|law| law.nickname.clone()).collect::<Vec<_>>() {
+            if case.tact.visibility.iter().any(|see| see.law == nickname && see.antagonist.contactor == "PLANx") {
+                case.event(0.05, Action::SetFriction(nickname, 0.0));
+            }
+        }
+        case.options.dt = 0.01;
+        let end = case.run(10);
+        // Five steps with friction, of which a rolling ball makes 5/7 of the pull, and five without.
+        let (held, w) = if block { (0.0, 0.0) } else { (5.0 / 7.0 * 0.05, 5.0 / 7.0 * 0.05 / 0.5) };
+        // Each step is solved to 1e-12 of the impulse of gravity.
+        near(end.v(body), [held + 0.05, 0.0, 0.0], 1e-10);
+        near(end.w(body), [0.0, w, 0.0], 1e-10);
+        assert!(case.column("converged").iter().all(|converged| *converged == 1.0), "block {block}");
+    }
+}
+
 #[test]
 fn a_restart_from_text_knows_what_is_bonded() {
     for (share, holds) in [(0.9, true), (1.1, false)] {

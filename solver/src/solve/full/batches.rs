@@ -3,12 +3,11 @@
 //!
 //! Bodies are cut into ranges, and pairs into colours that share no moving body, as in [`crate::solve::batches`].
 
-use nalgebra::{Matrix2, Matrix3};
-
 use crate::assemble::{Full, Record, System};
 
-use crate::math::{Vec3, local_frame};
+use crate::math::Vec3;
 use crate::solve::batches::{BATCH, NONE, Sums};
+use crate::solve::full::local::axes;
 
 /// A range holds at least this many bodies: fewer would wait for each other more than they work.
 const RANGE: usize = 512;
@@ -34,8 +33,21 @@ pub struct Batch {
     pub points: [usize; 2],
 }
 
-/// What is constant of one contact of each pair of a batch. Unused places have no friction, are pushed by nothing and
-/// stay at rest.
+/// One contact of each pair of a batch: what is constant of it. Unused places are pushed by nothing and stay at rest.
+pub trait Contacts: Clone + Send + Sync {
+    /// What sweeps change of it.
+    type Impulses: Clone + Default + Send + Sync;
+
+    fn unused() -> Self;
+
+    /// Puts row `k` of the system into a place, to start from `impulse` (world frame, N s).
+    fn put(&mut self, lane: usize, system: &System, full: &Full, k: usize, impulse: &Vec3, values: &mut Self::Impulses);
+
+    /// r̂ of a place, world frame, N s.
+    fn impulse(&self, values: &Self::Impulses, lane: usize) -> Vec3;
+}
+
+/// With friction: three unknowns.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
 pub struct Point {
@@ -63,33 +75,57 @@ pub struct Impulses {
     pub multiplier: Column,
 }
 
-/// Batches that are swept in this order, with their impulses.
+/// Without friction: one unknown. A unit of it turns the bodies by the angular impulses `arms`, and so changes their
+/// angular velocities by `answers`.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+pub struct Normal {
+    /// World frame.
+    pub normal: [Column; 3],
+    /// Arm of candidate and antagonist times the normal, m.
+    pub arms: [[Column; 3]; 2],
+    /// Inverse inertia times that, 1/(kg m).
+    pub answers: [[Column; 3]; 2],
+    /// û = u + shift, along the normal, m/s.
+    pub shift: Column,
+    pub inverse_nn: Column,
+    /// W_nn, 1/kg.
+    pub weight: Column,
+}
+
+/// r̂ of a point along its normal, now and of the sweep before, N s.
 #[derive(Debug, Clone, Default)]
-pub struct Batches {
+#[repr(align(64))]
+pub struct Push {
+    pub r: Column,
+    pub previous: Column,
+}
+
+/// Batches that are swept in this order, with their impulses.
+pub struct Batches<C: Contacts> {
     pub batches: Vec<Batch>,
-    pub points: Vec<Point>,
-    pub impulses: Vec<Impulses>,
+    pub points: Vec<C>,
+    pub impulses: Vec<C::Impulses>,
     /// Rows of the system, or [`NONE`], by point.
     rows: Vec<[u32; BATCH]>,
 }
 
 /// A range of bodies with the pairs inside it.
-#[derive(Debug, Clone)]
-pub struct Range {
+pub struct Range<C: Contacts> {
     /// Number of lines: the moving bodies, those that do not move, and one for unused places.
     pub lines: usize,
-    pub inside: Batches,
+    pub inside: Batches<C>,
     /// Sums of the last sweep.
     pub sums: Sums,
 }
 
 /// Lines of the touched bodies, range by range: v, 1/m, w and an unused place; inverse inertia xx, xy, xz, yy, yz, zz.
-pub struct Problem {
+pub struct Problem<C: Contacts> {
     pub lines: Vec<Line>,
     pub previous: Vec<Line>,
     pub inertia: Vec<Line>,
-    pub ranges: Vec<Range>,
-    pub between: Batches,
+    pub ranges: Vec<Range<C>>,
+    pub between: Batches<C>,
 }
 
 /// Contacts of two bodies: rows that follow each other, at most [`POINTS`].
@@ -99,7 +135,7 @@ struct Pair {
     lines: [u32; 2],
 }
 
-impl Problem {
+impl<C: Contacts> Problem<C> {
     /// The problem of the rows `active` (sorted), starting from `impulses` (one a row of the system, world frame) and
     /// from the velocities that they lead to.
     pub fn new(system: &System, full: &Full, active: &[u32], impulses: &[Vec3], records: &[Record]) -> Self {
@@ -167,7 +203,7 @@ impl Problem {
         }
         let mut masks = vec![0u64; lines.len()];
         let mut layout = |group: &[u32], unused: u32| {
-            let mut batches = Batches::default();
+            let mut batches = Batches::new();
             for (size, mut members) in colours(group, &pairs, &mut masks) {
                 members.sort_by_key(|&k| std::cmp::Reverse(pairs[k as usize].rows.len()));
                 for chunk in members.chunks(size) {
@@ -191,8 +227,7 @@ impl Problem {
         for batches in self.ranges.iter().map(|range| &range.inside).chain([&self.between]) {
             for ((point, values), rows) in batches.points.iter().zip(&batches.impulses).zip(&batches.rows) {
                 for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
-                    let world = |k: usize| (0..3).map(|axis| point.axes[axis][k][lane] * values.r[axis][lane]).sum();
-                    impulses[row as usize] = Vec3::from_fn(|k, _| world(k));
+                    impulses[row as usize] = point.impulse(values, lane);
                 }
             }
         }
@@ -235,7 +270,11 @@ fn colours(group: &[u32], pairs: &[Pair], masks: &mut [u64]) -> Vec<(usize, Vec<
     colours
 }
 
-impl Batches {
+impl<C: Contacts> Batches<C> {
+    fn new() -> Self {
+        Batches { batches: Vec::new(), points: Vec::new(), impulses: Vec::new(), rows: Vec::new() }
+    }
+
     fn push(&mut self, system: &System, full: &Full, pairs: &[Pair], members: &[u32], impulses: &[Vec3], unused: u32) {
         let first = self.points.len();
         let mut batch = Batch { bodies: [[unused; BATCH]; 2], points: [first, first] };
@@ -246,8 +285,8 @@ impl Batches {
             }
             for (at, &row) in pair.rows.iter().enumerate() {
                 if first + at == self.points.len() {
-                    self.points.push(Point::unused());
-                    self.impulses.push(Impulses::default());
+                    self.points.push(C::unused());
+                    self.impulses.push(C::Impulses::default());
                     self.rows.push([NONE; BATCH]);
                 }
                 let values = &mut self.impulses[first + at];
@@ -260,10 +299,18 @@ impl Batches {
     }
 }
 
-impl Point {
+const ZERO: Column = [0.0; BATCH];
+const ONE: Column = [1.0; BATCH];
+
+/// Puts a vector into a place.
+fn put(columns: &mut [Column; 3], lane: usize, v: &Vec3) {
+    (0..3).for_each(|i| columns[i][lane] = v[i]);
+}
+
+impl Contacts for Point {
+    type Impulses = Impulses;
+
     fn unused() -> Self {
-        const ZERO: Column = [0.0; BATCH];
-        const ONE: Column = [1.0; BATCH];
         Point {
             axes: [[ZERO; 3]; 3],
             arms: [[ZERO; 3]; 2],
@@ -281,15 +328,14 @@ impl Point {
         let row = &system.rows[k];
         let w = full.block(k, row, &system.records);
         let (axes, c, s) = axes(&w, row.normal);
-        let vector = |columns: &mut [Column; 3], v: &Vec3| (0..3).for_each(|i| columns[i][lane] = v[i]);
         for (axis, direction) in axes.iter().enumerate() {
-            vector(&mut self.axes[axis], direction);
+            put(&mut self.axes[axis], lane, direction);
             self.shift[axis][lane] = direction.dot(&row.shift);
             values.r[axis][lane] = direction.dot(impulse);
             values.previous[axis][lane] = values.r[axis][lane];
         }
         for side in 0..2 {
-            vector(&mut self.arms[side], &full.arms[k][side]);
+            put(&mut self.arms[side], lane, &full.arms[k][side]);
             self.c[side][lane] = c[side];
             self.s[side][lane] = s[side];
             self.inverse_s[side][lane] = 1.0 / s[side];
@@ -298,33 +344,42 @@ impl Point {
         self.friction[lane] = row.friction;
         self.weight[lane] = w.trace() / 3.0;
     }
+
+    fn impulse(&self, values: &Impulses, lane: usize) -> Vec3 {
+        let world = |k: usize| (0..3).map(|axis| self.axes[axis][k][lane] * values.r[axis][lane]).sum();
+        Vec3::from_fn(|k, _| world(k))
+    }
 }
 
-/// Normal and tangents on the axes of [`crate::solve::full::local::Block`], c and s.
-fn axes(w: &Matrix3<f64>, normal: Vec3) -> ([Vec3; 3], [f64; 2], [f64; 2]) {
-    let [n, t1, t2] = local_frame(normal);
-    let (wn, w1, w2) = (w * n, w * t1, w * t2);
-    let w_nn = n.dot(&wn);
-    let c = [t1.dot(&wn) / w_nn, t2.dot(&wn) / w_nn];
-    let off = t1.dot(&w2) - w_nn * c[0] * c[1];
-    let rest = Matrix2::new(t1.dot(&w1) - w_nn * c[0] * c[0], off, off, t2.dot(&w2) - w_nn * c[1] * c[1]);
-    let (mean, half) = (0.5 * rest.trace(), 0.5 * (rest.m11 - rest.m22));
-    let radius = half.hypot(off);
-    // Half the angle of (half, off) turns t1 to the larger axis.
-    let (cos, sin) = match radius > 0.0 {
-        true if half >= 0.0 => {
-            let cos = (0.5 * (1.0 + half / radius)).sqrt();
-            (cos, 0.5 * off / (radius * cos))
+impl Contacts for Normal {
+    type Impulses = Push;
+
+    fn unused() -> Self {
+        Normal {
+            normal: [ZERO; 3],
+            arms: [[ZERO; 3]; 2],
+            answers: [[ZERO; 3]; 2],
+            shift: ZERO,
+            inverse_nn: ZERO,
+            weight: ZERO,
         }
-        true => {
-            let sin = (0.5 * (1.0 - half / radius)).sqrt().copysign(if off < 0.0 { -1.0 } else { 1.0 });
-            (0.5 * off / (radius * sin), sin)
+    }
+
+    fn put(&mut self, lane: usize, system: &System, full: &Full, k: usize, impulse: &Vec3, values: &mut Push) {
+        let row = &system.rows[k];
+        let n = row.normal;
+        put(&mut self.normal, lane, &n);
+        for side in 0..2 {
+            let arm = full.arms[k][side].cross(&n);
+            put(&mut self.arms[side], lane, &arm);
+            put(&mut self.answers[side], lane, &(full.inverse_inertia[row.bodies[side] as usize] * arm));
         }
-        false => (1.0, 0.0),
-    };
-    // The smaller one without cancellation: no eigenvalue is below the inverse masses, which W has along every axis.
-    let axes = [n, t1 * cos + t2 * sin, t2 * cos - t1 * sin];
-    let larger = mean + radius;
-    let smaller = (rest.determinant() / larger).max(f64::MIN_POSITIVE);
-    (axes, [c[0] * cos + c[1] * sin, c[1] * cos - c[0] * sin], [larger, smaller])
+        self.shift[lane] = n.dot(&row.shift);
+        (values.r[lane], values.previous[lane]) = (n.dot(impulse), n.dot(impulse));
+        (self.inverse_nn[lane], self.weight[lane]) = (1.0 / row.w_n, row.w_n);
+    }
+
+    fn impulse(&self, values: &Push, lane: usize) -> Vec3 {
+        Vec3::from_fn(|k, _| self.normal[k][lane] * values.r[lane])
+    }
 }

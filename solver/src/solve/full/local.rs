@@ -1,6 +1,9 @@
 //! One contact of a full symmetric 3x3 block, exactly, in as many lanes as there are.
 
-use crate::math::lanes::Lanes;
+use nalgebra::{Matrix2, Matrix3};
+
+use crate::math::lanes::{Lanes, Scalar};
+use crate::math::{Vec3, local_frame};
 
 /// Axes and numbers of a contact's own block W: the normal unknown eliminated, the tangents on the principal axes of
 /// what is left, so that with c = W_nT/W_nn
@@ -17,6 +20,45 @@ pub struct Block<V> {
     pub s: [V; 2],
     pub inverse_s: [V; 2],
     pub friction: V,
+}
+
+/// Normal and tangents on the axes of [`Block`], c and s.
+pub fn axes(w: &Matrix3<f64>, normal: Vec3) -> ([Vec3; 3], [f64; 2], [f64; 2]) {
+    let [n, t1, t2] = local_frame(normal);
+    let (wn, w1, w2) = (w * n, w * t1, w * t2);
+    let w_nn = n.dot(&wn);
+    let c = [t1.dot(&wn) / w_nn, t2.dot(&wn) / w_nn];
+    let off = t1.dot(&w2) - w_nn * c[0] * c[1];
+    let rest = Matrix2::new(t1.dot(&w1) - w_nn * c[0] * c[0], off, off, t2.dot(&w2) - w_nn * c[1] * c[1]);
+    let (mean, half) = (0.5 * rest.trace(), 0.5 * (rest.m11 - rest.m22));
+    let radius = half.hypot(off);
+    // Half the angle of (half, off) turns t1 to the larger axis.
+    let (cos, sin) = match radius > 0.0 {
+        true if half >= 0.0 => {
+            let cos = (0.5 * (1.0 + half / radius)).sqrt();
+            (cos, 0.5 * off / (radius * cos))
+        }
+        true => {
+            let sin = (0.5 * (1.0 - half / radius)).sqrt().copysign(if off < 0.0 { -1.0 } else { 1.0 });
+            (0.5 * off / (radius * sin), sin)
+        }
+        false => (1.0, 0.0),
+    };
+    // The smaller one without cancellation: no eigenvalue is below the inverse masses, which W has along every axis.
+    let axes = [n, t1 * cos + t2 * sin, t2 * cos - t1 * sin];
+    let larger = mean + radius;
+    let smaller = (rest.determinant() / larger).max(f64::MIN_POSITIVE);
+    (axes, [c[0] * cos + c[1] * sin, c[1] * cos - c[0] * sin], [larger, smaller])
+}
+
+/// r̂ that solves one contact of the block `w`, where û is `u` with the impulse `r` at work; world frame.
+pub fn alone(w: &Matrix3<f64>, normal: Vec3, friction: f64, u: &Vec3, r: &Vec3) -> Vec3 {
+    let (axes, c, s) = axes(w, normal);
+    let along = |v: &Vec3| axes.map(|axis| axis.dot(v));
+    let inverse_nn = 1.0 / normal.dot(&(w * normal));
+    let block = Block { inverse_nn, c, s, inverse_s: s.map(f64::recip), friction };
+    let (new, _) = signorini_coulomb(Scalar, &block, along(u), along(r), 0.0);
+    axes[0] * new[0] + axes[1] * new[1] + axes[2] * new[2]
 }
 
 /// |psi| below which one more step of Newton's method is the last: what is left then is its square.

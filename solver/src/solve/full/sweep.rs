@@ -4,12 +4,12 @@ use pulp::NullaryFnOnce;
 
 use crate::math::lanes::{Lanes, Twice, Width};
 use crate::solve::batches::{BATCH, Sums};
-use crate::solve::full::batches::{Batch, Batches, Impulses, Line, Point, Problem, Range};
+use crate::solve::full::batches::{Batch, Batches, Contacts, Impulses, Line, Normal, Point, Problem, Push, Range};
 use crate::solve::full::local::{Block, signorini_coulomb};
 use crate::solve::local::{cross_add, dot, triple};
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
-pub fn sweep(problem: &mut Problem, width: Width, beta: f64) -> Sums {
+pub fn sweep<C: Swept>(problem: &mut Problem<C>, width: Width, beta: f64) -> Sums {
     match width {
         Width::One(lanes) => sweep_with(problem, lanes, beta),
         #[cfg(target_arch = "x86_64")]
@@ -19,7 +19,7 @@ pub fn sweep(problem: &mut Problem, width: Width, beta: f64) -> Sums {
     }
 }
 
-fn sweep_with<L: Lanes>(problem: &mut Problem, lanes: L, beta: f64) -> Sums {
+fn sweep_with<L: Lanes, C: Swept>(problem: &mut Problem<C>, lanes: L, beta: f64) -> Sums {
     let Problem { lines, previous, inertia, ranges, between } = problem;
     side_by_side(ranges, lines, previous, inertia, lanes, beta);
     let mut sums = Sums::default();
@@ -31,8 +31,8 @@ fn sweep_with<L: Lanes>(problem: &mut Problem, lanes: L, beta: f64) -> Sums {
 }
 
 /// Halves the ranges until one is left to each task.
-fn side_by_side<L: Lanes>(
-    ranges: &mut [Range],
+fn side_by_side<L: Lanes, C: Swept>(
+    ranges: &mut [Range<C>],
     lines: &mut [Line],
     previous: &mut [Line],
     inertia: &[Line],
@@ -81,16 +81,16 @@ impl<L: Lanes> NullaryFnOnce for CarryOn<'_, L> {
     }
 }
 
-struct Run<'a, L> {
+struct Run<'a, L, C: Contacts> {
     lanes: L,
     lines: &'a mut [Line],
     inertia: &'a [Line],
-    batches: &'a mut Batches,
+    batches: &'a mut Batches<C>,
     beta: f64,
     sums: &'a mut Sums,
 }
 
-impl<L: Lanes> NullaryFnOnce for Run<'_, L> {
+impl<L: Lanes, C: Swept> NullaryFnOnce for Run<'_, L, C> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -106,6 +106,37 @@ impl<L: Lanes> NullaryFnOnce for Run<'_, L> {
     }
 }
 
+/// The velocities of a pair's two bodies, and what answers to impulses.
+pub struct Motions<V> {
+    va: [V; 3],
+    wa: [V; 3],
+    vb: [V; 3],
+    wb: [V; 3],
+    inverse_mass: [V; 2],
+    /// Inverse inertia xx, xy, xz, yy, yz, zz.
+    inertia: [[V; 8]; 2],
+}
+
+/// Sums over the contacts, see [`Sums`].
+pub struct Moved<V> {
+    uphill: V,
+    change2: V,
+}
+
+/// What a sweep does with the contacts of a batch.
+pub trait Swept: Contacts {
+    /// Solves those at `places`, from y = r + beta (r - r_before), and gives the change to the bodies at once.
+    fn solve<L: Lanes>(
+        &self,
+        l: L,
+        values: &mut Self::Impulses,
+        places: std::ops::Range<usize>,
+        beta: L::V,
+        pair: &mut Motions<L::V>,
+        moved: &mut Moved<L::V>,
+    );
+}
+
 /// I⁻¹ a + c, I⁻¹ by its six numbers.
 #[inline(always)]
 fn answer<L: Lanes>(l: L, m: [L::V; 8], a: [L::V; 3], c: [L::V; 3]) -> [L::V; 3] {
@@ -116,76 +147,133 @@ fn answer<L: Lanes>(l: L, m: [L::V; 8], a: [L::V; 3], c: [L::V; 3]) -> [L::V; 3]
     ]
 }
 
+/// The numbers of a column at the places.
+macro_rules! load {
+    ($l:expr, $places:expr, $x:expr) => {
+        $l.load(&$x[$places.clone()])
+    };
+}
+
+macro_rules! load3 {
+    ($l:expr, $places:expr, $x:expr) => {
+        triple!(k => load!($l, $places, $x[k]))
+    };
+}
+
+impl Swept for Point {
+    #[inline(always)]
+    fn solve<L: Lanes>(
+        &self,
+        l: L,
+        values: &mut Impulses,
+        at: std::ops::Range<usize>,
+        beta: L::V,
+        pair: &mut Motions<L::V>,
+        moved: &mut Moved<L::V>,
+    ) {
+        let Motions { va, wa, vb, wb, inverse_mass, inertia } = pair;
+        let axes = [load3!(l, at, self.axes[0]), load3!(l, at, self.axes[1]), load3!(l, at, self.axes[2])];
+        let (arm_a, arm_b) = (load3!(l, at, self.arms[0]), load3!(l, at, self.arms[1]));
+        let (ua, ub) = (cross_add(l, *wa, arm_a, *va), cross_add(l, *wb, arm_b, *vb));
+        let between = triple!(k => l.sub(ua[k], ub[k]));
+        let u = triple!(k => l.add(dot(l, axes[k], between), load!(l, at, self.shift[k])));
+        let r = load3!(l, at, values.r);
+        let before = load3!(l, at, values.previous);
+        let y = triple!(k => l.mul_add(beta, l.sub(r[k], before[k]), r[k]));
+        let block = Block {
+            inverse_nn: load!(l, at, self.inverse_nn),
+            c: [load!(l, at, self.c[0]), load!(l, at, self.c[1])],
+            s: [load!(l, at, self.s[0]), load!(l, at, self.s[1])],
+            inverse_s: [load!(l, at, self.inverse_s[0]), load!(l, at, self.inverse_s[1])],
+            friction: load!(l, at, self.friction),
+        };
+        let (new, multiplier) = signorini_coulomb(l, &block, u, y, load!(l, at, values.multiplier));
+        for k in 0..3 {
+            l.store(&mut values.previous[k][at.clone()], r[k]);
+            l.store(&mut values.r[k][at.clone()], new[k]);
+        }
+        l.store(&mut values.multiplier[at.clone()], multiplier);
+        let change = triple!(k => l.sub(new[k], y[k]));
+        let world = triple!(k => l.mul_add(axes[0][k], change[0], l.mul_add(axes[1][k], change[1], l.mul(axes[2][k], change[2]))));
+        let zero = [l.splat(0.0); 3];
+        *va = triple!(k => l.mul_add(world[k], inverse_mass[0], va[k]));
+        *vb = triple!(k => l.neg_mul_add(world[k], inverse_mass[1], vb[k]));
+        *wa = answer(l, inertia[0], cross_add(l, arm_a, world, zero), *wa);
+        *wb = answer(l, inertia[1], cross_add(l, world, arm_b, zero), *wb);
+        let way = triple!(k => l.sub(new[k], r[k]));
+        moved.uphill = l.neg_mul_add(load!(l, at, self.weight), dot(l, change, way), moved.uphill);
+        moved.change2 = l.add(dot(l, change, change), moved.change2);
+    }
+}
+
+impl Swept for Normal {
+    #[inline(always)]
+    fn solve<L: Lanes>(
+        &self,
+        l: L,
+        values: &mut Push,
+        at: std::ops::Range<usize>,
+        beta: L::V,
+        pair: &mut Motions<L::V>,
+        moved: &mut Moved<L::V>,
+    ) {
+        let Motions { va, wa, vb, wb, inverse_mass, .. } = pair;
+        let n = load3!(l, at, self.normal);
+        let between = triple!(k => l.sub(va[k], vb[k]));
+        let turned = l.sub(dot(l, *wa, load3!(l, at, self.arms[0])), dot(l, *wb, load3!(l, at, self.arms[1])));
+        let u = l.add(l.add(dot(l, n, between), turned), load!(l, at, self.shift));
+        let (r, before) = (load!(l, at, values.r), load!(l, at, values.previous));
+        let y = l.mul_add(beta, l.sub(r, before), r);
+        let (zero, free) = (l.splat(0.0), l.neg_mul_add(u, load!(l, at, self.inverse_nn), y));
+        // What is not finite is not taken.
+        let new = l.select_greater(free, zero, l.select_greater(l.splat(f64::MAX), free, free, zero), zero);
+        l.store(&mut values.previous[at.clone()], r);
+        l.store(&mut values.r[at.clone()], new);
+        let change = l.sub(new, y);
+        let (push_a, push_b) = (l.mul(change, inverse_mass[0]), l.mul(change, inverse_mass[1]));
+        *va = triple!(k => l.mul_add(n[k], push_a, va[k]));
+        *vb = triple!(k => l.neg_mul_add(n[k], push_b, vb[k]));
+        *wa = triple!(k => l.mul_add(load!(l, at, self.answers[0][k]), change, wa[k]));
+        *wb = triple!(k => l.neg_mul_add(load!(l, at, self.answers[1][k]), change, wb[k]));
+        moved.uphill = l.neg_mul_add(l.mul(load!(l, at, self.weight), change), l.sub(new, r), moved.uphill);
+        moved.change2 = l.mul_add(change, change, moved.change2);
+    }
+}
+
 /// Solves the contacts of the `WIDTH` pairs of a batch that start at place `from`.
 #[allow(clippy::too_many_arguments)]
 #[inline(always)]
-fn solve_batch<L: Lanes>(
+fn solve_batch<L: Lanes, C: Swept>(
     l: L,
     lines: &mut [Line],
     inertia: &[Line],
     batch: &Batch,
-    points: &[Point],
-    impulses: &mut [Impulses],
+    points: &[C],
+    impulses: &mut [C::Impulses],
     beta: f64,
     sums: &mut Sums,
     from: usize,
 ) {
-    let places = from..from + L::WIDTH;
-    macro_rules! load {
-        ($x:expr) => {
-            l.load(&$x[places.clone()])
-        };
-    }
-    macro_rules! load3 {
-        ($x:expr) => {
-            triple!(k => load!($x[k]))
-        };
-    }
-    let zero = l.splat(0.0);
+    let at = from..from + L::WIDTH;
     let beta = l.splat(beta);
-    let index = [&batch.bodies[0][places.clone()], &batch.bodies[1][places.clone()]];
+    let index = [&batch.bodies[0][at.clone()], &batch.bodies[1][at.clone()]];
     let a = l.gather(lines, index[0]);
     let b = l.gather(lines, index[1]);
-    let (inertia_a, inertia_b) = (l.gather(inertia, index[0]), l.gather(inertia, index[1]));
-    let (mut va, mut wa) = ([a[0], a[1], a[2]], [a[4], a[5], a[6]]);
-    let (mut vb, mut wb) = ([b[0], b[1], b[2]], [b[4], b[5], b[6]]);
-    let mut uphill = load!(sums.uphill);
-    let mut change2 = load!(sums.change2);
+    let mut pair = Motions {
+        va: [a[0], a[1], a[2]],
+        wa: [a[4], a[5], a[6]],
+        vb: [b[0], b[1], b[2]],
+        wb: [b[4], b[5], b[6]],
+        inverse_mass: [a[3], b[3]],
+        inertia: [l.gather(inertia, index[0]), l.gather(inertia, index[1])],
+    };
+    let mut moved = Moved { uphill: load!(l, at, sums.uphill), change2: load!(l, at, sums.change2) };
     for (point, values) in points.iter().zip(impulses) {
-        let axes = [load3!(point.axes[0]), load3!(point.axes[1]), load3!(point.axes[2])];
-        let (arm_a, arm_b) = (load3!(point.arms[0]), load3!(point.arms[1]));
-        let (ua, ub) = (cross_add(l, wa, arm_a, va), cross_add(l, wb, arm_b, vb));
-        let between = triple!(k => l.sub(ua[k], ub[k]));
-        let u = triple!(k => l.add(dot(l, axes[k], between), load!(point.shift[k])));
-        let r = load3!(values.r);
-        let before = load3!(values.previous);
-        let y = triple!(k => l.mul_add(beta, l.sub(r[k], before[k]), r[k]));
-        let block = Block {
-            inverse_nn: load!(point.inverse_nn),
-            c: [load!(point.c[0]), load!(point.c[1])],
-            s: [load!(point.s[0]), load!(point.s[1])],
-            inverse_s: [load!(point.inverse_s[0]), load!(point.inverse_s[1])],
-            friction: load!(point.friction),
-        };
-        let (new, multiplier) = signorini_coulomb(l, &block, u, y, load!(values.multiplier));
-        for k in 0..3 {
-            l.store(&mut values.previous[k][places.clone()], r[k]);
-            l.store(&mut values.r[k][places.clone()], new[k]);
-        }
-        l.store(&mut values.multiplier[places.clone()], multiplier);
-        // The change goes to the bodies at once.
-        let change = triple!(k => l.sub(new[k], y[k]));
-        let world = triple!(k => l.mul_add(axes[0][k], change[0], l.mul_add(axes[1][k], change[1], l.mul(axes[2][k], change[2]))));
-        va = triple!(k => l.mul_add(world[k], a[3], va[k]));
-        vb = triple!(k => l.neg_mul_add(world[k], b[3], vb[k]));
-        wa = answer(l, inertia_a, cross_add(l, arm_a, world, [zero; 3]), wa);
-        wb = answer(l, inertia_b, cross_add(l, world, arm_b, [zero; 3]), wb);
-        let moved = triple!(k => l.sub(new[k], r[k]));
-        uphill = l.neg_mul_add(load!(point.weight), dot(l, change, moved), uphill);
-        change2 = l.add(dot(l, change, change), change2);
+        point.solve(l, values, at.clone(), beta, &mut pair, &mut moved);
     }
-    l.store(&mut sums.uphill[places.clone()], uphill);
-    l.store(&mut sums.change2[places], change2);
+    l.store(&mut sums.uphill[at.clone()], moved.uphill);
+    l.store(&mut sums.change2[at], moved.change2);
+    let Motions { va, wa, vb, wb, .. } = pair;
     l.scatter(lines, index[0], [va[0], va[1], va[2], a[3], wa[0], wa[1], wa[2], a[7]]);
     l.scatter(lines, index[1], [vb[0], vb[1], vb[2], b[3], wb[0], wb[1], wb[2], b[7]]);
 }
