@@ -141,7 +141,15 @@ pub struct State {
     pub ledger: Ledger,
 }
 
+/// Steps between two looks at what shortcuts cost in accuracy.
+const LOOK_EVERY: u64 = 100;
+
 impl State {
+    /// Whether the errors of self-gravity and of the narrow phase are looked at in the next step, so many units of `dt` long.
+    pub fn looks(&self, units: u64) -> bool {
+        self.step.next_multiple_of(LOOK_EVERY) < self.step + units
+    }
+
     /// Takes over a setting that an event changes; motion is left alone.
     pub fn set_by(&mut self, action: &Action, scene: &Scene) {
         let law = |name: &String| scene.law_names.iter().position(|law| law.nickname == *name);

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use crate::assemble::{self, Free, GravityReport, Row, System, relative_velocity};
-use crate::detect;
+use crate::detect::{self, Missed};
 use crate::integrate::{self, Configuration};
 use crate::math::lanes::Width;
 use crate::math::{Quat, Vec3, to_local, to_world};
@@ -60,6 +60,8 @@ pub struct StepReport {
     /// Largest penetration in the contact configuration, and the sum of all over `contacts_active`, m.
     pub penetration_largest: f64,
     pub penetration_mean: f64,
+    /// What the fast narrow phase missed, where it was looked at.
+    pub missed: Option<Missed>,
     /// Σ f·l, forces and branches of the contacts: pressure times three volumes, J.
     pub virial: f64,
     /// Translation and rotation of the free bodies at the step's end, J.
@@ -91,18 +93,31 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     state.attraction = free.attraction.take();
     lap.stop(&mut clock.gravity);
     let (contacts, pairs) = detect::contacts(scene, &q_c, &free.v, &state.pairs); // M3  g, (n, t, s)
+    let missed = looked_at(scene, state, &q_c, &free.v, &contacts);
     lap.stop(&mut clock.detection);
     let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
     lap.stop(&mut clock.assembly);
     let solution = solve::contact_problem(&system, task(scene), |s| assemble::stored_problem(s, &contacts)); // M5  r
     lap.stop(&mut clock.solve);
     let solved = end_of_contacts(scene, &q_c, contacts, &free, &system, &solution);
-    let report = book(scene, state, &q_c, &free, &system, &solution, &solved);
+    let report = StepReport { missed, ..book(scene, state, &q_c, &free, &system, &solution, &solved) };
     integrate::advance(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.pairs, state.order) = (solved.contacts, pairs, q_c.order);
     state.bonding = Bonding::No;
     lap.stop(&mut clock.integration);
     report
+}
+
+/// What the fast narrow phase has missed of the contacts, in the steps in which that is looked at.
+fn looked_at(
+    scene: &Scene,
+    state: &State,
+    q_c: &Configuration,
+    v_free: &[Vec3],
+    contacts: &[Contact],
+) -> Option<Missed> {
+    let looks = scene.narrow_phase_is_fast() && state.looks(q_c.units);
+    looks.then(|| detect::missed(scene, q_c, v_free, &state.pairs, contacts))
 }
 
 fn task(scene: &Scene) -> Task {
@@ -242,6 +257,7 @@ fn book(
         worst: solution.worst.map(worst),
         penetration_largest: given.penetration_largest,
         penetration_mean: given.penetration_sum / given.contacts_active.max(1) as f64,
+        missed: None,
         virial: given.virial / h,
         kinetic: motion.kinetic,
         rotational: motion.rotational,

@@ -55,9 +55,10 @@ pub fn contacts(
     scene: &Scene,
     q_c: &Configuration,
     travel: &[f64],
-    h: f64,
     before: &[PairMemory],
+    narrow: NarrowPhase,
 ) -> (Vec<Contact>, Vec<PairMemory>) {
+    let h = q_c.ahead;
     let places: Vec<Place> =
         scene.parts.par_iter().with_min_len(64).map(|part| place(scene, part, q_c, travel, h)).collect();
     let centres: Vec<Vec3> = places.iter().map(|place| place.centre).collect();
@@ -71,7 +72,7 @@ pub fn contacts(
         .collect();
     let order = by_parts(&pairs, scene.parts.len());
     let mut memory = remembered(&pairs, &order, before);
-    let narrow = match scene.options.narrow_phase() {
+    let narrow = match narrow {
         NarrowPhase::Fast => Narrow::Fast,
         NarrowPhase::Accurate => Narrow::Accurate,
     };

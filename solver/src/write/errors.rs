@@ -8,6 +8,7 @@
 //! | contacts | twice the median change of Σ f·l, three volumes times the pressure, from one step to the next, over its median: what residuals leave; the 2, as those of steps that follow each other are alike, is from the scenes of examples/trade | `tol` |
 //! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, pressure going as its -4th power | `dt` |
 //! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean of the looks | `gravity_error` |
+//! | narrow | 2 δ/r̄, δ the mean of what the fast narrow phase misses of the gap of a pair that touches, mean of the looks | `narrow_phase` |
 //! | chance | ½ w/√N: N pairs in contact whose forces differ as their mean (the points of one pair share theirs), and w the share of the energy that contacts have taken, the way on which what happened could have happened otherwise; ½ is from the scenes of examples/trade | none |
 //! | energy | what the ledger does not explain over the largest of the energies at play | `theta` |
 //! | momentum | the energy of its drift as a motion of the whole, over the same | none: rounding |
@@ -34,6 +35,8 @@ pub struct Tally {
     loaded: Vec<[f64; 2]>,
     /// Relative errors of the virial at the looks at self-gravity.
     virials: Vec<f64>,
+    /// What the fast narrow phase missed at the looks, in the mean of pairs that touch, over the mean radius.
+    missed: Vec<f64>,
     clock: Clock,
 }
 
@@ -54,6 +57,7 @@ impl Tally {
             self.loaded.push([report.virial, report.penetration_mean / scene.mean_radius]);
         }
         self.virials.extend(report.gravity.sampled.map(|sampled| sampled.virial));
+        self.missed.extend(report.missed.map(|missed| missed.mean / scene.mean_radius));
         self.clock.add(lap);
     }
 
@@ -80,7 +84,7 @@ impl Tally {
         let mut pairs: Vec<(u32, u32)> =
             loaded.map(|solved| (solved.contact.candidate, solved.contact.antagonist)).collect();
         pairs.dedup();
-        let virial = self.virials.iter().sum::<f64>().abs() / self.virials.len().max(1) as f64;
+        let mean_of = |looks: &[f64]| looks.iter().sum::<f64>() / looks.len().max(1) as f64;
         let stray = summary::momentum_drift(scene, state).0 * state.ledger.momentum_scale;
         let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).sum();
         let Clock { gravity, detection, assembly, solve, integration, writing } = self.clock;
@@ -94,7 +98,8 @@ impl Tally {
         vec![
             of("contacts", "tol", over(2.0 * change, typical), assembly + solve),
             of("step", "dt", 2.0 * mean, detection + integration),
-            of("gravity", "gravity_error", virial, gravity),
+            of("gravity", "gravity_error", mean_of(&self.virials).abs(), gravity),
+            of("narrow", "narrow_phase", 2.0 * mean_of(&self.missed), none),
             of("chance", "", over(0.5 * lost, (pairs.len() as f64).sqrt()), none),
             of("energy", "theta", drift.abs(), none),
             of("momentum", "", over(0.5 * stray * stray / mass, scale), none),

@@ -122,6 +122,12 @@ columns! {
 }
 
 columns! {
+    missed_header, missed_row(scene: &Scene, report: &StepReport),
+    narrow_error = report.missed.map_or(f64::NAN, |missed| missed.mean / scene.mean_radius),
+    narrow_error_largest = report.missed.map_or(f64::NAN, |missed| missed.largest / scene.mean_radius),
+}
+
+columns! {
     steps_header, steps_row(scene: &Scene, state: &State, report: &StepReport),
     step = state.step,
     time = state.time,

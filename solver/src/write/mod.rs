@@ -89,6 +89,9 @@ impl Results {
         if scene.options.adaptive().is_on() {
             columns = format!("{columns},{}", log::length_header());
         }
+        if scene.narrow_phase_is_fast() {
+            columns = format!("{columns},{}", log::missed_header());
+        }
         if scene.options.lmgc90_norms {
             columns = format!("{columns},{}", log::norms_header());
         }
@@ -103,6 +106,9 @@ impl Results {
         let mut row = log::steps_row(scene, state, report);
         if scene.options.adaptive().is_on() {
             row = format!("{row},{}", log::length_row(report));
+        }
+        if scene.narrow_phase_is_fast() {
+            row = format!("{row},{}", log::missed_row(scene, report));
         }
         if let Some(norms) = &report.norms {
             row = format!("{row},{}", log::norms_row(norms));

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::time::Duration;
 
 use crate::assemble::potential_energy;
+use crate::detect::Missed;
 use crate::gravity::sample::Sampled;
 use crate::math::Vec3;
 use crate::scene::Scene;
@@ -24,6 +25,8 @@ pub struct Course {
     pub unconverged: u64,
     /// The last look at the error of self-gravity.
     pub gravity: Option<Sampled>,
+    /// The last look at what the fast narrow phase misses.
+    pub missed: Option<Missed>,
     pub taken_over: u64,
     pub threads: usize,
     pub wall: Duration,
@@ -90,6 +93,13 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
     if let Some(Sampled { rms, largest, .. }) = course.gravity {
         let asked = scene.options.gravity_error();
         line("gravity error", format!("{rms:.1e} RMS, {largest:.1e} at most of 64 bodies; {asked:.0e} asked for"));
+    }
+    if let Some(Missed { mean, largest }) = course.missed {
+        let [mean, largest] = [mean, largest].map(|miss| miss / scene.mean_radius);
+        line(
+            "narrow phase error",
+            format!("{mean:.1e} of the mean radius in the mean of pairs that touch, {largest:.1e} at most"),
+        );
     }
     line("momentum drift", format!("{linear:.2e} linear, {angular:.2e} angular"));
     for (name, value) in errors::lines(sources) {

@@ -146,8 +146,8 @@ fn a_run_tells_what_its_errors_are() {
     };
     let (loose, tight) = (told(0.1), told(1e-12));
     let names: Vec<&str> = loose.iter().map(|(name, _)| name.as_str()).collect();
-    assert_eq!(names, ["contacts", "step", "gravity", "chance", "energy", "momentum", "writing"]);
+    assert_eq!(names, ["contacts", "step", "gravity", "narrow", "chance", "energy", "momentum", "writing"]);
     // Nothing pulls but uniform gravity, and nothing has fallen.
-    assert_eq!((loose[2].1, tight[3].1 < 1e-6), (0.0, true), "{tight:?}");
+    assert_eq!((loose[2].1, tight[4].1 < 1e-6), (0.0, true), "{tight:?}");
     assert!(tight.iter().all(|(_, error)| *error < 1e-6) && loose[0].1 >= tight[0].1, "{loose:?} {tight:?}");
 }
