@@ -247,6 +247,8 @@ options! {
     gravity_moved: f64 = 0.25, f64, [value_name = "X"];
     /// Corrects the attraction of free bodies nearer than three times the sum of their radii for their moments of inertia: the quadrupoles of elongated rocks, with forces and torques.
     gravity_quadrupole: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
+    /// Spheres keep an orientation, too, which no contact depends on: for pictures of how they roll.
+    sphere_orientation: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// What acts from outside: [PointMass(mass: 6e24, position: (1e7, 0.0, 0.0))].
     fields: Vec<Field> = Vec::new(), Fields, [value_name = "RON"];
     /// Share of every free body's velocity that is taken away at the start of each step, which brings an aggregate to true rest: 0 none; --quench alone asks for 0.01.

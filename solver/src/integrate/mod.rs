@@ -2,7 +2,7 @@
 //!
 //! x_c = x + h (1-theta) V,   x⁺ = x_c + h theta V⁺, and the same for rotations.
 //!
-//! Spheres need no equation for their rotation beyond the impulses; their orientation follows for display. Bodies of
+//! Spheres need no equation for their rotation beyond the impulses; an orientation they have only where asked for. Bodies of
 //! unequal moments turn freely before and after the impulses, which change their angular momentum in space.
 //! Sources: M. Jean (1999), section 5; J.J. Moreau, CISM 302 (1988); see [`crate::math::rotation`].
 
@@ -20,7 +20,7 @@ use crate::state::State;
 /// Where contacts are looked for and forces evaluated.
 pub struct Configuration {
     pub x: Vec<Vec3>,
-    /// Orientations; those of spheres are the step's first, since no contact depends on them.
+    /// Orientations; those of spheres are the step's first, as no contact depends on them.
     pub q: Vec<Quat>,
     /// Angular velocities of the step's start, carried here by free rotation, rad/s, world frame.
     pub w: Vec<Vec3>,
@@ -62,12 +62,11 @@ pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec
     let h = q_c.h;
     let (before, after) = (h * (1.0 - scene.options.theta), h * scene.options.theta);
     state.x.iter_mut().zip(&q_c.x).zip(&v).for_each(|((x, x_c), v)| *x = x_c + v * after);
-    let turned = |(i, (q, body)): (usize, (&mut Quat, &Body))| {
-        *q = if body.is_sphere() {
-            rotate(q, &(state.w[i] * before + w[i] * after))
-        } else {
-            rotate(&q_c.q[i], &(w[i] * after))
-        };
+    let oriented = scene.options.sphere_orientation;
+    let turned = |(i, (q, body)): (usize, (&mut Quat, &Body))| match body.is_sphere() {
+        true if oriented => *q = rotate(q, &(state.w[i] * before + w[i] * after)),
+        true => {}
+        false => *q = rotate(&q_c.q[i], &(w[i] * after)),
     };
     state.q.par_iter_mut().zip(&scene.bodies).with_min_len(512).enumerate().for_each(turned);
     for (&i, momentum) in scene.turning.iter().zip(&mut state.spin) {

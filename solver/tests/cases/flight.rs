@@ -29,10 +29,12 @@ fn a_throw_is_a_parabola() {
 }
 
 #[test]
-fn a_spin_turns_the_body() {
+fn a_spin_turns_a_sphere_where_that_is_asked_for() {
     let mut case = Case::new();
     let top = case.sphere(0.5, [0.0; 3]);
     case.launch(top, [0.0; 3], [0.0, 0.0, 2.0]);
+    assert_eq!(case.run(1000).bodies.body_q[top], [1.0, 0.0, 0.0, 0.0]);
+    case.options.sphere_orientation = true;
     let [w, x, y, z] = case.run(1000).bodies.body_q[top];
     // After 1 s by 2 rad about the third axis.
     near([x, y, z], [0.0, 0.0, 1f64.sin()], 1e-13);

@@ -287,7 +287,7 @@ fn options_in_the_file() {
             "(\n    dt: 1e-3,\n    speed: 3.0,\n)",
             "3:5: options: Unexpected field named `speed` in `Compute`, expected one of `dt`, `steps`, `end_time`, \
              `theta`, `accuracy`, `adaptive`, `tol`, `solver`, `max_sweeps`, `check_every`, `lmgc90_norms`, `alert`, `narrow_phase`, `xperiode`, `yperiode`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
-             `gravity_order`, `gravity_opening`, `gravity_refresh`, `gravity_moved`, `gravity_quadrupole`, `fields`, `quench`, `output_every`, `threads`, `text`, or `events` instead; expected RON as described in docs/files.md",
+             `gravity_order`, `gravity_opening`, `gravity_refresh`, `gravity_moved`, `gravity_quadrupole`, `sphere_orientation`, `fields`, `quench`, `output_every`, `threads`, `text`, or `events` instead; expected RON as described in docs/files.md",
         ),
         ("(\n    theta: \"a\",\n)", "2:11: options: Expected float; expected RON as described in docs/files.md"),
         ("(dt: 1e-3 tol: 0.1)", "1:11: options: Expected comma; expected RON as described in docs/files.md"),
@@ -416,4 +416,25 @@ fn a_floor_narrower_than_the_period_is_told_of() {
     assert_eq!(told([3.0, 2.0, 0.5], [y, x.map(|c| -c), z]), None);
     let note = "cd-solve: xperiode: the widest plate spans 3.8 of 4 m; what falls beside it falls on";
     assert_eq!(told([1.9, 3.0, 0.5], [x, y, z]).as_deref(), Some(note));
+}
+
+#[test]
+fn contactors_that_no_row_lets_meet_are_told_of() {
+    let told = |spheres: u32, rows: &[&str]| {
+        let mut case = Case::new();
+        rows.iter().for_each(|antagonist| case.law_with(antagonist, "IQS_CLB", &[0.3]));
+        case.floor();
+        (0..spheres).for_each(|k| _ = case.sphere(0.5, [2.0 * f64::from(k), 0.0, 0.5]));
+        case.options.steps = Some(1);
+        case.write();
+        let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
+        assert_eq!(output.status.code(), Some(0));
+        let text = String::from_utf8(output.stdout).unwrap();
+        text.lines().find_map(|line| Some(line.split_once("no row for ")?.1.to_string()))
+    };
+    assert_eq!(told(2, &["SPHER", "PLANx"]), None);
+    assert_eq!(told(2, &["SPHER"]).as_deref(), Some("SPHER GRAIN and PLANx WALLx: they pass through each other"));
+    assert_eq!(told(2, &["PLANx"]).as_deref(), Some("SPHER GRAIN and SPHER GRAIN: they pass through each other"));
+    // One alone has none of its own to meet; and without any row it is told as the model that is used.
+    assert_eq!((told(1, &["PLANx"]), told(2, &[])), (None, None));
 }
