@@ -1,5 +1,6 @@
 //! TACT_BEHAV.DAT and Vloc_Rloc.INI to laws, visibility and the contacts to start from.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use cd_formats::compute::{Action, ContactSolver};
@@ -119,6 +120,47 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
     let range = |see: &See| see.alert.max(scene.laws[see.law as usize].range(largest));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
     scene.visibility = Visibility { classes, table };
+    scene.notes.extend(unseen(scene));
+}
+
+/// The contactors of a class.
+#[derive(Default)]
+struct Members {
+    count: usize,
+    /// Whether one of them is on a free body.
+    free: bool,
+}
+
+/// What to tell of contactors of free bodies that no row lets meet others.
+fn unseen(scene: &Scene) -> Option<String> {
+    let mut members: BTreeMap<u16, Members> = BTreeMap::new();
+    let mut count = |class: u16, body: &Body| {
+        let members = members.entry(class).or_default();
+        members.count += 1;
+        members.free |= !body.driven;
+    };
+    if scene.is_general() {
+        scene.parts.iter().for_each(|part| count(part.class, &scene.bodies[part.body as usize]));
+    } else {
+        scene.bodies.iter().for_each(|body| count(body.class, body));
+    }
+    let colours = scene.colours.len().max(1);
+    let name = |class: u16| {
+        let colour = scene.colours.get(class as usize % colours).map_or("", String::as_str);
+        format!("{} {colour}", CONTACTORS[class as usize / colours][0])
+    };
+    let mut missed = Vec::new();
+    for (&a, of_a) in &members {
+        for (&b, of_b) in members.range(a..) {
+            let could = (of_a.free || of_b.free) && (a != b || of_a.count > 1);
+            if could && scene.visibility.see(a, b).is_none() {
+                missed.push(format!("{} and {}", name(a), name(b)));
+            }
+        }
+    }
+    // Without any contacts the models of the run say so.
+    (!missed.is_empty() && !scene.laws.is_empty())
+        .then(|| format!("TACT_BEHAV.DAT: no row for {}: they pass through each other", missed.join(", ")))
 }
 
 /// Tells, where the state is also written as text, of contacts for which LMGC90 has no kind.
