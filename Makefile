@@ -5,7 +5,7 @@ CARGO_TARGET_DIR ?= target
 TARGET := $(abspath $(CARGO_TARGET_DIR))
 BIN := $(TARGET)/release
 SIDE_BY_SIDE = $(MAKE) --no-print-directory --jobs=$(shell getconf _NPROCESSORS_ONLN) SOLVE_FLAGS="--threads 1"
-EXTREMES := extremes envelope limits thousand_periods
+EXTREMES := extremes envelope limits thousand_periods a_minute
 
 .PHONY: help build demo paper trade extremes test vtk browser golden lint fmt doc check clean
 .DEFAULT_GOAL := help

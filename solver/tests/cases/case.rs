@@ -245,10 +245,14 @@ impl Case {
 
     /// Runs so many steps from the beginning; returns the last state.
     pub fn run(&mut self, steps: u64) -> Snapshot {
+        self.attempt(steps).expect("cd-solve does it")
+    }
+
+    /// The same; none if cd-solve refuses or gives up.
+    pub fn attempt(&mut self, steps: u64) -> Option<Snapshot> {
         self.options.steps = Some(steps);
         self.write();
-        assert_eq!(self.solve(&["--force"]), 0);
-        self.last()
+        (self.solve(&["--force"]) == 0).then(|| self.last())
     }
 
     /// Runs so many steps from the beginning; returns the states after every `every` steps, from step 0.
@@ -387,6 +391,64 @@ pub fn equal(a: f64, b: f64, bound: f64) {
 pub fn range(values: &[f64]) -> String {
     let (least, most) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
     if least == most { format!("{least:e}") } else { format!("{least:e} to {most:e}") }
+}
+
+/// The range of a parameter, by decades, in which an error stays within its bound.
+pub struct Envelope {
+    ends: [f64; 2],
+    /// Whether it fails a decade beyond that end.
+    fails: [bool; 2],
+    pub worst: f64,
+}
+
+/// Which ends of a range are looked for.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Beyond {
+    Both,
+    Above,
+}
+
+/// Decades beyond what must hold; 0: that alone.
+fn decades() -> u32 {
+    if std::env::var_os("CD_TESTS_LONG").is_some() { 30 } else { 0 }
+}
+
+impl Envelope {
+    /// `error` stays within `bound` for the values of `asked`, which must, and for how many decades beyond.
+    #[track_caller]
+    pub fn about(asked: &[f64], beyond: Beyond, bound: f64, mut error: impl FnMut(f64) -> f64) -> Envelope {
+        let mut worst = 0f64;
+        for &value in asked {
+            let found = error(value);
+            assert!(found <= bound, "{value:e}: {found:e}; allowed are {bound:e}");
+            worst = worst.max(found);
+        }
+        let ends = asked.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(*x), b.max(*x)]);
+        let mut envelope = Envelope { ends, fails: [false; 2], worst };
+        let sides = [(0, 0.1), (1, 10.0)];
+        for (side, factor) in sides.into_iter().filter(|(side, _)| beyond == Beyond::Both || *side == 1) {
+            for _ in 0..decades() {
+                // Without the rounding of powers of ten.
+                let next: f64 = format!("{:.6e}", envelope.ends[side] * factor).parse().unwrap();
+                let found = error(next);
+                if found.is_nan() || found > bound {
+                    envelope.fails[side] = true;
+                    break;
+                }
+                (envelope.ends[side], envelope.worst) = (next, envelope.worst.max(found));
+            }
+        }
+        envelope
+    }
+
+    /// Ends beyond which it fails are set in bold.
+    pub fn range(&self) -> String {
+        let end = |side: usize| match self.fails[side] {
+            true => format!("**{:e}**", self.ends[side]),
+            false => format!("{:e}", self.ends[side]),
+        };
+        if self.ends[0] == self.ends[1] { end(1) } else { format!("{} to {}", end(0), end(1)) }
+    }
 }
 
 /// Tells what the test that calls it has shown, for docs/limits.md: a parameter, the range of it, what holds there and
