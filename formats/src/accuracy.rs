@@ -8,16 +8,29 @@ use crate::compute::{Compute, NarrowPhase};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Accuracy {
-    /// For a first look.
+    #[value(help = DRAFT)]
     Draft,
+    #[value(help = STANDARD)]
     Standard,
+    #[value(help = FINE)]
     Fine,
-    /// What the others are measured by.
+    #[value(help = REFERENCE)]
     Reference,
 }
 
+// Written by `make trade`, from docs/accuracy/trade.awk.
+const DRAFT: &str = include_str!("accuracy/draft.txt");
+const STANDARD: &str = include_str!("accuracy/standard.txt");
+const FINE: &str = include_str!("accuracy/fine.txt");
+const REFERENCE: &str = include_str!("accuracy/reference.txt");
+
 impl Accuracy {
     pub const ALL: [Accuracy; 4] = [Accuracy::Draft, Accuracy::Standard, Accuracy::Fine, Accuracy::Reference];
+
+    /// Its cost and error as measured on the scenes of examples/trade.
+    pub fn measured(self) -> &'static str {
+        [DRAFT, STANDARD, FINE, REFERENCE][self as usize]
+    }
 
     /// Time step over that of `Standard` that suits it: errors of impacts are of first order in the step.
     pub fn step(self) -> f64 {

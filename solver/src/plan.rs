@@ -87,11 +87,12 @@ pub fn not_needed(scene: &Scene) -> Vec<&'static str> {
     let absent = [
         (scene.bodies.iter().all(Body::is_sphere), "walls"),
         (!scene.is_general(), "polyhedra: blocks of contacts are diagonal"),
+        (!scene.options.sphere_orientation, "orientation of spheres"),
         (scene.turning.is_empty(), "free rotation: moments of inertia are equal"),
         (
             laws.iter().all(|law| law.friction_static == 0.0 && law.friction_dynamic == 0.0),
-            // Sweeps of polyhedra and of moments keep all three components.
-            if scene.is_general() || rolling { "friction" } else { "friction: one unknown a contact" },
+            // Sweeps with moments keep all three components.
+            if rolling { "friction" } else { "friction: one unknown a contact" },
         ),
         (laws.iter().all(|law| law.cohesion.is_none()), "cohesion"),
         (!rolling, "rolling friction: no moments"),
@@ -158,6 +159,7 @@ pub fn text(scene: &Scene, state: &State) -> String {
         let of = |accuracy: Accuracy| format!("{accuracy} up to {:.3e} s", accuracy.step() * sharpest.h);
         lines.push(("", Accuracy::ALL.map(of).join(", ")));
     }
+    lines.extend(Accuracy::ALL.map(|accuracy| ("", format!("{accuracy}: {}", accuracy.measured()))));
     lines.extend(bounds.iter().map(|bound| ("", format!("up to {:.3e} s: {}", bound.h, bound.reason))));
     lines
         .into_iter()
