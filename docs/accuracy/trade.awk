@@ -1,4 +1,5 @@
-# Writes what `make -C examples/trade` has measured into docs/accuracy.md, between its marks; at the top folder of the project:
+# Writes what `make -C examples/trade` has measured into docs/accuracy.md, between its marks, and what the programs say of the
+# presets into formats/src/accuracy/PRESET.txt; at the top folder of the project:
 #   awk -f docs/accuracy/trade.awk docs/accuracy.md > docs/accuracy.md.part
 # Numbers come from examples/trade/SCENE/trade/{trade,orders}.csv alone. A missing file or column is a fault.
 
@@ -43,6 +44,34 @@ function presets(    s, file, k, r, lmgc, worst, name) {
     }
 }
 
+# Least and largest error of a preset over the scenes.
+function range(name, column,    s, file, x, least, largest) {
+    least = 1e9
+    for (s = 1; s <= scenes; s++) {
+        file = "examples/trade/" scene[s] "/trade/trade.csv"
+        x = value(file, row_of(file, name), column)
+        if (x > largest) largest = x
+        if (x < least) least = x
+    }
+    return sprintf("%.2g to %s", 100 * least, percent(largest))
+}
+
+# What the programs say of each preset.
+function statements(    k, s, file, name, x, low, high) {
+    for (k = 1; k <= 4; k++) {
+        name = preset[k]; low = 1e9; high = 0
+        for (s = 1; s <= scenes; s++) {
+            file = "examples/trade/" scene[s] "/trade/trade.csv"
+            x = value(file, row_of(file, "standard"), "seconds") / value(file, row_of(file, name), "seconds")
+            if (x < low) low = x
+            if (x > high) high = x
+        }
+        printf "%s%s", name == "standard" ? "" : sprintf("%.2g to %.2g times as fast as standard; ", low, high), \
+            name == "reference" ? "what the others are measured by" : sprintf("errors in four scenes: nu %s, pressure %s, Z %s", \
+            range(name, "nu"), range(name, "pressure"), range(name, "Z")) > ("formats/src/accuracy/" name ".txt")
+    }
+}
+
 # Where an error does not go with the option, it has no price.
 function followed(order, r2, digit,    size) {
     size = order < 0 ? -order : order
@@ -73,15 +102,15 @@ function verdict(    s, file, k, r, name, low, high, x, both, all, lmgc) {
     printf "- LMGC90's parameters: ν and pressure within 1 %% in %d of %d scenes, Z as well in %d.\n", both, scenes, all
 }
 
-# `of`: which error, the end of the names of the columns.
-function knobs(of,    s, file, g, k, cell) {
-    printf "| option |"; for (s = 1; s <= scenes; s++) printf " %s |", scene[s]
-    printf "\n|---|"; for (s = 1; s <= scenes; s++) printf "---|"
+# `of`: which error, the end of the names of the columns; of so many scenes, and groups of runs.
+function knobs(of, shown, groups,    s, file, g, k, cell) {
+    printf "| option |"; for (s = 1; s <= shown; s++) printf " %s |", scene[s]
+    printf "\n|---|"; for (s = 1; s <= shown; s++) printf "---|"
     print ""
-    for (s = 1; s <= scenes; s++) load("examples/trade/" scene[s] "/trade/orders.csv")
+    for (s = 1; s <= shown; s++) load("examples/trade/" scene[s] "/trade/orders.csv")
     for (g = 1; g <= groups; g++) {
         printf "| `%s` |", group[g]
-        for (s = 1; s <= scenes; s++) {
+        for (s = 1; s <= shown; s++) {
             file = "examples/trade/" scene[s] "/trade/orders.csv"; cell = "-"
             for (k = 1; k <= rows[file]; k++) if (value(file, k, "group") == group[g] && value(file, k, "order" of) != "")
                 cell = followed(value(file, k, "order" of), value(file, k, "r2" of), value(file, k, "digit" of))
@@ -89,6 +118,14 @@ function knobs(of,    s, file, g, k, cell) {
         }
         print ""
     }
+}
+
+# What one other method does in place of the standard one.
+function instead(scene, name, option,    file, run, base) {
+    file = "examples/trade/" scene "/trade/trade.csv"; load(file)
+    run = row_of(file, name); base = row_of(file, "dt-1")
+    printf "- `%s` in `%s`: %.2f times the seconds; error of the early positions %.1e in place of %.1e.\n", option, scene, \
+        value(file, run, "seconds") / value(file, base, "seconds"), value(file, run, "positions_early"), value(file, base, "positions_early")
 }
 
 function honesty(    s, file, k, x, all, good, sum, honest) {
@@ -114,14 +151,15 @@ function figures(    s) {
 }
 
 BEGIN {
-    scenes = split("collapse rest spin heap", scene, " ")
+    # Presets and estimates are those of the first four; of `cloud`, which has no contacts, what self-gravity does.
+    scenes = split("collapse rest spin heap cloud", scene, " ") - 1
     split("draft standard fine reference lmgc90", preset, " ")
-    groups = split("dt tol theta gravity_error gravity_refresh adaptive", group, " ")
+    groups = split("dt tol max_sweeps theta adaptive alert gravity_error gravity_refresh gravity_order gravity_opening", group, " ")
 }
 
 /^<!-- [a-z]+: begin -->$/ && $2 ~ /^(presets|knobs|early|honesty|figures):$/ {
     print; print ""
-    if ($2 == "presets:") { presets(); print ""; verdict() } else if ($2 == "knobs:") knobs(""); else if ($2 == "early:") knobs("_early"); else if ($2 == "honesty:") honesty(); else figures()
+    if ($2 == "presets:") { presets(); print ""; verdict(); statements() } else if ($2 == "knobs:") knobs("", scenes, groups - 2); else if ($2 == "early:") { knobs("_early", scenes + 1, groups); print ""; instead("heap", "fast", "narrow_phase: fast"); instead("cloud", "direct", "gravity: direct") } else if ($2 == "honesty:") honesty(); else figures()
     print ""; skipping = 1
     next
 }

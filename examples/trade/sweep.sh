@@ -1,13 +1,13 @@
 #!/bin/sh
-# sweep.sh FOLDER DT EVERY FROM [WITHOUT]: makes all runs of runs.txt with FOLDER/DATBOX and compares them.
+# sweep.sh FOLDER DT EVERY FROM EARLY [WITHOUT]: makes all runs of runs.txt with FOLDER/DATBOX and compares them.
 # DT: the scene's time step, s; EVERY: steps of that length between two snapshots; FROM: time from which means are taken,
-# s; WITHOUT: options that the scene has not, as a pattern. CD_BIN: where the programs are.
+# s; EARLY: time at which positions are compared, s; WITHOUT: groups of runs that say nothing of the scene, as a pattern. CD_BIN: where the programs are.
 set -eu
-folder=$1 dt=$2 every=$3 from=$4 without=${5:-none}
+folder=$1 dt=$2 every=$3 from=$4 early=$5 without=${6:-none}
 cases= groups= values=
 while read -r name group value factor flags; do
     case "$name" in '#'* | '') continue ;; esac
-    echo "$group" | grep -qE "^($without)" && continue
+    echo "$group" | grep -qxE "$without" && continue
     run=$folder/$(echo "$name" | tr / _)
     mkdir -p "$run"
     rm -rf "$run/DATBOX" && cp -r "$folder/DATBOX" "$run/DATBOX"
@@ -18,4 +18,4 @@ while read -r name group value factor flags; do
     cases="$cases $run" groups="$groups,$group" values="$values,$(echo "$value" | sed 's/^-$/nan/')"
 done < runs.txt
 # shellcheck disable=SC2086
-"$CD_BIN/cd-post" trade $cases -o "$folder/trade" --groups "${groups#,}" --values "${values#,}" --from "$from" | tee "$folder/table.txt"
+"$CD_BIN/cd-post" trade $cases -o "$folder/trade" --groups "${groups#,}" --values "${values#,}" --from "$from" --early "$early" | tee "$folder/table.txt"

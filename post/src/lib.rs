@@ -125,6 +125,9 @@ enum Command {
         /// Time from which snapshots count, s; without it the last alone
         #[arg(long, value_name = "S")]
         from: Option<f64>,
+        /// Time from which on positions are compared at the first snapshot, s; without it, at the first after the start
+        #[arg(long, value_name = "S")]
+        early: Option<f64>,
     },
     /// One body in a bed of grains, such as a lander: its way, depth, force, bounce and crater.
     ///
@@ -212,8 +215,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
                 tell(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
                 Vec::new()
             }),
-        Some(Command::Trade { dirs, output, groups, values, from }) => {
-            trade::write(dirs, groups, values, *from, output).map(|table| {
+        Some(Command::Trade { dirs, output, groups, values, from, early }) => {
+            trade::write(dirs, groups, values, *from, *early, output).map(|table| {
                 tell(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
                 Vec::new()
             })

@@ -26,7 +26,7 @@ pub const COLUMNS: [(&str, &str, &str); 14] = [
     (
         "positions_early",
         "1",
-        "RMS distance of the bodies from where the finest run has them, over their mean radius: at its first snapshot after the start",
+        "RMS distance of the bodies from where the finest run has them, over their mean radius: at its first snapshot after the start, or from `--early` on",
     ),
     ("positions", "1", "the same at the end"),
     ("worst", "1", "largest error of Z, nu and pressure"),
@@ -69,12 +69,14 @@ impl Compared {
 /// `accuracy: reference`, else the last - and writes trade.csv, orders.csv and trade.svg. Returns the table as text.
 ///
 /// `groups`: one name a case, of the option that it is about; `values`: what that option is there, both in the order of the
-/// cases or empty. `from`: errors are medians over the snapshots from this time on, s; without it, of the last alone.
+/// cases or empty. `from`: errors are medians over the snapshots from this time on, s; without it, of the last alone. `early`:
+/// positions are compared at the first snapshot from this time on, s; without it, at the first after the start.
 pub fn write(
     cases: &[PathBuf],
     groups: &[String],
     values: &[f64],
     from: Option<f64>,
+    early: Option<f64>,
     output: &Path,
 ) -> Result<String, Faults> {
     let mut faults = Faults::default();
@@ -91,7 +93,7 @@ pub fn write(
     let runs: Vec<Run> = cases.iter().enumerate().filter_map(measured).collect();
     faults.into_result(())?;
     let finest = runs.iter().position(|run| run.accuracy == Some(Accuracy::Reference)).unwrap_or(runs.len() - 1);
-    let compared = runs.iter().map(|run| against(run, &runs[finest])).collect::<Result<Vec<_>, Faults>>()?;
+    let compared = runs.iter().map(|run| against(run, &runs[finest], early)).collect::<Result<Vec<_>, Faults>>()?;
     let others: Vec<Compared> =
         compared.iter().enumerate().filter(|(k, _)| *k != finest).map(|(_, run)| run.clone()).collect();
     atomic::write(&output.join("trade.csv"), table(&compared).as_bytes())?;
@@ -113,7 +115,7 @@ fn measured(case: &Path, group: String, value: f64, from: Option<f64>) -> Result
     let column = |name: &str, k: usize| series.get(name).and_then(|column| column.get(k)).copied().unwrap_or(f64::NAN);
     let observed = |&k: &usize| {
         let [z, nu, pressure, a, b, c] = ["Z", "nu", "pressure", "a", "b", "c"].map(|name| column(name, k));
-        let potential = column("E_grav", k) + column("E_uniform", k);
+        let potential = column("E_grav", k) + column("E_uniform", k) + column("E_fields", k);
         (times[k], [z, nu, pressure, a, b, c, column("n_grains", k) * column("Ec_mean", k) + potential])
     };
     let timer = compare::read(&case.join("TIMER.csv"))?;
@@ -186,7 +188,7 @@ fn same_time(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-6 * b.abs()
 }
 
-fn against(run: &Run, finest: &Run) -> Result<Compared, Faults> {
+fn against(run: &Run, finest: &Run, early: Option<f64>) -> Result<Compared, Faults> {
     let at = |time: f64| run.observed.iter().find(|(t, _)| same_time(*t, time)).map(|(_, found)| *found);
     let shared: Vec<([f64; 7], [f64; 7])> =
         finest.observed.iter().filter_map(|(time, exact)| Some((at(*time)?, *exact))).collect();
@@ -195,7 +197,8 @@ fn against(run: &Run, finest: &Run) -> Result<Compared, Faults> {
         away / median(shared.iter().map(|(_, exact)| exact[k].abs()))
     });
     let [z, nu, pressure, a, b, c, energy] = errors;
-    let early = match finest.early.first() {
+    let from = early.unwrap_or(f64::NEG_INFINITY);
+    let early = match finest.early.iter().find(|(time, _)| *time >= from * (1.0 - 1e-9)) {
         Some((time, path)) => match run.early.iter().find(|(t, _)| same_time(*t, *time)) {
             Some((_, own)) => {
                 away(&free_positions(&Snapshot::read(own)?), &free_positions(&Snapshot::read(path)?), run.mean_radius)
@@ -359,7 +362,7 @@ mod tests {
             end: vec![[0.0, 0.0, x], [0.0; 3]],
             mean_radius: 2.0,
         };
-        let found = against(&run(1.02, 0.2, 0.01), &run(1.0, 0.0, 0.0)).unwrap();
+        let found = against(&run(1.02, 0.2, 0.01), &run(1.0, 0.0, 0.0), None).unwrap();
         // Rounding of a few operations.
         for (name, expected) in
             [("pressure", 0.02), ("worst", 0.02), ("Z", 0.0), ("positions", 0.1 / 2f64.sqrt()), ("over_estimated", 2.0)]
