@@ -65,6 +65,16 @@ pub struct Figure {
     pub curves: Vec<Curve>,
 }
 
+/// How a curve is drawn.
+struct Style {
+    colour: RGBColor,
+    width: u32,
+    /// Dashed, or open dots: a curve had this colour before.
+    again: bool,
+}
+
+/// Length of a dash and of the gap behind it.
+const DASH: u32 = 8;
 const SIZE: (u32, u32) = (800, 450);
 /// Of the strip beside the plot, at least; it grows with the names.
 const LEGEND_WIDTH: i32 = 150;
@@ -150,8 +160,9 @@ impl Figure {
             .y_label_formatter(&|y| mark(&self.y, *y))
             .draw()?;
         for (k, (curve, points)) in self.curves.iter().zip(&curves).enumerate() {
-            let (colour, width) = self.style(k);
-            let dot = |point: &(f64, f64)| Circle::new(*point, 2 + width as i32 / 2, colour.filled());
+            let Style { colour, width, again } = self.style(k);
+            let fill = if again { colour.stroke_width(1) } else { colour.filled() };
+            let dot = |point: &(f64, f64)| Circle::new(*point, 2 + width as i32 / 2, fill);
             let defined = points.iter().filter(|(_, y)| !y.is_nan());
             if curve.marks == Marks::Named {
                 // Names in turn above and below, as the dots may be near each other.
@@ -170,7 +181,12 @@ impl Figure {
             }
             // A value that is not defined parts the line.
             for part in points.split(|(_, y)| y.is_nan()).filter(|part| !part.is_empty()) {
-                chart.draw_series(LineSeries::new(part.iter().copied(), colour.stroke_width(width)))?;
+                let (way, stroke) = (part.iter().copied(), colour.stroke_width(width));
+                if again {
+                    chart.draw_series(DashedLineSeries::new(way, DASH, DASH, stroke))?;
+                } else {
+                    chart.draw_series(LineSeries::new(way, stroke))?;
+                }
                 if curve.marks == Marks::Line && (part.len() == 1 || points.len() <= MARKED) {
                     chart.draw_series(part.iter().map(dot))?;
                 }
@@ -179,18 +195,22 @@ impl Figure {
         self.legend(&right, all().all(|(_, y)| y.is_nan()))
     }
 
-    /// Colour and width: the curves that are drawn first are wider, and where two are equal both are seen.
-    fn style(&self, k: usize) -> (RGBColor, u32) {
+    /// The curves that are drawn first are wider, and where two are equal both are seen.
+    fn style(&self, k: usize) -> Style {
         let coloured = |c: &&Curve| matches!(c.marks, Marks::Line | Marks::Dots);
         let before = self.curves[..k].iter().filter(coloured).count();
-        match self.curves[k].marks {
-            Marks::Expected => return (GREY, 1),
-            Marks::Named => return (INK, 1),
-            Marks::Fit => return (COLOURS[before.saturating_sub(1) % COLOURS.len()], 1),
-            Marks::Line | Marks::Dots => {}
-        }
         let after = self.curves[k + 1..].iter().filter(|c| c.marks == Marks::Line).count();
-        (COLOURS[before % COLOURS.len()], (2 + 2 * after as u32).min(6))
+        let of = |number: usize, width| Style {
+            colour: COLOURS[number % COLOURS.len()],
+            width,
+            again: number / COLOURS.len() % 2 == 1,
+        };
+        match self.curves[k].marks {
+            Marks::Expected => Style { colour: GREY, width: 1, again: false },
+            Marks::Named => Style { colour: INK, width: 1, again: false },
+            Marks::Fit => of(before.saturating_sub(1), 1),
+            Marks::Line | Marks::Dots => of(before, (2 + 2 * after as u32).min(6)),
+        }
     }
 
     /// Names the curves beside the plot, where no data can be under it.
@@ -198,16 +218,20 @@ impl Figure {
         let line = |k: usize| 60 + 24 * k as i32;
         let listed = self.curves.iter().enumerate().filter(|(_, curve)| curve.marks != Marks::Named);
         for (row, (k, curve)) in listed.enumerate() {
-            let (colour, _) = self.style(k);
+            let Style { colour, again, .. } = self.style(k);
+            let stroke = |from: i32, to: i32, width: u32| {
+                area.draw(&PathElement::new([(from, line(row)), (to, line(row))], colour.stroke_width(width)))
+            };
+            let width = if curve.marks == Marks::Line { 3 } else { 1 };
             match curve.marks {
                 Marks::Named => {}
+                Marks::Dots if again => area.draw(&Circle::new((10, line(row)), 4, colour.stroke_width(1)))?,
                 Marks::Dots => area.draw(&Circle::new((10, line(row)), 4, colour.filled()))?,
-                Marks::Line => {
-                    area.draw(&PathElement::new([(0, line(row)), (20, line(row))], colour.stroke_width(3)))?
+                _ if again => {
+                    stroke(0, 8, width)?;
+                    stroke(12, 20, width)?;
                 }
-                Marks::Expected | Marks::Fit => {
-                    area.draw(&PathElement::new([(0, line(row)), (20, line(row))], colour.stroke_width(1)))?
-                }
+                _ => stroke(0, 20, width)?,
             }
             area.draw(&Text::new(curve.name.as_str(), (28, line(row) - 7), font(13)))?;
         }
@@ -327,8 +351,21 @@ mod tests {
         let mut figure = figure(vec![(0.0, 1.0), (1.0, 2.0)], false);
         let of = |marks| Curve { marks, ..figure.curves[0].clone() };
         figure.curves = [Marks::Dots, Marks::Fit, Marks::Expected, Marks::Dots, Marks::Fit].map(of).to_vec();
-        let styles: Vec<RGBColor> = (0..5).map(|k| figure.style(k).0).collect();
+        let styles: Vec<RGBColor> = (0..5).map(|k| figure.style(k).colour).collect();
         assert_eq!(styles, [COLOURS[0], COLOURS[0], GREY, COLOURS[1], COLOURS[1]]);
+    }
+
+    #[test]
+    fn what_takes_a_colour_again_is_dashed() {
+        let mut figure = figure(vec![(0.0, 1.0), (1.0, 2.0)], false);
+        figure.curves = vec![figure.curves[0].clone(); COLOURS.len() + 1];
+        let lines = |figure: &Figure| figure.svg().matches("<polyline").count();
+        assert!(figure.style(7).again && figure.style(7).colour == figure.style(0).colour);
+        // Each has its line and what stands for it in the legend; the last is in pieces.
+        let dashed = lines(&figure);
+        figure.curves.pop();
+        assert!(dashed > lines(&figure) + 10, "{dashed} {}", lines(&figure));
+        assert!(!figure.style(6).again);
     }
 
     #[test]

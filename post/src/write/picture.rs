@@ -128,30 +128,71 @@ pub(crate) const COLOURS: [[f64; 3]; 5] =
 /// Where the light comes from: left, above and before the picture (x right, y away, z up); length 1.
 const LIGHT: [f64; 3] = [-0.48, -0.64, 0.6];
 
-/// A grain as it is seen: place and radii in pixels.
+/// A grain on the picture: the circle that holds it, pixels, and what is painted of it.
 #[derive(Debug, Clone, PartialEq)]
 struct Disc {
     x: f64,
     y: f64,
-    /// Of the circle that holds it.
     radius: f64,
-    /// Of a circle that it fills.
-    filled: f64,
-    /// Larger is farther.
-    depth: f64,
-    class: u32,
-    /// The faces of a polyhedron that can be seen.
-    faces: Vec<Face>,
+    shapes: Vec<Shape>,
 }
 
+/// A sphere as a whole, or a face that is turned to the front: those of touching polyhedra of any size then come in their order.
 #[derive(Debug, Clone, PartialEq)]
-struct Face {
-    /// Pixels.
-    corners: Vec<[f64; 2]>,
-    /// Of its farthest corner.
+struct Shape {
+    /// Of the farthest corner of a face; larger is farther.
     depth: f64,
-    /// How much light falls on it, 0 to 1.
-    light: f64,
+    class: u32,
+    outline: Outline,
+}
+
+/// Pixels.
+#[derive(Debug, Clone, PartialEq)]
+enum Outline {
+    Circle {
+        x: f64,
+        y: f64,
+        radius: f64,
+    },
+    /// Convex.
+    Face {
+        corners: Vec<[f64; 2]>,
+        /// How much light falls on it, 0 to 1.
+        light: f64,
+    },
+}
+
+impl Outline {
+    /// From where to where it reaches down the picture.
+    fn height(&self) -> [f64; 2] {
+        match self {
+            Outline::Circle { y, radius, .. } => [y - radius, y + radius],
+            Outline::Face { corners, .. } => bounds(corners.iter().map(|[_, y]| *y)),
+        }
+    }
+
+    /// From where to where it reaches across at a height.
+    fn width(&self, height: f64) -> [f64; 2] {
+        match self {
+            Outline::Circle { x, y, radius } => {
+                let half = (radius * radius - (height - y).powi(2)).max(0.0).sqrt();
+                [x - half, x + half]
+            }
+            Outline::Face { corners, .. } => {
+                let next = corners.iter().cycle().skip(1);
+                let crossing = |([ax, ay], [bx, by]): (&[f64; 2], &[f64; 2])| {
+                    let share = ((height - ay) / (by - ay)).clamp(0.0, 1.0);
+                    ((ay - height) * (by - height) <= 0.0).then(|| if ay == by { *ax } else { ax + share * (bx - ax) })
+                };
+                bounds(corners.iter().zip(next).filter_map(crossing))
+            }
+        }
+    }
+}
+
+/// The least and the largest.
+fn bounds(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)])
 }
 
 /// The text of the SVG file of one state.
@@ -219,23 +260,18 @@ fn draw(frame: &Frame, scale: &Scale, number: usize, put: &mut impl FnMut(String
         "<g clip-path=\"url(#frame{number})\" stroke=\"black\" stroke-opacity=\"0.35\" stroke-width=\"0.5\" \
          stroke-linejoin=\"round\">"
     ));
-    // Spheres as a whole and faces by themselves: those of touching polyhedra of any size then come in their order.
-    let mut shapes: Vec<(f64, String)> = Vec::new();
-    for disc in visible(inside) {
-        let Disc { x, y, radius, class, faces, .. } = disc;
-        if faces.is_empty() {
-            let fill = format!("fill=\"url(#c{number}-{class})\"");
-            shapes.push((disc.depth, format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" {fill}/>")));
-        }
-        for Face { corners, depth, light } in faces {
-            let [r, g, b] = lit(colour(class, most), light);
-            let corners: Vec<String> = corners.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
-            let fill = format!("fill=\"rgb({r:.0},{g:.0},{b:.0})\"");
-            shapes.push((depth, format!("<polygon points=\"{}\" {fill}/>", corners.join(" "))));
-        }
+    for Shape { class, outline, .. } in visible(inside.into_iter().flat_map(|disc| disc.shapes).collect()) {
+        put(match outline {
+            Outline::Circle { x, y, radius } => {
+                format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" fill=\"url(#c{number}-{class})\"/>")
+            }
+            Outline::Face { corners, light } => {
+                let [r, g, b] = lit(colour(class, most), light);
+                let corners: Vec<String> = corners.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+                format!("<polygon points=\"{}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"/>", corners.join(" "))
+            }
+        });
     }
-    shapes.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-    shapes.into_iter().for_each(|(_, shape)| put(shape));
     put("</g>".into());
     // Scale bar.
     if pixels.is_finite() {
@@ -283,21 +319,25 @@ fn project(frame: &Frame, classes: &[u32]) -> (Vec<Disc>, f64) {
     let at = |seen: &Vec3| [SIDE / 2.0 + scale * (seen.x - x), SIDE / 2.0 - scale * (seen.z - z)];
     let disc = |((seen, grain), &class): ((&Vec3, &Grain), &u32)| {
         let [x, y] = at(seen);
-        let (mut filled, mut faces) = (grain.reach(), Vec::new());
+        let radius = scale * grain.reach();
+        let mut shapes = Vec::new();
         if let Some(solid) = &grain.solid {
             let turn = |v: &Vec3| view * (grain.rotation * v);
             for face in &solid.faces {
                 let corners: Vec<Vec3> = face.iter().map(|&k| turn(&solid.vertices[k as usize])).collect();
                 let normal = outward(&corners);
-                filled = filled.min(corners[0].dot(&normal).max(0.0));
                 if normal.y < 0.0 {
                     let depth = seen.y + corners.iter().map(|c| c.y).fold(f64::NEG_INFINITY, f64::max);
                     let light = normal.dot(&Vec3::from(LIGHT)).max(0.0);
-                    faces.push(Face { corners: corners.iter().map(|c| at(&(seen + c))).collect(), depth, light });
+                    let corners = corners.iter().map(|c| at(&(seen + c))).collect();
+                    shapes.push(Shape { depth, class, outline: Outline::Face { corners, light } });
                 }
             }
         }
-        Disc { x, y, radius: scale * grain.reach(), filled: scale * filled, depth: seen.y, class, faces }
+        if shapes.is_empty() {
+            shapes.push(Shape { depth: seen.y, class, outline: Outline::Circle { x, y, radius } });
+        }
+        Disc { x, y, radius, shapes }
     };
     (seen.iter().zip(&frame.grains).zip(classes).map(disc).collect(), scale)
 }
@@ -315,34 +355,33 @@ fn lit(colour: [f64; 3], light: f64) -> [f64; 3] {
     colour.map(|c| if bright <= 1.0 { bright * c } else { c + (bright - 1.0) * 3.0 * (255.0 - c) })
 }
 
-/// The discs that are not behind others, far ones first.
-///
-/// From near to far, a disc is dropped if all cells of a grid that it could touch lie wholly in
-/// what nearer ones fill. A file then holds the surface, however many grains there are.
-fn visible(mut discs: Vec<Disc>) -> Vec<Disc> {
-    const CELL: f64 = 4.0;
-    const CELLS: usize = (SIDE / CELL) as usize;
-    let mut covered = vec![false; CELLS * CELLS];
-    let span = |c: f64, radius: f64| {
-        let cell = |c: f64| (c / CELL).clamp(0.0, CELLS as f64 - 1.0) as usize;
-        cell(c - radius)..=cell(c + radius)
+/// The shapes of which something is seen, far ones first: painted one over the other on a grid of half a pixel, those are
+/// kept to which a place of it is left. A file then holds the surface, however many grains there are.
+fn visible(mut shapes: Vec<Shape>) -> Vec<Shape> {
+    const CELLS: usize = 2 * SIDE as usize;
+    let place = |c: f64| c / SIDE * CELLS as f64 - 0.5; // of the middle of a cell
+    // The cells whose middles lie between, or the one that is nearest.
+    let cells = |[from, to]: [f64; 2]| {
+        let cell = |c: f64| c.clamp(0.0, CELLS as f64 - 1.0) as usize;
+        let (first, last) = (place(from).ceil(), place(to).floor());
+        let middle = place(0.5 * (from + to)).round();
+        if first <= last { cell(first)..=cell(last) } else { cell(middle)..=cell(middle) }
     };
-    discs.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-    discs.retain(|disc| {
-        let mut seen = false;
-        for row in span(disc.y, disc.radius) {
-            for column in span(disc.x, disc.radius) {
-                let cell = &mut covered[row * CELLS + column];
-                seen |= !*cell;
-                // The farthest corner of the cell from the disc's centre.
-                let far = |c: f64, index: usize| (c - (index as f64 + 0.5) * CELL).abs() + 0.5 * CELL;
-                *cell |= far(disc.x, column).hypot(far(disc.y, row)) <= disc.filled;
-            }
+    shapes.sort_by(|a, b| b.depth.total_cmp(&a.depth));
+    let mut owners = vec![u32::MAX; CELLS * CELLS];
+    for (owner, shape) in (0..).zip(&shapes) {
+        let height = shape.outline.height();
+        for row in cells(height) {
+            let middle = (row as f64 + 0.5) * SIDE / CELLS as f64;
+            let span = cells(shape.outline.width(middle.clamp(height[0], height[1])));
+            owners[row * CELLS..][span].fill(owner);
         }
-        seen
-    });
-    discs.reverse();
-    discs
+    }
+    let mut seen = vec![false; shapes.len()];
+    owners.into_iter().filter(|owner| *owner != u32::MAX).for_each(|owner| seen[owner as usize] = true);
+    let mut seen = seen.into_iter();
+    shapes.retain(|_| seen.next().is_some_and(|seen| seen));
+    shapes
 }
 
 /// Red, green, blue of a class among 0 to `most`.
@@ -376,12 +415,18 @@ mod tests {
 
     #[test]
     fn what_is_hidden_is_left_out_and_what_peeps_out_is_not() {
-        let disc = |x: f64, radius: f64, depth: f64| {
-            let (y, filled, class, faces) = (400.0, radius, 0, vec![]);
-            Disc { x, y, radius, filled, depth, class, faces }
+        let circle = |x: f64, radius: f64, depth: f64| Shape {
+            depth,
+            class: 0,
+            outline: Outline::Circle { x, y: 400.0, radius },
         };
-        let (front, hidden, peeping) = (disc(400.0, 100.0, 0.0), disc(410.0, 50.0, 1.0), disc(480.0, 40.0, 2.0));
-        assert_eq!(visible(vec![hidden, front.clone(), peeping.clone()]), [peeping, front]);
+        let (front, hidden, peeping) = (circle(400.0, 100.0, 0.0), circle(410.0, 50.0, 1.0), circle(480.0, 40.0, 2.0));
+        assert_eq!(visible(vec![hidden.clone(), front.clone(), peeping.clone()]), [peeping.clone(), front]);
+        // A square that reaches as far hides them as well; a dot before it is seen, however small.
+        let corners = vec![[300.0, 300.0], [530.0, 300.0], [530.0, 500.0], [300.0, 500.0]];
+        let square = Shape { depth: 0.5, class: 0, outline: Outline::Face { corners, light: 1.0 } };
+        let dot = circle(310.0, 0.01, 0.1);
+        assert_eq!(visible(vec![dot.clone(), peeping, square.clone(), hidden]), [square, dot]);
     }
 
     #[test]
@@ -389,11 +434,14 @@ mod tests {
         let mut scene = Scene::default();
         scene.cube([0.0; 3], 1.0);
         let (discs, scale) = project(&scene.frame(), &[0]);
-        assert_eq!(discs[0].faces.len(), 3);
-        assert!((discs[0].filled / scale - 1.0).abs() < 1e-14 && (discs[0].radius / scale - 3f64.sqrt()).abs() < 1e-14);
-        let height = |corners: &[[f64; 2]]| corners.iter().map(|[_, y]| y).sum::<f64>() / 4.0;
-        let brightest = discs[0].faces.iter().max_by(|a, b| a.light.total_cmp(&b.light)).unwrap();
-        assert!(discs[0].faces.iter().all(|face| height(&face.corners) >= height(&brightest.corners)));
+        assert!((discs[0].radius / scale - 3f64.sqrt()).abs() < 1e-14);
+        let height_and_light = |shape: &Shape| match &shape.outline {
+            Outline::Face { corners, light } => (corners.iter().map(|[_, y]| y).sum::<f64>() / 4.0, *light),
+            Outline::Circle { .. } => panic!("of a cube: {shape:?}"),
+        };
+        let faces: Vec<(f64, f64)> = discs[0].shapes.iter().map(height_and_light).collect();
+        let brightest = faces.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+        assert!(faces.len() == 3 && faces.iter().all(|face| face.0 >= brightest.0), "{faces:?}");
         assert_eq!(svg(&scene.frame(), Shade::Neighbours).matches("<polygon").count(), 3);
     }
 
