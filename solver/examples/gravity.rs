@@ -110,7 +110,9 @@ mod tests {
     fn two_masses_attract_each_other() {
         let folder = tempfile::tempdir().unwrap();
         let (input, output) = (folder.path().join("in.csv"), folder.path().join("out.csv"));
-        let words = ["gravity".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()];
+        let direct = ["--method".as_ref(), "direct".as_ref()];
+        let words =
+            ["gravity".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()].into_iter().chain(direct);
         let arguments = Arguments::parse_from(words);
         std::fs::write(&input, "x,y,z,m\n0,0,0,1\n2,0,0,4\n").unwrap();
         run(&arguments).unwrap();

@@ -200,7 +200,7 @@ fn a_lander_of_another_shape_comes_to_rest_on_what_was_there() {
     )"#;
     let from = Case::of(scene).solved(&[]);
     let changes = r#"(
-        grains: [(material: "STEEL", colour: "LANDx", shape: Box(lengths: (1.0, 1.2, 0.6)), place: List(positions: [(0.0, 0.0, 1.0)]))],
+        grains: [(material: "STEEL", colour: "LANDx", shape: Box(lengths: (1.0, 1.2, 0.6)), standing: Same((axis: (0, 0, 1), angle: 0.5)), place: List(positions: [(0.0, 0.0, 1.0)]))],
         materials: [(name: "STEEL", density: 7800.0)],
         contacts: [(between: ("LANDx", "FLOOR"), law: "iqsc0"), (between: ("LANDx", "BLUEx"), law: "iqsc0"), (between: ("LANDx", "LANDx"), law: None)],
         compute: (dt: 0.01, end_time: 4.0),
