@@ -75,7 +75,7 @@ function statements(    k, s, file, name, x, low, high) {
 # Where an error does not go with the option, it has no price.
 function followed(order, r2, digit,    size) {
     size = order < 0 ? -order : order
-    if (size < 0.01) return "no effect"
+    if (size < 0.1) return "no effect"
     return sprintf("%.2f (r² %.2f)", order, r2) (r2 >= 0.8 ? sprintf(", %.2g times", digit) : ", -")
 }
 
