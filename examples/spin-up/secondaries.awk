@@ -1,10 +1,10 @@
 # What goes round, or has left, the largest remnant at the end, by orbits of two bodies:
 #   awk -v csv=secondaries.csv -f secondaries.awk left-f0/POSTPRO/state-020000/fragments.csv ...
-# A row a group of three grains or more; distances over the remnant's radius (a b c)^(1/3), angles in degrees, periods in hours.
+# A row a group of two grains or more; distances over the remnant's radius (a b c)^(1/3), angles in degrees, periods in hours.
 # Columns go by their names.
 
 BEGIN {
-    FS = ","; LEAST = 3; PI = atan2(0, -1)
+    FS = ","; LEAST = 2; PI = atan2(0, -1)
     print "cohesion,grains,mass_share,bound,orbit_a,orbit_e,inclination,pericentre,period" > csv
     print "   f_c [N]  grains  mass share  bound   a/R      e  inclination  pericentre/R  period [h]"
 }
