@@ -21,6 +21,9 @@ const MARGIN: f64 = 30.0;
 /// Room between the grains and the picture's border, pixels.
 const ROOM: f64 = 50.0;
 
+/// Width of the edges of faces, pixels: what is behind them does not shine through where two meet.
+const EDGE: f64 = 0.7;
+
 /// Counts from here on share a colour.
 const MOST: u32 = 10;
 /// Colours of a picture by energy, each for half a power of ten, down from the largest.
@@ -203,7 +206,7 @@ pub fn svg(frame: &Frame, shade: Shade) -> String {
     let mut text = head(SIDE + STRIP, SIDE);
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
     let scale = Scale::of(shade, &[frame]);
-    draw(frame, &scale, 0, &mut put);
+    draw(frame, &scale, 0, EDGE, &mut put);
     scale.draw(SIDE + 20.0, &mut put);
     put("</svg>".into());
     text
@@ -224,7 +227,7 @@ pub fn snapshots(frames: &[&Frame]) -> String {
                 "<svg x=\"{}\" y=\"{top}\" width=\"{SMALL}\" height=\"{SMALL}\" viewBox=\"0 0 {SIDE} {SIDE}\" font-size=\"24\">",
                 SMALL * column as f64
             ));
-            draw(frame, &scale, row * frames.len() + column, &mut put);
+            draw(frame, &scale, row * frames.len() + column, EDGE * SIDE / SMALL, &mut put);
             put("</svg>".into());
         }
         put(format!("<g transform=\"translate(0 {top})\">"));
@@ -243,8 +246,8 @@ fn head(width: f64, height: f64) -> String {
     )
 }
 
-/// One state on a square; `number` tells it from others of the same file.
-fn draw(frame: &Frame, scale: &Scale, number: usize, put: &mut impl FnMut(String)) {
+/// One state on a square; `number` tells it from others of the same file. Edges are so wide in its own pixels.
+fn draw(frame: &Frame, scale: &Scale, number: usize, edge: f64, put: &mut impl FnMut(String)) {
     let most = scale.most();
     let (discs, pixels) = project(frame, &scale.classes(frame));
     let (inside, outside): (Vec<Disc>, Vec<Disc>) = discs.into_iter().partition(|disc| {
@@ -257,7 +260,7 @@ fn draw(frame: &Frame, scale: &Scale, number: usize, put: &mut impl FnMut(String
     }
     put(format!("<clipPath id=\"frame{number}\"><rect width=\"{SIDE}\" height=\"{SIDE}\"/></clipPath>\n</defs>"));
     put(format!(
-        "<g clip-path=\"url(#frame{number})\" stroke=\"black\" stroke-opacity=\"0.35\" stroke-width=\"0.5\" \
+        "<g clip-path=\"url(#frame{number})\" stroke=\"black\" stroke-opacity=\"0.35\" stroke-width=\"{edge}\" \
          stroke-linejoin=\"round\">"
     ));
     for Shape { class, outline, .. } in visible(inside.into_iter().flat_map(|disc| disc.shapes).collect()) {
