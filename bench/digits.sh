@@ -10,21 +10,21 @@ steps=${1:-50}
 top=$(cd "$(dirname "$0")/.." && pwd)
 bin=${CD_BIN:-$top/target/release}
 work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+trap 'status=$?; [ $status = 0 ] || cat "$work/log" >&2; rm -rf "$work"' EXIT
 echo "| scene | contacts with force | E | sweeps a step | ms a step, assembly and solve | unconverged |"
 echo "|---|---|---|---|---|---|"
 
 # name, example, number, time at which grains meet, time of rest
 while read -r name example number meets rests; do
     "$bin/cd-pre" "$top/examples/$example/scene.ron" -o "$work/$name" --set "grains.1.number=$number" \
-        --set "compute.end_time=$meets" > /dev/null 2>&1
+        --set "compute.end_time=$meets" > "$work/log" 2>&1
     "$bin/cd-solve" "$work/$name" > "$work/log" 2>&1
-    "$bin/cd-pre" from-outbox "$work/$name" "$work/$name-flows" > /dev/null 2>&1
-    "$bin/cd-solve" "$work/$name" --resume --end-time "$rests" --quench 0.01 > "$work/log" 2>&1
-    "$bin/cd-pre" from-outbox "$work/$name" "$work/$name-rests" > /dev/null 2>&1
+    "$bin/cd-pre" from-outbox "$work/$name" "$work/$name-flows" > "$work/log" 2>&1
+    "$bin/cd-solve" "$work/$name" --resume --end-time "$rests" --quench=0.01 > "$work/log" 2>&1
+    "$bin/cd-pre" from-outbox "$work/$name" "$work/$name-rests" > "$work/log" 2>&1
     for state in flows rests; do
         for tol in 1e-2 1e-4 1e-6 1e-8; do
-            "$bin/cd-solve" "$work/$name-$state" --force --steps "$steps" --output-every "$steps" --threads 1 --quench 0 \
+            "$bin/cd-solve" "$work/$name-$state" --force --steps "$steps" --output-every "$steps" --threads 1 --quench=0 \
                 --tol "$tol" > "$work/log" 2>&1
             awk -F, -v scene="$number $name, $state" -v tol="$tol" '
                 FNR == 1 { for (i = 1; i <= NF; i++) at[FILENAME, $i] = i; next }
