@@ -4,9 +4,9 @@
 #     bench/digits.sh [STEPS]
 #
 # Clouds of spheres and of rocks fall together; what they are when they meet and when they rest goes on for STEPS steps
-# (50) at each tolerance. Unconverged steps, which stop after 20 000 sweeps, are counted. CD_BIN: where the programs are.
+# (10) at each tolerance. Unconverged steps, which stop after 20 000 sweeps, are counted. CD_BIN: where the programs are.
 set -euo pipefail
-steps=${1:-50}
+steps=${1:-10}
 top=$(cd "$(dirname "$0")/.." && pwd)
 bin=${CD_BIN:-$top/target/release}
 work=$(mktemp -d)
@@ -35,6 +35,6 @@ while read -r name example number meets rests; do
         done
     done
 done <<'SCENES'
-spheres accretion 2000 4000 14000
-rocks accretion-polyhedra 500 6000 16000
+spheres accretion 500 4000 14000
+rocks accretion-polyhedra 250 6000 16000
 SCENES

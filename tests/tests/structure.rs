@@ -33,10 +33,10 @@ const EXCEPTIONS: &[(&str, &str)] = &[
     ("assemble", "crate::detect::broad::pairs"),
 ];
 
-/// Types of formats that the shelf and the rooms may name: options, events and functions of time are the same there
-/// as in the files.
+/// Types of formats that the shelf and the rooms may name: options, events, functions of time and fields from outside are
+/// the same there as in the files.
 fn is_shared_type(path: &str) -> bool {
-    ["cd_formats::compute::", "cd_formats::drv_dof::Evolution", "cd_formats::snapshot::"]
+    ["cd_formats::compute::", "cd_formats::drv_dof::Evolution", "cd_formats::field::Outside", "cd_formats::snapshot::"]
         .iter()
         .any(|p| path.starts_with(p))
         && is_type(path)
