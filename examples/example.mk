@@ -16,7 +16,8 @@
 # taken away before the program starts and comes back when it has ended well, so that a stage that
 # was refused or killed is not done. Flags are not watched.
 #
-# An example with several cases lists their folders in CASES and has a rule for CASE/scene.ron. A case that is
+# An example with several cases lists their folders in CASES; they have the scene of the example, if no rule for
+# CASE/scene.ron makes another. What `make clean` takes away beside the files of the cases is listed in MADE. A case that is
 # made of something else, such as the end of another, has PRE_CASE, the command for its DATBOX, and INPUT_CASE, what
 # that reads.
 
@@ -65,6 +66,10 @@ $(1)/.resume: $(1)/DATBOX/.done $(CD_BIN)/cd-solve
 endef
 $(foreach case,$(CASES),$(eval $(call rules,$(case))))
 
+%/scene.ron: scene.ron
+	@mkdir -p $(@D)
+	cp $< $@
+
 resume: $(CASES:%=%/.resume)
 	$(MAKE) --no-print-directory
 
@@ -76,4 +81,4 @@ $(CD_BIN)/cd-%:
 	$(MAKE) --no-print-directory -C $(TOP) build
 
 clean:
-	rm -rf $(foreach case,$(CASES),$(addprefix $(case)/,DATBOX OUTBOX POSTPRO DISPLAY TIMER.csv))
+	rm -rf $(foreach case,$(CASES),$(addprefix $(case)/,DATBOX OUTBOX POSTPRO DISPLAY TIMER.csv)) $(MADE)

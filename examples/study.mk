@@ -50,10 +50,8 @@ $(foreach run,$(STILLED),$(eval INPUT_$(run) := study/N$(run:study/still-N%=%)-m
 $(foreach run,$(STILLED),$(eval PRE_$(run) = $$(CD_BIN)/cd-pre from-outbox study/N$(run:study/still-N%=%)-mu0-f0 $(run) \
 	--set 'compute=(dt: 4.0, end_time: $(STILL_TIME), tol: 1.0e-6, self_gravity: true, quench: 0.004, output_every: 1000)'))
 
+MADE := study
 include $(dir $(lastword $(MAKEFILE_LIST)))example.mk
 
-.PHONY: study remove-study
+.PHONY: study
 study: all
-clean: remove-study
-remove-study:
-	rm -rf study
