@@ -78,6 +78,9 @@ pub struct Meta {
     /// Where self-gravity is not evaluated at every step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attraction: Option<Attraction>,
+    /// If any step has failed.
+    #[serde(default, skip_serializing_if = "Fallback::is_new")]
+    pub fallback: Fallback,
 }
 
 /// The last two evaluations of self-gravity, from which it is extrapolated; the accelerations are arrays.
@@ -95,6 +98,21 @@ pub struct Attraction {
     pub removed: f64,
     /// RMS relative error of the extrapolation to the last evaluation.
     pub extrapolation_error: f64,
+}
+
+/// When the solver `auto` next does all that it can in a step that stalls.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Fallback {
+    /// Steps in a row in which that was in vain.
+    pub failures: u32,
+    /// The step from which on it is tried again.
+    pub due: u64,
+}
+
+impl Fallback {
+    fn is_new(&self) -> bool {
+        *self == Fallback::default()
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -202,6 +220,7 @@ impl Default for Meta {
             laws: Vec::new(),
             ledger: Ledger::default(),
             attraction: None,
+            fallback: Fallback::default(),
         }
     }
 }

@@ -78,6 +78,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         course.gravity = report.gravity.sampled.or(course.gravity);
         course.missed = report.missed.or(course.missed);
         course.taken_over += u64::from(report.taken_over);
+        course.given_up += u64::from(report.given_up);
         if !report.converged {
             course.unconverged += 1;
             if course.unconverged <= TOLD {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use cd_formats::compute::Action;
-use cd_formats::snapshot::Ledger;
+use cd_formats::snapshot::{Fallback, Ledger};
 
 use crate::geometry::Memory;
 use crate::laws::Law;
@@ -138,6 +138,7 @@ pub struct State {
     /// Events that have happened.
     pub events_done: usize,
     pub attraction: Option<Attraction>,
+    pub fallback: Fallback,
     pub ledger: Ledger,
 }
 

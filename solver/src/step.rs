@@ -3,6 +3,7 @@
 use std::ops::Add;
 use std::time::{Duration, Instant};
 
+use cd_formats::compute::ContactSolver;
 use rayon::prelude::*;
 
 use crate::assemble::{self, Free, GravityReport, Row, System, relative_velocity};
@@ -51,6 +52,8 @@ pub struct StepReport {
     pub converged: bool,
     /// Whether a solver of stored problems found the solution where the sweeps had stalled.
     pub taken_over: bool,
+    /// Whether `auto` left it unconverged after one round of sweeps, as more was in vain before.
+    pub given_up: bool,
     /// Why sweeps took the place of the solver that was asked for.
     pub replaced: Option<&'static str>,
     /// LMGC90's criteria, if asked for.
@@ -97,10 +100,15 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     lap.stop(&mut clock.detection);
     let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
     lap.stop(&mut clock.assembly);
-    let solution = solve::contact_problem(&system, task(scene), |s| assemble::stored_problem(s, &contacts)); // M5  r
+    let task = task(scene, state);
+    let solution = solve::contact_problem(&system, task, |s| assemble::stored_problem(s, &contacts)); // M5  r
+    if task.solver == ContactSolver::Auto && !task.spared {
+        solve::learn(&mut state.fallback, state.step, units, &solution);
+    }
     lap.stop(&mut clock.solve);
     let solved = end_of_contacts(scene, &q_c, contacts, &free, &system, &solution);
-    let report = StepReport { missed, ..book(scene, state, &q_c, &free, &system, &solution, &solved) };
+    let given_up = task.spared && !solution.converged;
+    let report = StepReport { missed, given_up, ..book(scene, state, &q_c, &free, &system, &solution, &solved) };
     integrate::advance(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.pairs, state.order) = (solved.contacts, pairs, q_c.order);
     state.bonding = Bonding::No;
@@ -120,10 +128,11 @@ fn looked_at(
     looks.then(|| detect::missed(scene, q_c, v_free, &state.pairs, contacts))
 }
 
-fn task(scene: &Scene) -> Task {
+fn task(scene: &Scene, state: &State) -> Task {
     let options = &scene.options;
     let until = Until { check_every: options.check_every, ..Until::new(options.tol(), options.max_sweeps()) };
-    Task { solver: options.solver, until, width: Width::detect() }
+    let spared = options.solver == ContactSolver::Auto && state.step < state.fallback.due;
+    Task { solver: options.solver, until, width: Width::detect(), spared }
 }
 
 /// Units of `dt` in the next step, and the contact problem that it would solve, written out.
@@ -258,6 +267,7 @@ fn book(
         penetration_largest: given.penetration_largest,
         penetration_mean: given.penetration_sum / given.contacts_active.max(1) as f64,
         missed: None,
+        given_up: false,
         virial: given.virial / h,
         kinetic: motion.kinetic,
         rotational: motion.rotational,

@@ -14,7 +14,7 @@ use cd_formats::compute::{Compute, Flags, schedule};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::Faults;
-use cd_formats::snapshot::{Ledger, START};
+use cd_formats::snapshot::{Fallback, Ledger, START};
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
 
@@ -72,6 +72,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         bonding: Bonding::New,
         events_done: 0,
         attraction: None,
+        fallback: Fallback::default(),
         ledger: Ledger::default(),
     };
     let start = datbox.join(START);

@@ -192,6 +192,7 @@ fn restore(snapshot: Snapshot, state: &mut State) {
     state.spin = vectors(shapes.turning.turning_momentum);
     state.events_done = meta.parameters.events_done as usize;
     state.ledger = meta.ledger;
+    state.fallback = meta.fallback;
     state.contacts = (0..contacts.contact_body.len())
         .map(|k| SolvedContact {
             contact: Contact {

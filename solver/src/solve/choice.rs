@@ -1,6 +1,7 @@
 //! Who solves the contact problem of a step, and who comes after where the sweeps stall.
 
 use cd_formats::compute::ContactSolver;
+use cd_formats::snapshot::Fallback;
 
 use crate::assemble::{StoredProblem, System};
 use crate::math::lanes::Width;
@@ -16,6 +17,8 @@ pub struct Task {
     pub solver: ContactSolver,
     pub until: Until,
     pub width: Width,
+    /// Whether `auto` gives up after one round of sweeps.
+    pub spared: bool,
 }
 
 /// `auto` gives the sweeps as many rounds of their momentum's caps as cost so many Newton steps, which are what comes
@@ -33,21 +36,36 @@ const TOO_LARGE: &str = "the factors of 30 000 contacts and more take gigabytes"
 /// The stored solvers aim a little below the tolerance, which is judged by other sums than theirs.
 const AIM: f64 = 0.9;
 
+/// After k failures in a row `auto` does all that it can 2^k steps later, where this is the largest k: what is in vain
+/// costs as much as hundreds of steps.
+const MOST_FAILURES: u32 = 8;
+
+/// What the solution of a step of so many units of `dt`, for which nothing was spared, tells of the next.
+pub fn learn(fallback: &mut Fallback, step: u64, units: u64, solution: &Solution) {
+    if !solution.converged {
+        let failures = (fallback.failures + 1).min(MOST_FAILURES);
+        *fallback = Fallback { failures, due: step + (units << failures) };
+    } else if solution.sweeps > ROUND {
+        *fallback = Fallback::default();
+    }
+}
+
 /// Solves to E <= `tol`, or as far as the limits allow; the decisions follow from the problem alone.
 ///
 /// `stored` writes the rows that can close as a problem with its Delassus matrix.
 pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> StoredProblem) -> Solution {
-    if !system.rolls.is_empty() {
-        return rolling::nlgs(system, task.until, task.width);
-    }
     let Until { tol, max_sweeps: limit, .. } = task.until;
+    let limit = if task.spared { limit.min(ROUND) } else { limit };
+    if !system.rolls.is_empty() {
+        return rolling::nlgs(system, Until { max_sweeps: limit, ..task.until }, task.width);
+    }
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
     let newton = newton_cost(contacts) / (SWEPT * contacts as f64); // sweeps that cost as much
     let pays = contacts < LARGE && PATIENCE >= WORTH * newton;
     let swept = |max_sweeps| nlgs(system, Until { max_sweeps, ..task.until }, task.width);
     let (solver, max_cost) = match task.solver {
         ContactSolver::Nlgs => return swept(limit),
-        ContactSolver::Auto if !pays => return swept(limit),
+        ContactSolver::Auto if task.spared || !pays => return swept(limit),
         ContactSolver::Auto => (Solver::Auto, PATIENCE * SWEPT * contacts as f64),
         ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, f64::INFINITY),
         _ if contacts >= LARGE => return Solution { replaced: Some(TOO_LARGE), ..swept(limit) },
@@ -166,10 +184,30 @@ mod tests {
                 rows: (0..system.rows.len() as u32).map(|k| (k, frame)).collect(),
             }
         };
-        let task = Task { solver, until: Until::new(1e-9, 50), width: Width::detect() };
+        let task = Task { solver, until: Until::new(1e-9, 50), width: Width::detect(), spared: false };
         let solution = contact_problem(system, task, stored);
         assert!(solution.converged && solution.residual <= 1e-9, "{solver}");
         (solution.replaced, asked.get())
+    }
+
+    #[test]
+    fn failures_double_the_wait_and_what_is_found_late_ends_it() {
+        let solution = |converged, sweeps| {
+            let solved = nlgs(&balls(1), Until::new(1e-9, 50), Width::detect());
+            Solution { converged, sweeps, ..solved }
+        };
+        let mut fallback = Fallback::default();
+        for (step, due) in [(10, 16), (16, 28), (28, 52)] {
+            learn(&mut fallback, step, 3, &solution(false, 5000)); // steps of three units
+            assert_eq!(fallback.due, due);
+        }
+        // A step that sweeps solve at once says nothing of those that stall.
+        learn(&mut fallback, 52, 3, &solution(true, ROUND));
+        assert_eq!(fallback.failures, 3);
+        (0..9).for_each(|_| learn(&mut fallback, 55, 1, &solution(false, 5000)));
+        assert_eq!(fallback, Fallback { failures: 8, due: 55 + 256 });
+        learn(&mut fallback, 200, 1, &solution(true, ROUND + 1));
+        assert_eq!(fallback, Fallback::default());
     }
 
     #[test]

@@ -26,5 +26,5 @@ mod rolling;
 pub mod stored;
 pub mod sweep;
 
-pub use choice::{Task, contact_problem};
+pub use choice::{Task, contact_problem, learn};
 pub use nlgs::{Solution, Until, nlgs};

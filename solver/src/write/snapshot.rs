@@ -62,6 +62,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
         laws: scene.law_names.clone(),
         ledger: state.ledger.clone(),
         attraction: state.attraction.as_ref().map(|attraction| attraction.record.clone()),
+        fallback: state.fallback,
     }
 }
 

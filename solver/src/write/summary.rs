@@ -28,6 +28,7 @@ pub struct Course {
     /// The last look at what the fast narrow phase misses.
     pub missed: Option<Missed>,
     pub taken_over: u64,
+    pub given_up: u64,
     pub threads: usize,
     pub wall: Duration,
     pub tally: Tally,
@@ -87,6 +88,9 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
     line("unconverged steps", format!("{} now, {} in all{last}", course.unconverged, ledger.steps_unconverged));
     if course.taken_over > 0 {
         line("stored solvers", format!("found the solution in {} steps where sweeps had stalled", course.taken_over));
+    }
+    if course.given_up > 0 {
+        line("given up", format!("{} steps after one round of sweeps, as more was in vain before", course.given_up));
     }
     line("largest penetration", format!("{:.2e} of the mean radius", ledger.penetration_largest));
     line("energy drift", format!("{:.2e}", energy_drift(scene, state).0));

@@ -8,6 +8,7 @@ use cd_formats::snapshot::Snapshot;
 use cd_solve::solve::stored::{Limits, Problem, Solver, solve};
 
 use crate::case::{Case, Figures, Vec3, near};
+use crate::same_bits::{files, same};
 
 /// Spheres of radius 1/2 that fill a tub without a gap, two layers of three by three, pushed askew: more contacts than
 /// motions, and rough ones.
@@ -60,6 +61,25 @@ fn newtons_method_finds_what_auto_finds_where_sweeps_stall() {
     assert!(auto.0 && newton.0 && !run(Nlgs).0);
     // Velocities of 1 m/s solved to 1e-8, in a system that may amplify that a hundred times.
     assert!(difference(&auto.1, &newton.1) < 1e-6, "{}", difference(&auto.1, &newton.1));
+}
+
+#[test]
+fn auto_waits_longer_and_longer_where_all_that_it_can_is_in_vain() {
+    let hopeless = || {
+        let mut case = packed(Auto, 0.3);
+        // Below what rounding lets any solver reach.
+        (case.options.tol, case.options.steps, case.options.output_every) = (Some(1e-18), Some(9), 9);
+        case
+    };
+    let case = hopeless();
+    let unbroken = files(&case, &[&[]]);
+    assert!(case.column("converged").iter().all(|c| *c == 0.0));
+    let tried = case.column("sweeps").iter().map(|sweeps| *sweeps > 1000.0).collect::<Vec<_>>();
+    assert_eq!(tried, [true, false, true, false, false, false, true, false, false]); // steps 1, 1 + 2, 3 + 4
+    // The wait outlives a restart, which leaves nothing else behind.
+    let mut resumed = files(&hopeless(), &[&["--steps", "4"], &["--resume"]]);
+    assert!(resumed.remove("snapshot-000004.npz").is_some());
+    same(&unbroken, &resumed);
 }
 
 #[test]
