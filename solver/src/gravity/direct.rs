@@ -36,8 +36,10 @@ impl Sources {
 /// Acceleration (m/s^2) and potential (J/kg, negative) at each point mass due to all others:
 /// a_i = G sum_j m_j (x_j - x_i)/|x_j - x_i|^3, phi_i = -G sum_j m_j/|x_j - x_i|.
 ///
-/// Each sum runs over j in one fixed order, so the result does not depend on the number of threads.
-/// Points in the same place do not attract each other: the force has no direction there.
+/// Each sum runs over j in one fixed order, so the result does not depend on the number of threads. It is that of the
+/// forces m_i m_j (x_j - x_i)/|x_j - x_i|^3, which are opposite to the last bit for i and j, over m_i; a body without mass
+/// feels what a body with mass would. Points in the same place do not attract each other: the force has no direction
+/// there.
 ///
 /// ```
 /// # use cd_solve::{gravity::direct::accelerations, math::Vec3};
@@ -46,46 +48,59 @@ impl Sources {
 /// assert_eq!((phi[0], phi[1]), (-5.0 / 2.0, -3.0 / 2.0));
 /// ```
 pub fn accelerations(positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
-    at(positions, positions, masses, constant)
+    of_bodies(positions, masses, constant, Width::detect())
 }
 
 /// The same at any places.
 pub fn at(places: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
-    at_width(places, positions, masses, constant, Width::detect())
-}
-
-fn at_width(places: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64, width: Width) -> (Vec<Vec3>, Vec<f64>) {
     let sources = Sources::new(positions, masses);
-    places
-        .par_iter()
-        .with_min_len(16)
-        .map(|p| {
-            let [x, y, z, potential] = match width {
-                Width::One(lanes) => sums(lanes, &sources, p),
-                #[cfg(target_arch = "x86_64")]
-                Width::Four(lanes) => sums(lanes, &sources, p),
-                #[cfg(target_arch = "x86_64")]
-                Width::Eight(lanes) => sums(lanes, &sources, p),
-            };
-            (Vec3::new(x, y, z) * constant, -potential * constant)
-        })
-        .unzip()
+    let pull = |p: &Vec3| pull(Width::detect(), &sources, p, 1.0);
+    places.par_iter().with_min_len(16).map(pull).map(|(a, phi)| (a * constant, phi * constant)).unzip()
 }
 
-/// Sums of m d/|d|^3 (three components) and m/|d| over all sources.
-fn sums<L: Lanes>(lanes: L, sources: &Sources, p: &Vec3) -> [f64; 4] {
+fn of_bodies(positions: &[Vec3], masses: &[f64], constant: f64, width: Width) -> (Vec<Vec3>, Vec<f64>) {
+    // In units of about the largest, so that no product of two is too large or too small; a power of two rounds nothing.
+    let largest = masses.iter().fold(0.0, |a: f64, m| a.max(*m));
+    let unit = if largest > 0.0 { 2f64.powi(largest.log2().clamp(-1000.0, 1000.0) as i32) } else { 1.0 };
+    let masses: Vec<f64> = masses.iter().map(|m| m / unit).collect();
+    let sources = Sources::new(positions, &masses);
+    let constant = constant * unit;
+    let bodies = positions.par_iter().zip(&masses).with_min_len(16);
+    let of_body = |(x, &m): (&Vec3, &f64)| {
+        let m = if m > 0.0 { m } else { 1.0 };
+        let (force, energy) = pull(width, &sources, x, m);
+        (force / m * constant, energy / m * constant)
+    };
+    bodies.map(of_body).unzip()
+}
+
+/// Force on a mass at `p` and its potential energy, without the constant.
+fn pull(width: Width, sources: &Sources, p: &Vec3, mass: f64) -> (Vec3, f64) {
+    let [x, y, z, potential] = match width {
+        Width::One(lanes) => sums(lanes, sources, p, mass),
+        #[cfg(target_arch = "x86_64")]
+        Width::Four(lanes) => sums(lanes, sources, p, mass),
+        #[cfg(target_arch = "x86_64")]
+        Width::Eight(lanes) => sums(lanes, sources, p, mass),
+    };
+    (Vec3::new(x, y, z), -potential)
+}
+
+/// Sums of m_p m d/|d|^3 (three components) and m_p m/|d| over all sources.
+fn sums<L: Lanes>(lanes: L, sources: &Sources, p: &Vec3, mass: f64) -> [f64; 4] {
     struct Op<'a, L> {
         l: L,
         sources: &'a Sources,
         p: &'a Vec3,
+        mass: f64,
     }
     impl<L: Lanes> NullaryFnOnce for Op<'_, L> {
         type Output = [f64; 4];
         #[inline(always)]
         fn call(self) -> [f64; 4] {
-            let Op { l, sources, p } = self;
+            let Op { l, sources, p, mass } = self;
             let mut parts = [[0.0; SUMS]; 4];
-            let (zero, one) = (l.splat(0.0), l.splat(1.0));
+            let (zero, one, mass) = (l.splat(0.0), l.splat(1.0), l.splat(mass));
             let (px, py, pz) = (l.splat(p.x), l.splat(p.y), l.splat(p.z));
             for from in (0..SUMS).step_by(L::WIDTH) {
                 let [mut ax, mut ay, mut az, mut sum] = [zero; 4];
@@ -96,7 +111,9 @@ fn sums<L: Lanes>(lanes: L, sources: &Sources, p: &Vec3) -> [f64; 4] {
                     let distance2 = l.mul_add(dx, dx, l.mul_add(dy, dy, l.mul(dz, dz)));
                     // The same place, the body itself among them, attracts nowhere.
                     let inverse = l.select_greater(distance2, zero, l.div(one, l.sqrt(distance2)), zero);
-                    let potential = l.mul(l.load(&sources.m[k][from..]), inverse);
+                    // The same to the last bit with the two exchanged: a product has no order.
+                    let masses = l.mul(mass, l.load(&sources.m[k][from..]));
+                    let potential = l.mul(masses, inverse);
                     let strength = l.mul(potential, l.mul(inverse, inverse));
                     ax = l.mul_add(dx, strength, ax);
                     ay = l.mul_add(dy, strength, ay);
@@ -111,7 +128,7 @@ fn sums<L: Lanes>(lanes: L, sources: &Sources, p: &Vec3) -> [f64; 4] {
             parts.map(|part| part.iter().sum())
         }
     }
-    lanes.run(Op { l: lanes, sources, p })
+    lanes.run(Op { l: lanes, sources, p, mass })
 }
 
 #[cfg(test)]
@@ -147,9 +164,30 @@ mod tests {
     #[test]
     fn all_widths_give_the_same_bits() {
         let (x, m) = cloud(61);
-        let expected = at_width(&x, &x, &m, 1.5, Width::all()[0]);
+        let expected = of_bodies(&x, &m, 1.5, Width::all()[0]);
         for width in Width::all() {
-            assert_eq!(at_width(&x, &x, &m, 1.5, width), expected);
+            assert_eq!(of_bodies(&x, &m, 1.5, width), expected);
+        }
+    }
+
+    #[test]
+    fn two_bodies_pull_each_other_alike_to_the_last_bit() {
+        let (x, m) = cloud(61);
+        for (i, j) in (0..61).flat_map(|i| (0..i).map(move |j| (i, j))) {
+            let on = |i: usize, j: usize| pull(Width::detect(), &Sources::new(&x[j..=j], &m[j..=j]), &x[i], m[i]);
+            let ((force, energy), (reaction, same)) = (on(i, j), on(j, i));
+            assert_eq!((force, energy), (-reaction, same));
+        }
+    }
+
+    #[test]
+    fn masses_of_any_size_pull() {
+        for unit in [1e-300, 1e-160, 1.0, 1e160, 1e300] {
+            let (a, phi) =
+                accelerations(&[Vec3::zeros(), Vec3::x() * 2.0, Vec3::y()], &[3.0 * unit, 5.0 * unit, 0.0], 1.0);
+            // Of four roundings.
+            assert!((a[0].x / (1.25 * unit) - 1.0).abs() < 1e-15 && (phi[1] / (-1.5 * unit) - 1.0).abs() < 1e-15);
+            assert!((a[2].y + unit * (3.0 + 5.0 / 5f64.powf(1.5))).abs() < 4e-15 * unit);
         }
     }
 
