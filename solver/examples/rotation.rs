@@ -5,6 +5,7 @@
 
 #[path = "../tests/cases/elliptic.rs"]
 mod elliptic;
+mod page;
 
 use std::error::Error;
 use std::fmt::Write;
@@ -59,19 +60,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         curves.push((name, phases));
     }
-    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
-    draw(&docs.join("images/rotation.svg"), &curves)?;
-    let page = docs.join("accuracy.md");
-    let old = std::fs::read_to_string(&page)?;
-    let (before, rest) = old.split_once(BEGIN).ok_or("docs/accuracy.md has no place for the tables")?;
-    let (_, after) = rest.split_once(END).ok_or("docs/accuracy.md has no end of the tables")?;
-    std::fs::write(&page, format!("{before}{BEGIN}{text}\n{END}{after}"))?;
+    text.push('\n');
+    draw(&page::docs().join("images/rotation.svg"), &curves)?;
+    page::put("rotation", &text)?;
     print!("{text}");
     Ok(())
 }
-
-const BEGIN: &str = "<!-- rotation: begin -->\n";
-const END: &str = "<!-- rotation: end -->";
 
 /// A tetrahedron with those moments, read as cd-solve reads it.
 fn body(folder: &Path) -> Result<(Scene, State), Box<dyn Error>> {
