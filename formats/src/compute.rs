@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::accuracy::{Accuracy, Adaptive};
 use crate::error::{Fault, Faults};
+use crate::report::Report;
 
 /// Newtonian constant of gravitation, m^3 kg^-1 s^-2 (CODATA 2018 and 2022).
 pub const GRAVITATIONAL_CONSTANT: f64 = 6.67430e-11;
@@ -287,8 +288,9 @@ impl Compute {
     pub fn read(path: &Path) -> Result<Self, Faults> {
         let text = crate::atomic::read_text(path)?;
         let compute: Compute = from_ron(path, &text, "options")?;
-        compute.check(path)?;
-        Ok(compute)
+        let mut report = Report::new(path, &text);
+        compute.check_in(&mut report, "");
+        report.faults.into_result(compute)
     }
 
     /// The text of the file, each option behind its help text.
@@ -300,13 +302,17 @@ impl Compute {
         text
     }
 
-    /// All values that no run could use.
+    /// All values that no run could use, in a text that is not at hand.
     pub fn check(&self, source: &Path) -> Result<(), Faults> {
-        let mut faults = Faults::default();
+        let mut report = Report::new(source, "");
+        self.check_in(&mut report, "");
+        report.faults.into_result(())
+    }
+
+    /// Reports all values that no run could use; `at` stands before their paths.
+    pub fn check_in(&self, report: &mut Report, at: &str) {
         let mut expect = |holds: bool, name: &str, found: String, expected: &str| {
-            if !holds {
-                faults.push(Fault::new(source, None, name, found, format!("expected {expected}")));
-            }
+            report.expect(holds, &format!("{at}{name}"), found, expected);
         };
         let positive = |x: f64| x.is_finite() && x > 0.0;
         expect(positive(self.dt), "dt", format!("{}", self.dt), "a finite time step > 0 s");
@@ -376,12 +382,7 @@ impl Compute {
         expect(positive(self.gravity_moved), "gravity_moved", format!("{}", self.gravity_moved), "a finite number > 0");
         for (k, field) in self.fields.iter().enumerate() {
             let fault = field.fault();
-            expect(
-                fault.is_none(),
-                &format!("fields, number {}", k + 1),
-                format!("{field:?}"),
-                fault.unwrap_or_default(),
-            );
+            expect(fault.is_none(), &format!("fields.{k}"), format!("{field:?}"), fault.unwrap_or_default());
         }
         expect((0.0..=1.0).contains(&self.quench), "quench", format!("{}", self.quench), "0 to 1");
         expect(self.output_every > 0, "output_every", format!("{}", self.output_every), "at least 1");
@@ -401,7 +402,7 @@ impl Compute {
             };
             expect(
                 event.time.is_finite() && values.iter().all(|v| v.is_finite()) && in_range,
-                &format!("events, number {}", k + 1),
+                &format!("events.{k}"),
                 ron::to_string(event).unwrap_or_default(),
                 "a finite time and finite values, quench from 0 to 1, friction and cohesion >= 0",
             );
@@ -409,12 +410,11 @@ impl Compute {
                 && event.until.is_none_or(|until| until.is_finite() && until >= event.time && event.every.is_some());
             expect(
                 repeated,
-                &format!("events, number {}", k + 1),
+                &format!("events.{k}"),
                 ron::to_string(event).unwrap_or_default(),
                 "a finite `every` of at least dt, `until` only with it and not before `time`",
             );
         }
-        faults.into_result(())
     }
 
     /// The step to end with, from `steps` or `end_time`, for a case whose DOF.INI stands at step

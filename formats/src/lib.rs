@@ -13,6 +13,8 @@
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
 //! | [`accuracy`] | the same: what its presets of accuracy mean |
 //! | [`groups`] | none: what hangs together
+//! | [`places`] | any RON file: where its values stand, and others in their place |
+//! | [`report`] | the same: its faults |
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
 //! | [`tell`] | none: messages to people |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: all that a restart needs, bit for bit |
@@ -29,6 +31,8 @@ pub mod fc3d;
 pub mod field;
 pub mod groups;
 pub mod mass;
+pub mod places;
+pub mod report;
 pub mod scan;
 pub mod snapshot;
 pub mod surface;

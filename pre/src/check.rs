@@ -1,10 +1,8 @@
 //! What no scene may ask for: all faults of the meaning at once, before anything is placed.
 
-use std::path::Path;
-
+use cd_formats::report::Report;
 use nalgebra::Vector3;
 
-use crate::report::Report;
 use crate::scene::{
     ContactSurface, Envelope, Evolution, Grains, LawKind, Place, Radius, Rotation, Scaled, Scene, Shape, Sizes,
     Standing, Wall,
@@ -22,8 +20,8 @@ pub(crate) fn positive(x: f64) -> bool {
     x > 0.0 && finite(x)
 }
 
-/// Takes every fault of `scene` into `report`; `source` is the scene's file.
-pub fn check(scene: &Scene, source: &Path, report: &mut Report) {
+/// Takes every fault of `scene` into `report`.
+pub fn check(scene: &Scene, report: &mut Report) {
     three(report, "gravity", "", &scene.gravity, "m/s^2");
     names(report, "materials", scene.materials.iter().map(|material| &material.name));
     for (k, material) in scene.materials.iter().enumerate() {
@@ -44,12 +42,7 @@ pub fn check(scene: &Scene, source: &Path, report: &mut Report) {
         check_wall(scene, report, &format!("walls.{k}"), wall);
     }
     check_contacts(scene, report);
-    if let Err(faults) = scene.compute.check(source) {
-        for fault in faults.0 {
-            let path = format!("compute.{}", fault.object);
-            report.fault(&path, fault.found, fault.expected.trim_start_matches("expected "));
-        }
-    }
+    scene.compute.check_in(report, "compute.");
 }
 
 /// Names of one list: one to five printable ASCII characters, each once.

@@ -13,17 +13,13 @@
 //! | [`population`] | all bodies of a scene, and that none overlap |
 //! | [`mod@write`] | the files of DATBOX |
 //! | [`from_outbox`] | a DATBOX from the results of a run |
-//! | [`report`], [`random`] | faults with their lines; numbers from a seed |
-//! | [`places`] | where the values of a text stand, and others in their place |
 
 pub mod check;
 pub mod from_outbox;
 pub mod motion;
 pub mod place;
-pub mod places;
 pub mod population;
 pub mod random;
-pub mod report;
 pub mod scene;
 pub mod shapes;
 pub mod sizes;
@@ -36,13 +32,14 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::compute::from_ron;
 use cd_formats::error::Faults;
+use cd_formats::places;
+use cd_formats::report::Report;
 use cd_formats::scan::{fortran_real, long14};
 use cd_formats::tell::{complain, tell};
 use clap::Parser;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use population::Population;
-use report::Report;
 use scene::Scene;
 
 /// Makes DATBOX, the input of cd-solve, from a scene.
@@ -144,7 +141,7 @@ pub fn read(source: &Path, text: &str) -> Result<(Scene, Population), Faults> {
         faults
     })?;
     let mut report = Report::new(source, text);
-    check::check(&scene, source, &mut report);
+    check::check(&scene, &mut report);
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
+use cd_formats::report::Report;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::place::cells::Cells;
 use crate::place::room::Room;
 use crate::place::{self, Placed};
 use crate::random::{Purpose, Random};
-use crate::report::Report;
 use crate::scene::{Grains, Place, Scene};
 use crate::shapes::overlap::{Convex, depth};
 use crate::shapes::{Drawn, Polyhedron, Shapes, Wrong};

@@ -13,6 +13,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use cd_solve::math::Vec3;
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use points::{Aggregate, aggregate, errors, rock};
 
@@ -72,7 +73,7 @@ fn draw(path: &Path, found: &[[[f64; 3]; DISTANCES.len()]]) -> Result<(), Box<dy
         .y_label_formatter(&|y| format!("{y:.0e}"))
         .draw()?;
     for (k, ((name, ..), errors)) in PLACES.iter().zip(found).enumerate() {
-        let colour = Palette99::pick(k).to_rgba();
+        let colour = Palette99::pick([0, 1, 3][k]).to_rgba();
         let curve = |which: usize| DISTANCES.iter().zip(errors).map(move |(x, error)| (*x, error[which]));
         chart
             .draw_series(DashedLineSeries::new(curve(0), 5, 4, colour.into()))?
@@ -84,7 +85,7 @@ fn draw(path: &Path, found: &[[[f64; 3]; DISTANCES.len()]]) -> Result<(), Box<dy
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], colour));
         chart.draw_series(curve(1).map(|at| Circle::new(at, 3, colour.filled())))?;
     }
-    chart.configure_series_labels().position(SeriesLabelPosition::UpperRight).background_style(WHITE).draw()?;
+    chart.configure_series_labels().position(SeriesLabelPosition::LowerLeft).background_style(WHITE).draw()?;
     root.present()?;
     Ok(())
 }

@@ -19,6 +19,8 @@ use cd_formats::compute::{Compute, from_ron};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{Driven, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::places;
+use cd_formats::report::Report;
 use cd_formats::snapshot::{START, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::Vector3;
@@ -26,9 +28,7 @@ use serde::Deserialize;
 
 use crate::check::three;
 use crate::place::cells::Cells;
-use crate::places;
 use crate::population::{Population, populate};
-use crate::report::Report;
 use crate::scene::{Contact, Grains, Law, Material, Rotation, Scene};
 use crate::write;
 use source::{Part, Source, quaternion};
@@ -144,7 +144,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         changes.bodies.push(Taken::default());
     }
     let mut report = Report::new(file, &text);
-    check(&changes, file, &mut report);
+    check(&changes, &mut report);
     let folder = file.parent().unwrap_or(Path::new(""));
     let cases: Vec<PathBuf> =
         changes.bodies.iter().map(|t| t.case.as_ref().map_or(case.to_path_buf(), |c| folder.join(c))).collect();
@@ -215,7 +215,7 @@ pub fn clear(datbox: &Path) -> Result<(), Faults> {
     Ok(())
 }
 
-fn check(changes: &Changes, file: &Path, report: &mut Report) {
+fn check(changes: &Changes, report: &mut Report) {
     for (k, taken) in changes.bodies.iter().enumerate() {
         let path = format!("bodies.{k}");
         three(report, &format!("{path}.velocity"), "", &taken.velocity, "m/s");
@@ -241,11 +241,8 @@ fn check(changes: &Changes, file: &Path, report: &mut Report) {
         crate::check::five_characters(report, &format!("laws.{k}.name"), &law.name);
         crate::check::check_law(report, &format!("laws.{k}.kind"), &law.kind);
     }
-    if let Some(Err(faults)) = changes.compute.as_ref().map(|compute| compute.check(file)) {
-        for fault in faults.0 {
-            let expected = fault.expected.trim_start_matches("expected ").to_string();
-            report.fault(&format!("compute.{}", fault.object), fault.found, expected);
-        }
+    if let Some(compute) = &changes.compute {
+        compute.check_in(report, "compute.");
     }
 }
 

@@ -5,12 +5,12 @@ use std::collections::BTreeSet;
 use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::compute::Compute;
+use cd_formats::report::Report;
 use cd_formats::tact_behav::{LAWS, Law, See, Side, TactBehav};
 use nalgebra::Vector3;
 
 use super::Changes;
 use super::source::Part;
-use crate::report::Report;
 
 pub struct Tables {
     pub bulk: BulkBehav,

@@ -180,7 +180,7 @@ pub fn check_events(scene: &Scene, faults: &mut Faults) {
     for (k, event) in scene.options.events.iter().enumerate() {
         let (Action::SetFriction(name, _) | Action::SetCohesion(name, _)) = &event.action else { continue };
         let mut refuse = |found: String, expected: String| {
-            faults.push(Fault::new("options".as_ref(), None, format!("events, number {}", k + 1), found, expected));
+            faults.push(Fault::new("options".as_ref(), None, format!("event {}", k + 1), found, expected));
         };
         match scene.law_names.iter().position(|law| law.nickname == *name) {
             None => {

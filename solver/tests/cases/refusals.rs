@@ -295,16 +295,17 @@ fn options_in_the_file() {
     for (text, message) in lines {
         refused(&with_file("COMPUTE.RON", Some(text)), &[], &[&format!("CASE/DATBOX/COMPUTE.RON:{message}")]);
     }
-    let text = "(dt: -1.0, gravity_opening: 1.5, gravity_moved: 0.0, fields: [PointMass(mass: 0.0, position: (0.0, 0.0, 0.0))], \
-                events: [(time: 1.0, action: SetQuench(3.0))])";
+    let text = "(dt: -1.0, // gravity_moved: 0.0\n gravity_opening: 1.5,\n gravity_moved: 0.0,\n \
+                fields: [PointMass(mass: 0.0, position: (0.0, 0.0, 0.0))],\n \
+                events: [\n (time: 1.0, action: Bond),\n (time: 1.0, action: SetQuench(3.0)),\n ])";
     let case = with_file("COMPUTE.RON", Some(text));
     let lines = [
-        "CASE/DATBOX/COMPUTE.RON: dt: -1; expected a finite time step > 0 s",
-        "CASE/DATBOX/COMPUTE.RON: gravity_opening: Some(1.5); expected more than 0 and less than 1",
-        "CASE/DATBOX/COMPUTE.RON: gravity_moved: 0; expected a finite number > 0",
-        "CASE/DATBOX/COMPUTE.RON: fields, number 1: PointMass { mass: 0.0, position: [0.0, 0.0, 0.0] }; \
+        "CASE/DATBOX/COMPUTE.RON:1: dt: -1; expected a finite time step > 0 s",
+        "CASE/DATBOX/COMPUTE.RON:2: gravity_opening: Some(1.5); expected more than 0 and less than 1",
+        "CASE/DATBOX/COMPUTE.RON:3: gravity_moved: 0; expected a finite number > 0",
+        "CASE/DATBOX/COMPUTE.RON:4: field 1: PointMass { mass: 0.0, position: [0.0, 0.0, 0.0] }; \
          expected finite values, mass and radius > 0, an axis other than 0",
-        "CASE/DATBOX/COMPUTE.RON: events, number 1: (time:1.0,action:SetQuench(3.0)); \
+        "CASE/DATBOX/COMPUTE.RON:7: event 2: (time:1.0,action:SetQuench(3.0)); \
          expected a finite time and finite values, quench from 0 to 1, friction and cohesion >= 0",
     ];
     refused(&case, &[], &lines);

@@ -42,8 +42,10 @@ fn rocks_of_two_to_one() {
 
 #[test]
 fn forces_in_an_aggregate() {
-    let Aggregate { force: [plain, corrected], .. } = aggregate();
+    let Aggregate { force: [plain, corrected], virial } = aggregate();
     assert!(corrected < 0.5 * plain, "{plain} {corrected}");
+    // The neighbours on all sides cancel.
+    assert!(virial.iter().all(|error| *error < 0.1 * plain), "{virial:?}");
 }
 
 #[test]

@@ -1,12 +1,11 @@
-//! Faults of a scene with the line they stand on.
+//! Faults of a RON file with the line they stand on.
 
 use std::path::Path;
 
-use cd_formats::error::{Fault, Faults};
-
+use crate::error::{Fault, Faults};
 use crate::places::Places;
 
-/// Faults of one scene, each by the path of its value, e.g. `grains.0.sizes`.
+/// Faults of one file, each by the path of its value, e.g. `grains.0.sizes`.
 pub struct Report<'a> {
     file: &'a Path,
     places: Places,

@@ -3,15 +3,15 @@
 //! serde keeps no positions, so [`Places`] walks the text once more: a text that RON has accepted needs no more than its
 //! brackets, field names, strings and comments to be found again.
 
+use std::collections::HashMap;
 use std::ops::Range;
 use std::path::Path;
 
-use cd_formats::error::{Fault, Faults};
-use rustc_hash::FxHashMap;
+use crate::error::{Fault, Faults};
 
 /// The values of a RON text by their paths: field names and 0-based places in lists and tuples, joined by points; the
 /// path of the whole is empty.
-pub struct Places(FxHashMap<String, Place>);
+pub struct Places(HashMap<String, Place>);
 
 /// Where a value stands.
 struct Place {
@@ -25,7 +25,7 @@ struct Place {
 
 impl Places {
     pub fn of(text: &str) -> Self {
-        let mut walk = Walk { text: text.as_bytes(), at: 0, line: 1, places: FxHashMap::default() };
+        let mut walk = Walk { text: text.as_bytes(), at: 0, line: 1, places: HashMap::new() };
         walk.value("", 1);
         Places(walk.places)
     }
@@ -67,7 +67,7 @@ fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
     let Some((path, value)) = pair.filter(|(path, _)| !path.is_empty()) else {
         return Err(refuse("is no pair", "PATH=VALUE, such as grains.1.number=2000"));
     };
-    let mut walk = Walk { text: value.as_bytes(), at: 0, line: 1, places: FxHashMap::default() };
+    let mut walk = Walk { text: value.as_bytes(), at: 0, line: 1, places: HashMap::new() };
     walk.value("", 1);
     if walk.at < value.len() || walk.places[""].span.end < value.len() || value.is_empty() {
         return Err(refuse(&format!("'{value}'"), "one value in RON"));
@@ -98,7 +98,7 @@ fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
         holder.filter(|place| has_names(place)).and_then(|place| place.inside).filter(|_| new.iter().all(named))
     else {
         let shown: Vec<&str> = path.split('.').take(known + 1).collect();
-        return Err(refuse(&format!("no '{}' in the scene", shown.join(".")), "the path of a value"));
+        return Err(refuse(&format!("no '{}' in the file", shown.join(".")), "the path of a value"));
     };
     let value =
         new.iter().rev().skip(1).fold(format!("{}: {value}", new[new.len() - 1]), |v, key| format!("{key}: ({v})"));
@@ -109,7 +109,7 @@ struct Walk<'a> {
     text: &'a [u8],
     at: usize,
     line: usize,
-    places: FxHashMap<String, Place>,
+    places: HashMap<String, Place>,
 }
 
 impl Walk<'_> {
