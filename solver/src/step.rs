@@ -3,7 +3,6 @@
 use std::ops::Add;
 use std::time::{Duration, Instant};
 
-use cd_formats::compute::ContactSolver;
 use rayon::prelude::*;
 
 use crate::assemble::{self, Free, GravityReport, Row, System, relative_velocity};
@@ -102,12 +101,10 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     lap.stop(&mut clock.assembly);
     let task = task(scene, state);
     let solution = solve::contact_problem(&system, task, |s| assemble::stored_problem(s, &contacts)); // M5  r
-    if task.solver == ContactSolver::Auto && !task.spared {
-        solve::learn(&mut state.fallback, state.step, units, &solution);
-    }
+    solve::learn(&mut state.fallback, task, state.step, units, &solution);
     lap.stop(&mut clock.solve);
     let solved = end_of_contacts(scene, &q_c, contacts, &free, &system, &solution);
-    let given_up = task.spared && !solution.converged;
+    let given_up = task.gives_up() && !solution.converged;
     let report = StepReport { missed, given_up, ..book(scene, state, &q_c, &free, &system, &solution, &solved) };
     integrate::advance(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.pairs, state.order) = (solved.contacts, pairs, q_c.order);
@@ -131,8 +128,7 @@ fn looked_at(
 fn task(scene: &Scene, state: &State) -> Task {
     let options = &scene.options;
     let until = Until { check_every: options.check_every, ..Until::new(options.tol(), options.max_sweeps()) };
-    let spared = options.solver == ContactSolver::Auto && state.step < state.fallback.due;
-    Task { solver: options.solver, until, width: Width::detect(), spared }
+    Task { solver: options.solver, until, width: Width::detect(), spared: state.step < state.fallback.due }
 }
 
 /// Units of `dt` in the next step, and the contact problem that it would solve, written out.

@@ -17,8 +17,15 @@ pub struct Task {
     pub solver: ContactSolver,
     pub until: Until,
     pub width: Width,
-    /// Whether `auto` gives up after one round of sweeps.
+    /// Whether `auto` is spared all but one round of sweeps.
     pub spared: bool,
+}
+
+impl Task {
+    /// Whether one round of sweeps is all that it gets.
+    pub fn gives_up(&self) -> bool {
+        self.spared && self.solver == ContactSolver::Auto
+    }
 }
 
 /// `auto` gives the sweeps as many rounds of their momentum's caps as cost so many Newton steps, which are what comes
@@ -40,8 +47,11 @@ const AIM: f64 = 0.9;
 /// costs as much as hundreds of steps.
 const MOST_FAILURES: u32 = 8;
 
-/// What the solution of a step of so many units of `dt`, for which nothing was spared, tells of the next.
-pub fn learn(fallback: &mut Fallback, step: u64, units: u64, solution: &Solution) {
+/// What the solution of a step, so many units of `dt` long, tells of the next.
+pub fn learn(fallback: &mut Fallback, task: Task, step: u64, units: u64, solution: &Solution) {
+    if task.solver != ContactSolver::Auto || task.gives_up() {
+        return;
+    }
     if !solution.converged {
         let failures = (fallback.failures + 1).min(MOST_FAILURES);
         *fallback = Fallback { failures, due: step + (units << failures) };
@@ -55,7 +65,7 @@ pub fn learn(fallback: &mut Fallback, step: u64, units: u64, solution: &Solution
 /// `stored` writes the rows that can close as a problem with its Delassus matrix.
 pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> StoredProblem) -> Solution {
     let Until { tol, max_sweeps: limit, .. } = task.until;
-    let limit = if task.spared { limit.min(ROUND) } else { limit };
+    let limit = if task.gives_up() { limit.min(ROUND) } else { limit };
     if !system.rolls.is_empty() {
         return rolling::nlgs(system, Until { max_sweeps: limit, ..task.until }, task.width);
     }
@@ -196,17 +206,19 @@ mod tests {
             let solved = nlgs(&balls(1), Until::new(1e-9, 50), Width::detect());
             Solution { converged, sweeps, ..solved }
         };
+        let task =
+            Task { solver: ContactSolver::Auto, until: Until::new(1e-9, 50), width: Width::detect(), spared: false };
         let mut fallback = Fallback::default();
         for (step, due) in [(10, 16), (16, 28), (28, 52)] {
-            learn(&mut fallback, step, 3, &solution(false, 5000)); // steps of three units
+            learn(&mut fallback, task, step, 3, &solution(false, 5000)); // steps of three units
             assert_eq!(fallback.due, due);
         }
         // A step that sweeps solve at once says nothing of those that stall.
-        learn(&mut fallback, 52, 3, &solution(true, ROUND));
+        learn(&mut fallback, task, 52, 3, &solution(true, ROUND));
         assert_eq!(fallback.failures, 3);
-        (0..9).for_each(|_| learn(&mut fallback, 55, 1, &solution(false, 5000)));
+        (0..9).for_each(|_| learn(&mut fallback, task, 55, 1, &solution(false, 5000)));
         assert_eq!(fallback, Fallback { failures: 8, due: 55 + 256 });
-        learn(&mut fallback, 200, 1, &solution(true, ROUND + 1));
+        learn(&mut fallback, task, 200, 1, &solution(true, ROUND + 1));
         assert_eq!(fallback, Fallback::default());
     }
 

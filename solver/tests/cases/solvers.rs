@@ -67,15 +67,26 @@ fn newtons_method_finds_what_auto_finds_where_sweeps_stall() {
 fn auto_waits_longer_and_longer_where_all_that_it_can_is_in_vain() {
     let hopeless = || {
         let mut case = packed(Auto, 0.3);
-        // Below what rounding lets any solver reach.
-        (case.options.tol, case.options.steps, case.options.output_every) = (Some(1e-18), Some(9), 9);
+        // Below what rounding lets solvers reach, unless all parts.
+        (case.options.tol, case.options.steps, case.options.output_every) = (Some(1e-18), Some(12), 12);
         case
     };
     let case = hopeless();
     let unbroken = files(&case, &[&[]]);
-    assert!(case.column("converged").iter().all(|c| *c == 0.0));
-    let tried = case.column("sweeps").iter().map(|sweeps| *sweeps > 1000.0).collect::<Vec<_>>();
-    assert_eq!(tried, [true, false, true, false, false, false, true, false, false]); // steps 1, 1 + 2, 3 + 4
+    let (mut failures, mut due, mut spared) = (0, 0, 0);
+    for (step, (converged, sweeps)) in case.column("converged").into_iter().zip(case.column("sweeps")).enumerate() {
+        if step < due {
+            assert!(sweeps <= 1000.0, "step {step}: {sweeps} sweeps");
+            spared += 1;
+        } else if converged == 0.0 {
+            assert!(sweeps > 1000.0, "step {step}: {sweeps} sweeps");
+            failures += 1;
+            due = step + (1 << failures);
+        } else if sweeps > 1000.0 {
+            (failures, due) = (0, 0);
+        }
+    }
+    assert!(spared >= 4, "{spared}");
     // The wait outlives a restart, which leaves nothing else behind.
     let mut resumed = files(&hopeless(), &[&["--steps", "4"], &["--resume"]]);
     assert!(resumed.remove("snapshot-000004.npz").is_some());
