@@ -7,6 +7,7 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 
 use crate::derive::Row;
+use crate::track;
 use crate::write::figure::{Axis, Curve, Figure};
 use crate::write::plots::PLOTS;
 use crate::write::series::csv;
@@ -20,17 +21,52 @@ struct Run {
     columns: Columns,
 }
 
-/// Reads `POSTPRO/series.csv` of each case and writes a figure and a table for each of `columns` into `output`.
+/// Name, unit and meaning of a column.
+type Column = (&'static str, &'static str, &'static str);
+
+/// A kind of table whose columns can be compared.
+struct Kind {
+    columns: &'static [Column],
+    /// Those drawn where none are asked for.
+    drawn: Vec<String>,
+}
+
+impl Kind {
+    /// By the name of the table's file.
+    fn of(table: &Path) -> Option<Kind> {
+        let names = |names: &[&str]| names.iter().map(|name| name.to_string()).collect();
+        match table.file_name()?.to_str()? {
+            "series.csv" => {
+                let drawn =
+                    PLOTS.iter().flat_map(|plot| plot.curves.iter().map(|(name, _)| name.to_string())).collect();
+                Some(Kind { columns: Row::COLUMNS, drawn })
+            }
+            "track.csv" => Some(Kind { columns: &track::COLUMNS, drawn: names(&["depth", "force"]) }),
+            "crater.csv" => Some(Kind { columns: &track::CRATER, drawn: names(&["before", "after"]) }),
+            _ => None,
+        }
+    }
+
+    fn column(&self, name: &str) -> Option<&'static Column> {
+        self.columns.iter().find(|(known, _, _)| *known == name)
+    }
+}
+
+/// Which columns of which table are compared.
+pub struct Compared<'a> {
+    /// Below the POSTPRO of each case: series.csv, or track.csv or crater.csv of `cd-post track`.
+    pub table: &'a Path,
+    /// Empty: those of the plots.
+    pub columns: &'a [String],
+    /// The column of the horizontal axis.
+    pub against: &'a str,
+}
+
+/// Reads a table of each case and writes a figure and a table for each of the columns into `output`.
 ///
-/// `columns` empty: those of the plots. `labels`: names in the legend, as many as cases, or none for
-/// those of the folders. `against`: the column of the horizontal axis.
-pub fn write(
-    cases: &[PathBuf],
-    labels: &[String],
-    columns: &[String],
-    against: &str,
-    output: &Path,
-) -> Result<usize, Faults> {
+/// `labels`: names in the legend, as many as cases, or none for those of the folders.
+pub fn write(cases: &[PathBuf], labels: &[String], compared: &Compared, output: &Path) -> Result<usize, Faults> {
+    let Compared { table, columns, against } = *compared;
     let mut faults = Faults::default();
     let option =
         |name: &str, found: String, expected: String| Fault::new(Path::new("options"), None, name, found, expected);
@@ -41,15 +77,16 @@ pub fn write(
             format!("expected {}, one a case", cases.len()),
         ));
     }
-    let plotted = PLOTS.iter().flat_map(|plot| plot.curves.iter().map(|(name, _)| name.to_string()));
-    let columns: Vec<String> = if columns.is_empty() { plotted.collect() } else { columns.to_vec() };
+    let Some(kind) = Kind::of(table) else {
+        let expected = "expected series.csv, or track.csv or crater.csv in a folder of cd-post track";
+        faults.push(option("table", table.display().to_string(), expected.into()));
+        return Err(faults);
+    };
+    let columns = if columns.is_empty() { &kind.drawn } else { columns };
     for name in columns.iter().map(String::as_str).chain([against]) {
-        if known(name).is_none() {
-            faults.push(option(
-                "columns",
-                format!("'{name}'"),
-                "expected columns of series.csv, see docs/observables.md".into(),
-            ));
+        if kind.column(name).is_none() {
+            let expected = format!("expected columns of {}, see docs/observables.md", table.display());
+            faults.push(option("columns", format!("'{name}'"), expected));
         }
     }
     let runs: Vec<Run> = cases
@@ -57,21 +94,16 @@ pub fn write(
         .enumerate()
         .filter_map(|(k, case)| {
             let name = labels.get(k).cloned().unwrap_or_else(|| name_of(case));
-            Some(Run { name, columns: faults.gather(read(&case.join("POSTPRO/series.csv")))? })
+            Some(Run { name, columns: faults.gather(read(&case.join("POSTPRO").join(table)))? })
         })
         .collect();
     faults.into_result(())?;
-    for name in &columns {
-        let (figure, table) = draw(&runs, name, against);
+    for name in columns {
+        let (figure, table) = draw(&runs, &kind, name, against);
         atomic::write(&output.join(format!("{name}.svg")), figure.svg().as_bytes())?;
         atomic::write(&output.join(format!("{name}.csv")), table.as_bytes())?;
     }
     Ok(columns.len())
-}
-
-/// Unit and meaning of a column.
-fn known(name: &str) -> Option<(&'static str, &'static str)> {
-    Row::COLUMNS.iter().find(|(known, _, _)| *known == name).map(|(_, unit, help)| (*unit, *help))
 }
 
 /// The name of a case's folder.
@@ -110,17 +142,18 @@ pub fn read(path: &Path) -> Result<Columns, Faults> {
 
 /// The figure of a column, and its table: a row for each value of the horizontal axis that some run has, an
 /// empty field where another has none.
-fn draw(runs: &[Run], name: &str, against: &str) -> (Figure, String) {
+fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String) {
     let column = |run: &Run, name: &str| run.columns.get(name).cloned().unwrap_or_default();
     let points: Vec<Vec<(f64, f64)>> =
         runs.iter().map(|run| column(run, against).into_iter().zip(column(run, name)).collect()).collect();
     let axis = |name: &str| {
-        let (unit, _) = known(name).unwrap_or(("1", ""));
+        let unit = kind.column(name).map_or("1", |(_, unit, _)| unit);
         let logarithmic =
             PLOTS.iter().any(|plot| plot.logarithmic && plot.curves.iter().any(|(curve, _)| *curve == name));
         Axis { quantity: name.into(), unit: unit.into(), logarithmic }
     };
-    let title = known(name).map_or(name.to_string(), |(_, help)| {
+    let helped = kind.column(name).filter(|(_, _, help)| !help.is_empty());
+    let title = helped.map_or(name.to_string(), |(_, _, help)| {
         let short = help.split(", ").next().unwrap_or(help);
         let mut letters = short.chars();
         letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
@@ -157,7 +190,8 @@ mod tests {
         };
         let runs =
             [run("one", &[(0.0, 1.0), (2.0, 3.0)]), run("two, more", &[(0.0, 5.0), (1.0, f64::NAN), (2.0, 7.0)])];
-        let (figure, table) = draw(&runs, "Z", "time");
+        let kind = Kind::of(Path::new("series.csv")).unwrap();
+        let (figure, table) = draw(&runs, &kind, "Z", "time");
         assert_eq!(table, "time,one,two; more\n0.0,1.0,5.0\n1.0,,\n2.0,3.0,7.0\n");
         assert_eq!(figure.curves.len(), 2);
         let svg = figure.svg();

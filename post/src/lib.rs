@@ -79,7 +79,10 @@ enum Command {
         /// Names of the runs, in their order; without them those of their folders
         #[arg(long, value_delimiter = ',')]
         labels: Vec<String>,
-        /// Columns of series.csv; without them those of the plots
+        /// Table below POSTPRO of each case: series.csv, or track.csv or crater.csv of `cd-post track`
+        #[arg(long, default_value = "series.csv", value_name = "FILE")]
+        table: PathBuf,
+        /// Columns of the table; without them those of the plots
         #[arg(long, value_delimiter = ',')]
         columns: Vec<String>,
         /// Column of the horizontal axis
@@ -204,8 +207,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             tell(format_args!("cd-post: {}", folder.display()));
             notes
         }),
-        Some(Command::Compare { dirs, output, labels, columns, against }) => {
-            compare::write(dirs, labels, columns, against, output).map(|count| {
+        Some(Command::Compare { dirs, output, labels, table, columns, against }) => {
+            let compared = compare::Compared { table, columns, against };
+            compare::write(dirs, labels, &compared, output).map(|count| {
                 tell(format_args!("cd-post: {count} figures in {}", output.display()));
                 Vec::new()
             })

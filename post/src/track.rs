@@ -21,12 +21,19 @@ pub const COLUMNS: [(&str, &str, &str); 13] = [
     ("v_x", "m/s", "velocity; empty where it is imposed"),
     ("v_y", "m/s", ""),
     ("v_z", "m/s", ""),
-    ("depth", "m", "of its lowest point below the surface that was under it at the start"),
+    ("depth", "m", "depth of its lowest point below the surface that was under it at the start"),
     ("f_x", "N", "sum of the contact forces on it, means over the step"),
     ("f_y", "N", ""),
     ("f_z", "N", ""),
-    ("force", "N", "their part against gravity"),
-    ("contacts", "1", "that carry force"),
+    ("force", "N", "force of the contacts against gravity"),
+    ("contacts", "1", "contacts that carry force"),
+];
+
+/// Columns of crater.csv.
+pub const CRATER: [(&str, &str, &str); 3] = [
+    ("radius", "m", "distance from the axis"),
+    ("before", "m", "height of the surface before"),
+    ("after", "m", "height of the surface after"),
 ];
 
 /// Columns of impact.csv.
@@ -85,7 +92,7 @@ pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
     let impact: Vec<&str> = IMPACT.iter().map(|(name, _, _)| *name).collect();
     put("impact.csv", csv(&impact, [bounce(&seen, &rows, &up, &gravity)]))?;
     let crater = crater(&first, &last, body, &up, &seen[0].x, level);
-    put("crater.csv", csv(&["radius", "before", "after"], crater.clone()))?;
+    put("crater.csv", csv(&CRATER.map(|(name, _, _)| name), crater.clone()))?;
     let against_time = |title: &str, column: &str, unit: &str| {
         let k = names.iter().position(|name| *name == column).unwrap_or(0);
         let points = rows.iter().map(|row| (row[0], row[k])).collect();

@@ -259,9 +259,21 @@ fn runs_are_compared_in_one_figure() {
     assert_eq!(lines[0], "time,first,second");
     assert!(lines[2].starts_with("2.5,1.0,") && lines[2].ends_with(','), "{table}"); // the second has no such time
     assert!(fs::read_to_string(output.path().join("Z.svg")).unwrap().contains("second"));
-    for wrong in [["--columns", "no_such"], ["--labels", "one"]] {
+    for wrong in [["--columns", "no_such"], ["--labels", "one"], ["--table", "no_such.csv"], ["--columns", "depth"]] {
         assert_eq!(compare(&wrong).status.code(), Some(2));
     }
+    // The ways of a body, and the ground around it.
+    for case in [&one, &two] {
+        let tracked =
+            Command::new(env!("CARGO_BIN_EXE_cd-post")).arg("track").arg(case.path()).args(["--body", "1"]).output();
+        assert!(tracked.unwrap().status.success());
+    }
+    assert!(compare(&["--table", "track-1/track.csv"]).status.success());
+    assert!(compare(&["--table", "track-1/crater.csv", "--against", "radius", "--columns", "after"]).status.success());
+    assert_eq!(names(output.path()).len(), 4 + 2 * 3);
+    let depth = fs::read_to_string(output.path().join("depth.svg")).unwrap();
+    assert!(depth.contains("depth (m)") && depth.contains("time (s)"), "{depth}");
+    assert_eq!(compare(&["--table", "track-2/track.csv"]).status.code(), Some(2));
 }
 
 #[test]
