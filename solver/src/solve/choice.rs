@@ -22,9 +22,14 @@ pub struct Task {
 }
 
 impl Task {
-    /// Whether one round of sweeps is all that it gets.
+    /// Whether `auto` may spend more than one round of sweeps on it, unless it is spared.
+    fn tries(&self) -> bool {
+        self.solver == ContactSolver::Auto && self.until.max_sweeps > ROUND
+    }
+
+    /// Whether one round of sweeps is all that it gets, of more that were allowed.
     pub fn gives_up(&self) -> bool {
-        self.spared && self.solver == ContactSolver::Auto
+        self.spared && self.tries()
     }
 }
 
@@ -49,7 +54,7 @@ const MOST_FAILURES: u32 = 8;
 
 /// What the solution of a step, so many units of `dt` long, tells of the next.
 pub fn learn(fallback: &mut Fallback, task: Task, step: u64, units: u64, solution: &Solution) {
-    if task.solver != ContactSolver::Auto || task.gives_up() {
+    if task.spared || !task.tries() {
         return;
     }
     if !solution.converged {
@@ -75,7 +80,7 @@ pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> 
     let swept = |max_sweeps| nlgs(system, Until { max_sweeps, ..task.until }, task.width);
     let (solver, max_cost) = match task.solver {
         ContactSolver::Nlgs => return swept(limit),
-        ContactSolver::Auto if task.spared || !pays => return swept(limit),
+        ContactSolver::Auto if task.gives_up() || !pays => return swept(limit),
         ContactSolver::Auto => (Solver::Auto, PATIENCE * SWEPT * contacts as f64),
         ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, f64::INFINITY),
         _ if contacts >= LARGE => return Solution { replaced: Some(TOO_LARGE), ..swept(limit) },
@@ -206,8 +211,8 @@ mod tests {
             let solved = nlgs(&balls(1), Until::new(1e-9, 50), Width::detect());
             Solution { converged, sweeps, ..solved }
         };
-        let task =
-            Task { solver: ContactSolver::Auto, until: Until::new(1e-9, 50), width: Width::detect(), spared: false };
+        let until = |max_sweeps| Until::new(1e-9, max_sweeps);
+        let task = Task { solver: ContactSolver::Auto, until: until(5000), width: Width::detect(), spared: false };
         let mut fallback = Fallback::default();
         for (step, due) in [(10, 16), (16, 28), (28, 52)] {
             learn(&mut fallback, task, step, 3, &solution(false, 5000)); // steps of three units
@@ -220,6 +225,11 @@ mod tests {
         assert_eq!(fallback, Fallback { failures: 8, due: 55 + 256 });
         learn(&mut fallback, task, 200, 1, &solution(true, ROUND + 1));
         assert_eq!(fallback, Fallback::default());
+        // Where no more than a round is allowed there is nothing to spare, and nothing to learn.
+        let short = Task { until: until(ROUND), ..task };
+        learn(&mut fallback, short, 300, 1, &solution(false, ROUND));
+        assert_eq!(fallback, Fallback::default());
+        assert!(Task { spared: true, ..task }.gives_up() && !Task { spared: true, ..short }.gives_up());
     }
 
     #[test]
