@@ -7,10 +7,11 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 
 use crate::derive::Row;
+use crate::state;
 use crate::track;
 use crate::write::figure::{Axis, Curve, Figure};
 use crate::write::plots::PLOTS;
-use crate::write::series::csv;
+use crate::write::series::{Column, csv};
 
 /// The columns of a table of numbers by their names.
 pub type Columns = BTreeMap<String, Vec<f64>>;
@@ -21,10 +22,8 @@ struct Run {
     columns: Columns,
 }
 
-/// Name, unit and meaning of a column.
-type Column = (&'static str, &'static str, &'static str);
-
-/// A kind of table whose columns can be compared.
+/// A kind of table whose columns can be compared. `time`, or without it the first, is the horizontal axis where no
+/// other is asked for.
 struct Kind {
     columns: &'static [Column],
     /// Those drawn where none are asked for.
@@ -34,15 +33,22 @@ struct Kind {
 impl Kind {
     /// By the name of the table's file.
     fn of(table: &Path) -> Option<Kind> {
-        let names = |names: &[&str]| names.iter().map(|name| name.to_string()).collect();
+        let some = |columns, names: &[&str]| {
+            Some(Kind { columns, drawn: names.iter().map(|name| name.to_string()).collect() })
+        };
         match table.file_name()?.to_str()? {
             "series.csv" => {
-                let drawn =
-                    PLOTS.iter().flat_map(|plot| plot.curves.iter().map(|(name, _)| name.to_string())).collect();
-                Some(Kind { columns: Row::COLUMNS, drawn })
+                let plotted: Vec<&str> =
+                    PLOTS.iter().flat_map(|plot| plot.curves.iter().map(|(name, _)| *name)).collect();
+                some(Row::COLUMNS, &plotted)
             }
-            "track.csv" => Some(Kind { columns: &track::COLUMNS, drawn: names(&["depth", "force"]) }),
-            "crater.csv" => Some(Kind { columns: &track::CRATER, drawn: names(&["before", "after"]) }),
+            "track.csv" => some(&track::COLUMNS, &["depth", "force"]),
+            "crater.csv" => some(&track::CRATER, &["before", "after"]),
+            "profile.csv" => some(&state::PROFILE, &["nu", "Z", "pressure", "radial_stress", "tangential_stress"]),
+            "forces.csv" => some(&state::FORCES, &["P_normal", "P_tangential"]),
+            "mobilisation.csv" => some(&state::MOBILISATION, &["P"]),
+            "ejecta.csv" => some(&state::EJECTA, &["mass_share_faster"]),
+            "slopes.csv" => some(&state::SLOPES, &["slope"]),
             _ => None,
         }
     }
@@ -54,12 +60,13 @@ impl Kind {
 
 /// Which columns of which table are compared.
 pub struct Compared<'a> {
-    /// Below the POSTPRO of each case: series.csv, or track.csv or crater.csv of `cd-post track`.
+    /// Below the POSTPRO of each case: series.csv, one of `cd-post state` (in a folder `state-NNNNNN`, or `state` for
+    /// the last of each) or one of `cd-post track`.
     pub table: &'a Path,
     /// Empty: those of the plots.
     pub columns: &'a [String],
-    /// The column of the horizontal axis.
-    pub against: &'a str,
+    /// The column of the horizontal axis; without it time, or the table's first.
+    pub against: Option<&'a str>,
 }
 
 /// Reads a table of each case and writes a figure and a table for each of the columns into `output`.
@@ -78,11 +85,13 @@ pub fn write(cases: &[PathBuf], labels: &[String], compared: &Compared, output: 
         ));
     }
     let Some(kind) = Kind::of(table) else {
-        let expected = "expected series.csv, or track.csv or crater.csv in a folder of cd-post track";
+        let expected = "expected series.csv, a table of cd-post state, such as state/profile.csv, or of cd-post track, \
+                        such as track-1/track.csv";
         faults.push(option("table", table.display().to_string(), expected.into()));
         return Err(faults);
     };
     let columns = if columns.is_empty() { &kind.drawn } else { columns };
+    let against = against.unwrap_or(kind.column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
     for name in columns.iter().map(String::as_str).chain([against]) {
         if kind.column(name).is_none() {
             let expected = format!("expected columns of {}, see docs/observables.md", table.display());
@@ -94,7 +103,7 @@ pub fn write(cases: &[PathBuf], labels: &[String], compared: &Compared, output: 
         .enumerate()
         .filter_map(|(k, case)| {
             let name = labels.get(k).cloned().unwrap_or_else(|| name_of(case));
-            Some(Run { name, columns: faults.gather(read(&case.join("POSTPRO").join(table)))? })
+            Some(Run { name, columns: faults.gather(read(&place(case, table)))? })
         })
         .collect();
     faults.into_result(())?;
@@ -104,6 +113,16 @@ pub fn write(cases: &[PathBuf], labels: &[String], compared: &Compared, output: 
         atomic::write(&output.join(format!("{name}.csv")), table.as_bytes())?;
     }
     Ok(columns.len())
+}
+
+/// Where a table of a case is; the folder `state` stands for the last one of `cd-post state`.
+fn place(case: &Path, table: &Path) -> PathBuf {
+    let folder = case.join("POSTPRO");
+    let Ok(rest) = table.strip_prefix("state") else { return folder.join(table) };
+    let number = |name: &str| name.strip_prefix("state-")?.parse::<u64>().ok();
+    let entries = std::fs::read_dir(&folder).into_iter().flatten().flatten();
+    let states = entries.filter_map(|entry| Some((number(entry.file_name().to_str()?)?, entry.path())));
+    states.max().map_or(folder.join("state"), |(_, path)| path).join(rest)
 }
 
 /// The name of a case's folder.

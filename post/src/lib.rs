@@ -79,15 +79,16 @@ enum Command {
         /// Names of the runs, in their order; without them those of their folders
         #[arg(long, value_delimiter = ',')]
         labels: Vec<String>,
-        /// Table below POSTPRO of each case: series.csv, or track.csv or crater.csv of `cd-post track`
+        /// Table below POSTPRO of each case: series.csv, one of `cd-post state`, such as state/profile.csv for the last
+        /// state of each, or of `cd-post track`, such as track-1/track.csv
         #[arg(long, default_value = "series.csv", value_name = "FILE")]
         table: PathBuf,
         /// Columns of the table; without them those of the plots
         #[arg(long, value_delimiter = ',')]
         columns: Vec<String>,
-        /// Column of the horizontal axis
-        #[arg(long, default_value = "time")]
-        against: String,
+        /// Column of the horizontal axis; without it time, or the first of the table
+        #[arg(long)]
+        against: Option<String>,
     },
     /// Many runs, each by its means over the end, and how they go with the number of grains; fitted lines and cost.
     ///
@@ -208,7 +209,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             notes
         }),
         Some(Command::Compare { dirs, output, labels, table, columns, against }) => {
-            let compared = compare::Compared { table, columns, against };
+            let compared = compare::Compared { table, columns, against: against.as_deref() };
             compare::write(dirs, labels, &compared, output).map(|count| {
                 tell(format_args!("cd-post: {count} figures in {}", output.display()));
                 Vec::new()

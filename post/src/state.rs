@@ -12,16 +12,51 @@ use crate::derive::fabric::{anisotropy, distribution, eigenvalues, fabric, mobil
 use crate::derive::fragments::{Fragment, fragments};
 use crate::derive::orbits::orbits;
 use crate::derive::profile::shells;
-use crate::derive::surface::{Facet, Grid, surface};
+use crate::derive::surface::{Facet, Grid, slopes_below, surface};
 use crate::frame::{Frame, Vec3};
 use crate::shapes::Shapes;
 use crate::write::display::{cells, file, flat, scalars, vectors};
 use crate::write::figure::{Axis, Curve, Figure, Marks};
-use crate::write::{map, series::csv};
+use crate::write::map;
+use crate::write::series::{Column, csv, table};
 
 /// Name and bytes of a file.
 type File = (&'static str, Vec<u8>);
 
+/// Columns of profile.csv.
+pub const PROFILE: [Column; 8] = [
+    ("inner", "m", "distance from the centre of mass"),
+    ("outer", "m", ""),
+    ("nu", "1", "solid fraction by radius"),
+    ("grains", "1", "grains with their centre in the shell"),
+    ("Z", "1", "contacts per grain by radius"),
+    ("pressure", "Pa", "pressure by radius"),
+    ("radial_stress", "Pa", "radial stress by radius"),
+    ("tangential_stress", "Pa", "tangential stress by radius"),
+];
+/// Columns of forces.csv.
+pub const FORCES: [Column; 3] = [
+    ("force_over_mean", "1", ""),
+    ("P_normal", "1", "probability density of normal forces between grains"),
+    ("P_tangential", "1", "probability density of tangential forces between grains"),
+];
+/// Columns of mobilisation.csv.
+pub const MOBILISATION: [Column; 2] = [
+    ("share", "1", "tangential force over the largest possible"),
+    ("P", "1", "probability density of mobilised friction"),
+];
+/// Columns of ejecta.csv.
+pub const EJECTA: [Column; 3] = [
+    ("speed", "m/s", "speed relative to the largest remnant"),
+    ("speed_over_escape", "1", ""),
+    ("mass_share_faster", "1", "share of the mass that is faster"),
+];
+/// Columns of slopes.csv.
+pub const SLOPES: [Column; 2] =
+    [("share_below", "1", "share of the surface"), ("slope", "°", "slope that a share of the surface is below")];
+
+/// Shares of the surface whose slopes are told: every twentieth.
+const SHARES: usize = 20;
 /// Shells of the radial profiles.
 const SHELLS: usize = 20;
 /// Width of a bin of the distributions of forces, over the mean.
@@ -69,7 +104,6 @@ fn text(name: &'static str, text: String) -> File {
 /// Radial profiles of the largest remnant.
 fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
     let shells = shells(frame, &largest.grains, largest.whole.x, SHELLS);
-    let header = ["inner", "outer", "nu", "grains", "Z", "pressure", "radial_stress", "tangential_stress"];
     let rows =
         shells.iter().map(|s| vec![s.inner, s.outer, s.nu, s.grains as f64, s.z, s.pressure, s.radial, s.tangential]);
     let points = |of: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
@@ -87,7 +121,7 @@ fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
         Curve::line("tangential", points(&|k| shells[k].tangential)),
     ];
     vec![
-        text("profile.csv", csv(&header, rows)),
+        text("profile.csv", table(&PROFILE, rows)),
         text("profile_nu.svg", figure("Solid fraction by radius", "ν", "1", nu)),
         text("profile_Z.svg", figure("Contacts per grain by radius", "Z", "1", z)),
         text("profile_stress.svg", figure("Stress by radius", "stress", "Pa", stress)),
@@ -120,11 +154,11 @@ fn forces(frame: &Frame) -> Vec<File> {
         y: Axis::linear("probability density", "1"),
         curves: vec![Curve::line("contacts", if shares.is_empty() { Vec::new() } else { mobilised.clone() })],
     };
-    let table = mobilised.iter().filter(|_| !shares.is_empty()).map(|(x, p)| vec![*x, *p]);
+    let of_friction = mobilised.iter().filter(|_| !shares.is_empty()).map(|(x, p)| vec![*x, *p]);
     vec![
-        text("forces.csv", csv(&["force_over_mean", "P_normal", "P_tangential"], rows)),
+        text("forces.csv", table(&FORCES, rows)),
         text("forces.svg", forces.svg()),
-        text("mobilisation.csv", csv(&["share", "P"], table)),
+        text("mobilisation.csv", table(&MOBILISATION, of_friction)),
         text("mobilisation.svg", friction.svg()),
     ]
 }
@@ -186,7 +220,7 @@ fn ejecta(frame: &Frame, fragments: &[Fragment]) -> Vec<File> {
         }
         row
     };
-    let table = csv(&header, fragments.iter().zip(orbits).enumerate().map(row));
+    let groups = csv(&header, fragments.iter().zip(orbits).enumerate().map(row));
 
     let mass = frame.mass();
     let others = fragments.iter().skip(1).flat_map(|fragment| fragment.grains.iter());
@@ -213,11 +247,7 @@ fn ejecta(frame: &Frame, fragments: &[Fragment]) -> Vec<File> {
         y: Axis::linear("share of the mass that is faster", "1"),
         curves: vec![Curve { name: "grains".into(), points: cumulated.clone(), marks: Marks::Dots }],
     };
-    vec![
-        text("fragments.csv", table),
-        text("ejecta.csv", csv(&["speed", "speed_over_escape", "mass_share_faster"], rows)),
-        text("ejecta.svg", figure.svg()),
-    ]
+    vec![text("fragments.csv", groups), text("ejecta.csv", table(&EJECTA, rows)), text("ejecta.svg", figure.svg())]
 }
 
 /// Height, gravity and slope of the largest remnant by direction.
@@ -225,24 +255,33 @@ fn surface_files(frame: &Frame, largest: &Fragment) -> Vec<File> {
     let grid = Grid::STANDARD;
     let constant = self_gravity_constant(frame).unwrap_or(0.0);
     let facets = surface(frame, &largest.grains, &largest.whole, constant, grid);
-    let header = ["latitude", "longitude", "x", "y", "z", "height", "g_x", "g_y", "g_z", "slope"];
-    // Without gravity and spin nothing is level.
-    let slope = |f: &Facet| if f.gravity.norm() > 0.0 { f.slope.to_degrees() } else { f64::NAN };
+    let header = ["latitude", "longitude", "x", "y", "z", "height", "g_x", "g_y", "g_z", "slope", "area"];
     let row = |f: &Facet| {
         let mut row = vec![f.latitude.to_degrees(), f.longitude.to_degrees()];
         row.extend(f.x.iter());
         row.push(f.height);
         row.extend(f.gravity.iter());
-        row.push(slope(f));
+        row.extend([f.slope.to_degrees(), f.area]);
         row
     };
     let heights: Vec<f64> = facets.iter().map(|f| f.height).collect();
-    let slopes: Vec<f64> = facets.iter().map(slope).collect();
+    let slopes: Vec<f64> = facets.iter().map(|f| f.slope.to_degrees()).collect();
+    let shares: Vec<f64> = (1..=SHARES).map(|k| k as f64 / SHARES as f64).collect();
+    let below: Vec<(f64, f64)> =
+        shares.iter().copied().zip(slopes_below(&facets, &shares).into_iter().map(f64::to_degrees)).collect();
+    let figure = Figure {
+        title: "Slopes against gravity and rotation".into(),
+        x: Axis::linear("share of the surface that is below", "1"),
+        y: Axis::linear("slope", "°"),
+        curves: vec![Curve::line("surface", below.clone())],
+    };
     vec![
         text("surface.csv", csv(&header, facets.iter().map(row))),
         ("surface.vtp", surface_vtp(&facets, &slopes, grid)),
         text("surface_height.svg", map::svg("Height above the centre of mass", "height", "m", &heights, grid)),
-        text("surface_slope.svg", map::svg("Slope against gravity and rotation", "slope, °", "1", &slopes, grid)),
+        text("slopes.csv", table(&SLOPES, below.into_iter().map(|(share, slope)| vec![share, slope]))),
+        text("slopes.svg", figure.svg()),
+        text("surface_slope.svg", map::svg("Slope against gravity and rotation", "slope", "°", &slopes, grid)),
     ]
 }
 

@@ -10,10 +10,10 @@ use crate::frame::{Frame, Side, Vec3, WallShape};
 use crate::select;
 use crate::shapes::Shapes;
 use crate::write::figure::{Axis, Curve, Figure};
-use crate::write::series::csv;
+use crate::write::series::{Column, table};
 
 /// Columns of track.csv: name, unit, meaning.
-pub const COLUMNS: [(&str, &str, &str); 13] = [
+pub const COLUMNS: [Column; 13] = [
     ("time", "s", ""),
     ("x", "m", "centre of mass"),
     ("y", "m", ""),
@@ -30,14 +30,14 @@ pub const COLUMNS: [(&str, &str, &str); 13] = [
 ];
 
 /// Columns of crater.csv.
-pub const CRATER: [(&str, &str, &str); 3] = [
+pub const CRATER: [Column; 3] = [
     ("radius", "m", "distance from the axis"),
     ("before", "m", "height of the surface before"),
     ("after", "m", "height of the surface after"),
 ];
 
 /// Columns of impact.csv.
-pub const IMPACT: [(&str, &str, &str); 6] = [
+pub const IMPACT: [Column; 6] = [
     ("contact_time", "s", "of the first snapshot in which it is touched, or has lost its free fall"),
     ("impact_speed", "m/s", "along gravity, in the snapshot before"),
     ("restitution", "1", "its largest speed against gravity afterwards, 0 at least, over that"),
@@ -86,15 +86,13 @@ pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
     let level = level(&first, body, &up, &seen[0]);
     let rows: Vec<Vec<f64>> = seen.iter().map(|s| row(s, &up, level)).collect();
     let folder = dir.join(format!("POSTPRO/track-{body}"));
-    let names: Vec<&str> = COLUMNS.iter().map(|(name, _, _)| *name).collect();
     let put = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
-    put("track.csv", csv(&names, rows.clone()))?;
-    let impact: Vec<&str> = IMPACT.iter().map(|(name, _, _)| *name).collect();
-    put("impact.csv", csv(&impact, [bounce(&seen, &rows, &up, &gravity)]))?;
+    put("track.csv", table(&COLUMNS, rows.clone()))?;
+    put("impact.csv", table(&IMPACT, [bounce(&seen, &rows, &up, &gravity)]))?;
     let crater = crater(&first, &last, body, &up, &seen[0].x, level);
-    put("crater.csv", csv(&CRATER.map(|(name, _, _)| name), crater.clone()))?;
+    put("crater.csv", table(&CRATER, crater.clone()))?;
     let against_time = |title: &str, column: &str, unit: &str| {
-        let k = names.iter().position(|name| *name == column).unwrap_or(0);
+        let k = COLUMNS.iter().position(|(name, _, _)| *name == column).unwrap_or(0);
         let points = rows.iter().map(|row| (row[0], row[k])).collect();
         let (x, y) = (Axis::linear("time", "s"), Axis::linear(column, unit));
         Figure { title: title.into(), x, y, curves: vec![Curve::line(column, points)] }

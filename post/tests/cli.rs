@@ -219,6 +219,8 @@ fn a_state_in_depth_has_its_tables_and_figures() {
         "profile_Z.svg",
         "profile_nu.svg",
         "profile_stress.svg",
+        "slopes.csv",
+        "slopes.svg",
         "surface.csv",
         "surface.vtp",
         "surface_height.svg",
@@ -269,11 +271,43 @@ fn runs_are_compared_in_one_figure() {
         assert!(tracked.unwrap().status.success());
     }
     assert!(compare(&["--table", "track-1/track.csv"]).status.success());
-    assert!(compare(&["--table", "track-1/crater.csv", "--against", "radius", "--columns", "after"]).status.success());
+    assert!(compare(&["--table", "track-1/crater.csv", "--columns", "after"]).status.success());
     assert_eq!(names(output.path()).len(), 4 + 2 * 3);
+    assert!(fs::read_to_string(output.path().join("after.csv")).unwrap().starts_with("radius,"));
     let depth = fs::read_to_string(output.path().join("depth.svg")).unwrap();
     assert!(depth.contains("depth (m)") && depth.contains("time (s)"), "{depth}");
     assert_eq!(compare(&["--table", "track-2/track.csv"]).status.code(), Some(2));
+    // The last states, whose steps differ.
+    let missing = compare(&["--table", "state/slopes.csv"]);
+    assert_eq!(missing.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&missing.stderr).contains("POSTPRO/state/slopes.csv"), "{missing:?}");
+    for (case, steps) in [(&one, &["0", "10"][..]), (&two, &["20"])] {
+        for step in steps {
+            let state = Command::new(env!("CARGO_BIN_EXE_cd-post"))
+                .args(["state", "--snapshot", step])
+                .arg(case.path())
+                .output();
+            assert!(state.unwrap().status.success());
+        }
+    }
+    for (table, column, axis) in [
+        ("profile", "pressure", "inner"),
+        ("forces", "P_normal", "force_over_mean"),
+        ("mobilisation", "P", "share"),
+        ("ejecta", "mass_share_faster", "speed"),
+        ("slopes", "slope", "share_below"),
+    ] {
+        let done = compare(&["--table", &format!("state/{table}.csv")]);
+        assert_eq!(done.status.code(), Some(0), "{done:?}");
+        let text = fs::read_to_string(output.path().join(format!("{column}.csv"))).unwrap();
+        assert!(text.starts_with(axis), "{text}");
+    }
+    let own = fs::read_to_string(one.path().join("POSTPRO/state-000010/profile.csv")).unwrap();
+    let (inner, pressure) =
+        (own.lines().nth(1).unwrap().split(',').next(), own.lines().nth(1).unwrap().split(',').nth(5));
+    let laid = fs::read_to_string(output.path().join("pressure.csv")).unwrap();
+    let row: Vec<&str> = laid.lines().nth(1).unwrap().split(',').collect();
+    assert_eq!((Some(row[0]), Some(row[1])), (inner, pressure), "{laid}");
 }
 
 #[test]

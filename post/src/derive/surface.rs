@@ -72,8 +72,10 @@ pub struct Facet {
     pub height: f64,
     /// Gravity and centrifugal acceleration in the frame that turns with the aggregate, m/s^2.
     pub gravity: Vec3,
+    /// Of the surface in the cell, m^2.
+    pub area: f64,
     /// Angle between the outward normal and the direction against gravity, rad: 0 level, above pi/2
-    /// where loose material is shed.
+    /// where loose material is shed. NaN without gravity and spin, where nothing is level.
     pub slope: f64,
 }
 
@@ -138,7 +140,8 @@ fn attraction(grain: &Grain, x: Vec3) -> Vec3 {
 /// The surface of known heights about `centre`: normals by central differences, gravity as given, the
 /// centrifugal acceleration of `spin` (rad/s).
 ///
-/// Of r = h u the normal is along h u - (dh/dlatitude) north - (dh/dlongitude / cos latitude) east.
+/// Of r = h u the normal is along n = h u - (dh/dlatitude) north - (dh/dlongitude / cos latitude) east, and the area is
+/// h |n| for each unit of solid angle.
 pub fn facets(
     heights: &[f64],
     centre: Vec3,
@@ -156,11 +159,28 @@ pub fn facets(
         let to_east = (at(0, 1) - at(0, -1)) / (2.0 * across * latitude.cos());
         let normal = height * out - to_north * north - to_east * east;
         let x = centre + height * out;
+        let solid_angle = across * 2.0 * latitude.cos() * (0.5 * up).sin();
         let effective = gravity(x) - spin.cross(&spin.cross(&(x - centre)));
         let slope = (-effective.dot(&normal) / (effective.norm() * normal.norm())).clamp(-1.0, 1.0).acos();
-        Facet { latitude, longitude, x, height, gravity: effective, slope }
+        Facet { latitude, longitude, x, height, gravity: effective, area: solid_angle * height * normal.norm(), slope }
     };
     (0..grid.len()).into_par_iter().map(facet).collect()
+}
+
+/// The slopes (rad) that these shares of the surface are below, by area; none where no slope is known.
+pub fn slopes_below(facets: &[Facet], shares: &[f64]) -> Vec<f64> {
+    let mut known: Vec<(f64, f64)> = facets.iter().map(|f| (f.slope, f.area)).filter(|(s, _)| s.is_finite()).collect();
+    known.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let all: f64 = known.iter().map(|(_, area)| area).sum();
+    let at = |share: &f64| {
+        let mut below = 0.0;
+        let mut reached = known.iter().skip_while(|(_, area)| {
+            below += area;
+            below < share * all
+        });
+        reached.next().or(known.last()).map(|(slope, _)| *slope) // rounding may leave the whole out of reach
+    };
+    shares.iter().filter_map(at).collect()
 }
 
 #[cfg(test)]
@@ -219,6 +239,26 @@ mod tests {
         }
         let still = facets(&heights, Vec3::zeros(), Vec3::zeros(), gravity, FINE);
         assert!(still.iter().any(|facet| facet.slope > 0.1));
+    }
+
+    #[test]
+    fn slopes_are_shared_out_by_the_area_of_the_surface() {
+        // An oblate spheroid: 2 pi a^2 (1 + (1 - e^2) / e artanh e).
+        let (a, e) = (5.0, 0.8f64);
+        let heights = ellipsoid([a, a, a * (1.0 - e * e).sqrt()], FINE);
+        let found = facets(&heights, Vec3::zeros(), Vec3::zeros(), |x| -x, FINE);
+        let area: f64 = found.iter().map(|f| f.area).sum();
+        let expected = std::f64::consts::TAU * a * a * (1.0 + (1.0 - e * e) / e * e.atanh());
+        // Middles of cells of 2 degrees and central differences over two of them: 0.035^2, times a number of order 1.
+        assert!((area / expected - 1.0).abs() < 1e-3, "{area} {expected}");
+        // g = z: on a ball the slope is the angle from the pole, (1 - cos) / 2 of the area is nearer to it.
+        let found = facets(&ellipsoid([2.0; 3], FINE), Vec3::zeros(), Vec3::zeros(), |_| -Vec3::z(), FINE);
+        for (share, slope) in [0.1, 0.5, 0.9, 1.0].into_iter().zip(slopes_below(&found, &[0.1, 0.5, 0.9, 1.0])) {
+            let expected = (1.0f64 - 2.0 * share).acos();
+            assert!((slope - expected).abs() < 2f64.to_radians(), "{share}: {slope} {expected}"); // a cell
+        }
+        let weightless = facets(&ellipsoid([2.0; 3], FINE), Vec3::zeros(), Vec3::zeros(), |_| Vec3::zeros(), FINE);
+        assert!(weightless.iter().all(|f| f.slope.is_nan()) && slopes_below(&weightless, &[0.5]).is_empty());
     }
 
     #[test]

@@ -17,7 +17,7 @@ const PREFIXES: [&str; 9] = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
 /// assert_eq!(prefixed(3e-20, "J"), (1e-21, "10⁻²¹ J".to_string()));
 /// ```
 pub fn prefixed(largest: f64, unit: &str) -> (f64, String) {
-    if !(largest > 0.0 && largest.is_finite()) || unit == "1" || unit == "s" && largest >= 1.0 {
+    if !(largest > 0.0 && largest.is_finite()) || ["1", "°"].contains(&unit) || unit == "s" && largest >= 1.0 {
         return (1.0, unit.to_string());
     }
     let triple = (largest.log10() / 3.0).floor() as i32;

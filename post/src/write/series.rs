@@ -17,6 +17,14 @@ pub fn text(rows: &[Row]) -> String {
     text
 }
 
+/// Name, unit and meaning of a column.
+pub type Column = (&'static str, &'static str, &'static str);
+
+/// A table of these columns; their number is that of each row.
+pub fn table(columns: &[Column], rows: impl IntoIterator<Item = Vec<f64>>) -> String {
+    csv(&columns.iter().map(|(name, _, _)| *name).collect::<Vec<_>>(), rows)
+}
+
 /// Lines of a CSV file: names, then numbers; what is not defined is an empty field.
 pub fn csv(header: &[&str], rows: impl IntoIterator<Item = Vec<f64>>) -> String {
     let lines = rows.into_iter().map(|row| row.iter().map(Field::text).collect::<Vec<_>>().join(","));
