@@ -103,7 +103,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     let solution = solve::contact_problem(&system, task, |s| assemble::stored_problem(s, &contacts)); // M5  r
     solve::learn(&mut state.fallback, task, state.step, units, &solution);
     lap.stop(&mut clock.solve);
-    let solved = end_of_contacts(scene, &q_c, contacts, &free, &system, &solution);
+    let solved = end_of_contacts(scene, state, &q_c, contacts, &free, &system, &solution);
     let given_up = task.gives_up() && !solution.converged;
     let report = StepReport { missed, given_up, ..book(scene, state, &q_c, &free, &system, &solution, &solved) };
     integrate::advance(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
@@ -153,6 +153,7 @@ struct Solved {
 
 fn end_of_contacts(
     scene: &Scene,
+    state: &State,
     q_c: &Configuration,
     contacts: Vec<Contact>,
     free: &Free,
@@ -174,7 +175,7 @@ fn end_of_contacts(
             true if local.yz().norm() >= bound => Status::Slide,
             true => Status::Stick,
         };
-        let law = &scene.laws[contact.law as usize];
+        let law = &state.laws[contact.law as usize];
         let (parted, slid) = (status == Status::NoContact, status == Status::Slide);
         SolvedContact {
             contact,

@@ -28,7 +28,9 @@
 //!
 //! Restitution holds for a contact that was parting, too: thrown back by its neighbours within the step, it may
 //! close at e_n times its speed. So (v⁺ + e v⁻)/(1 + e) is the projection of v⁻ on what the contacts allow, and
-//! several contacts of one e_n give no energy without friction. With friction that holds for a single contact only.
+//! several contacts of one e_n give no energy without friction. With friction that holds for a single contact of spheres
+//! only: where a push along the normal turns a body, as the end of a rod, Newton's law may give energy (T.R. Kane,
+//! D.A. Levinson, Dynamics (1985), ch. 5), which the ledger counts as that of friction.
 //!
 //! Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177 (1999) 235-257; J.J. Moreau, Unilateral
 //! contact and dry friction in finite freedom dynamics, CISM 302 (1988).
@@ -52,8 +54,9 @@ pub enum Cohesion {
     /// A constant attraction `force` (N) while the gap is at most `range` (m); if `remembers`, only until the gap
     /// was larger once.
     Wet { force: f64, range: f64, remembers: bool },
-    /// A bond that carries stresses (Pa) up to `normal` in traction and `tangential` in shear, until it breaks.
-    Bond { normal: f64, tangential: f64 },
+    /// A bond that carries stresses (Pa) up to `normal` in traction and `tangential` in shear, until it breaks; once an
+    /// event has changed them, up to `now` in traction and as much more or less in shear.
+    Bond { normal: f64, tangential: f64, now: f64 },
 }
 
 /// Two bodies touch, for a bond, when their gap is at most this share of 1/(1/R_a + 1/R_b).
@@ -146,7 +149,7 @@ impl Law {
                 law(InelasticShock, Some(Cohesion::Wet { force, range, remembers }), dynamic, fixed)
             }
             ("IQS_MOHR_DS_CLB", &[normal, tangential, dynamic, fixed]) => {
-                law(InelasticShock, Some(Cohesion::Bond { normal, tangential }), dynamic, fixed)
+                law(InelasticShock, Some(Cohesion::Bond { normal, tangential, now: normal }), dynamic, fixed)
             }
             ("IQS_DS_ROLL_CLB" | "IQS_WET_DS_ROLL_CLB", &[ref plain @ .., rolling, spinning]) => {
                 let rolling = Some(Rolling { rolling, spinning });
@@ -167,10 +170,10 @@ impl Law {
         let cohesion = match self.cohesion {
             Some(Cohesion::Wet { force, range, .. }) => [("cohesive force", force), ("cohesive range", range)],
             // Shear without traction has no cone to stand on.
-            Some(Cohesion::Bond { normal: 0.0, tangential }) if tangential > 0.0 => {
+            Some(Cohesion::Bond { normal: 0.0, tangential, .. }) if tangential > 0.0 => {
                 return Some(("no normal cohesion, but tangential cohesion", tangential));
             }
-            Some(Cohesion::Bond { normal, tangential }) => {
+            Some(Cohesion::Bond { normal, tangential, .. }) => {
                 [("normal cohesion", normal), ("tangential cohesion", tangential)]
             }
             None => [("", 0.0); 2],
@@ -200,8 +203,8 @@ impl Law {
             Some(Cohesion::Wet { force, range, remembers }) if gap <= range && (at.bond.is_some() || !remembers) => {
                 (force, friction)
             }
-            Some(Cohesion::Bond { normal, tangential }) if at.bond.is_some() => {
-                (normal * std::f64::consts::PI * at.radius * at.radius, tangential / normal)
+            Some(Cohesion::Bond { normal, tangential, now }) if at.bond.is_some() && now > 0.0 => {
+                (now * std::f64::consts::PI * at.radius * at.radius, tangential / normal)
             }
             _ => (0.0, friction),
         };
@@ -222,10 +225,15 @@ impl Law {
     /// The gap that a bond made now has (m); none where the law makes no bonds or the two do not touch.
     pub fn bond(&self, gap: f64, radius: f64) -> Option<f64> {
         match self.cohesion {
-            Some(Cohesion::Wet { range, remembers: true, .. }) if gap <= range => Some(0.0),
-            Some(Cohesion::Bond { normal, .. }) if normal > 0.0 && gap <= TOUCHING * radius => Some(gap),
+            Some(Cohesion::Wet { range, remembers: true, .. }) if gap <= range => Some(self.bonded_at(gap)),
+            Some(Cohesion::Bond { now, .. }) if now > 0.0 && gap <= TOUCHING * radius => Some(self.bonded_at(gap)),
             _ => None,
         }
+    }
+
+    /// The gap that a bond made at `gap` keeps, m: a liquid bridge lets the two touch.
+    pub fn bonded_at(&self, gap: f64) -> f64 {
+        if matches!(self.cohesion, Some(Cohesion::Wet { .. })) { 0.0 } else { gap }
     }
 
     /// Whether a bond outlives a step in which the contact, of this gap where it was looked for, has parted or slid.
@@ -233,7 +241,7 @@ impl Law {
         match self.cohesion {
             Some(Cohesion::Wet { range, .. }) => gap <= range,
             // Without resistance to shear a bond slides from the beginning.
-            Some(Cohesion::Bond { tangential, .. }) => !(parted || slid && tangential > 0.0),
+            Some(Cohesion::Bond { tangential, now, .. }) => now > 0.0 && !(parted || slid && tangential > 0.0),
             None => false,
         }
     }
@@ -266,10 +274,7 @@ impl Law {
     pub fn set_cohesion(&mut self, value: f64) -> bool {
         match &mut self.cohesion {
             Some(Cohesion::Wet { force, .. }) => *force = value,
-            Some(Cohesion::Bond { normal, tangential }) if *normal > 0.0 => {
-                *tangential *= value / *normal;
-                *normal = value;
-            }
+            Some(Cohesion::Bond { normal, now, .. }) if *normal > 0.0 => *now = value,
             _ => return false,
         }
         true
@@ -332,7 +337,15 @@ mod tests {
         let mut mohr = Law::new("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]).unwrap();
         mohr.set_friction(0.4);
         assert!(mohr.set_cohesion(20.0));
-        assert_eq!(mohr, Law::new("IQS_MOHR_DS_CLB", &[20.0, 10.0, 0.4, 0.4]).unwrap());
+        let at = Approach { gap: 0.0, h: 0.5, u_n: 0.0, radius: 2.0, slid_before: false, bond: Some(0.0) };
+        let twice = Law::new("IQS_MOHR_DS_CLB", &[20.0, 10.0, 0.4, 0.4]).unwrap();
+        assert_eq!(mohr.shift(&at), twice.shift(&at));
+        // Nothing holds any longer, and what is stronger again holds what is bonded anew.
+        assert!(mohr.set_cohesion(0.0));
+        assert_eq!(mohr.shift(&at), Some(Shift { friction: 0.4, ..Shift::default() }));
+        assert_eq!((mohr.bond(0.0, 2.0), mohr.keeps_bond(0.0, false, false)), (None, false));
+        assert!(mohr.set_cohesion(20.0));
+        assert_eq!((mohr.shift(&at), mohr.bond(0.0, 2.0)), (twice.shift(&at), Some(0.0)));
         assert!(!Law::new("IQS_CLB", &[0.3]).unwrap().set_cohesion(1.0));
     }
 

@@ -281,7 +281,7 @@ pub fn history(
             moment: Vec3::zeros(),
             velocity: ours(record.velocity),
             status,
-            bond: bonded.then_some(record.gap),
+            bond: bonded.then(|| scene.laws[see.law as usize].bonded_at(record.gap)),
         });
     }
     if unseen > 0 {

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use cd_formats::compute::Action;
 use cd_formats::snapshot::Snapshot;
 
-use crate::case::{Case, Figures, near, solve};
+use crate::case::{Case, Figures, equal, near, solve};
 
 /// c_n, Pa, of the bonds below; c_t is half of it.
 const COHESION: f64 = 32.0;
@@ -213,6 +213,40 @@ fn a_restart_from_text_knows_what_is_bonded() {
         assert_eq!(solve(case.path(), &["--force", "--steps", "2"]), 0);
         assert_eq!(bonded(&case.last()), [u8::from(holds)]);
     }
+}
+
+#[test]
+fn a_restart_from_text_keeps_a_liquid_bridge_and_lets_it_close() {
+    let mut case = Case::new();
+    case.law_of_all("xQS_WET_DS_CLB", &[2.0, 0.0, 0.1, 0.5, 0.5]);
+    case.sphere(0.5, [0.0; 3]);
+    case.sphere(0.5, [1.05, 0.0, 0.0]);
+    case.options.text = true;
+    case.options.output_every = 2;
+    case.options.dt = 1e-2;
+    case.run(2);
+    let (datbox, outbox) = (case.path().join("DATBOX"), case.path().join("OUTBOX"));
+    for kind in ["DOF", "Vloc_Rloc"] {
+        std::fs::copy(outbox.join(format!("{kind}.OUT.1")), datbox.join(format!("{kind}.INI"))).unwrap();
+    }
+    // 2 N on half of half a kilogram close 5 cm within 0.1 s.
+    assert_eq!(solve(case.path(), &["--force", "--steps", "40"]), 0);
+    let end = case.last();
+    assert_eq!(bonded(&end), [1]);
+    equal((end.x(1) - end.x(0)).norm(), 1.0, 1e-7); // eight digits of the text
+}
+
+#[test]
+fn a_bond_whose_cohesion_ends_is_gone() {
+    let mut case = pair(0.0, -1.0);
+    for law in ["law00", "law01"] {
+        case.event(0.01, Action::SetCohesion(law.into(), 0.0));
+    }
+    let end = case.run(20);
+    assert_eq!(bonded(&end), [0]);
+    near(end.force(0, 1).unwrap(), [1.0, 0.0, 0.0], 1e-7); // eight digits of the file
+    assert!(case.column("residual").iter().all(|residual| residual.is_finite()));
+    assert!(case.column("converged").iter().all(|converged| *converged == 1.0));
 }
 
 #[test]
