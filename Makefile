@@ -46,11 +46,13 @@ extremes: ## runs scenes at the ends of what parameters can be, with 1 and 2 thr
 	        > docs/limits-$$profile-$$threads.log 2> docs/limits.err \
 	        || { grep -h panicked -A3 docs/limits-$$profile-$$threads.log docs/limits.err; exit 1; }; \
 	done; done
+	CD_TESTS_LONG=1 $(CARGO) test --release --package cd-solve --test cases -- --nocapture a_wall_stands > docs/limits-once.log 2> docs/limits.err \
+	    || { grep -h panicked -A3 docs/limits-once.log docs/limits.err; exit 1; }
 	awk -f docs/limits/limits.awk docs/limits-*.log docs/limits/limits.md.in > docs/limits.md.part
 	mv docs/limits.md.part docs/limits.md
 	rm docs/limits-*.log docs/limits.err
 
-test: ## all tests; CD_REQUIRE_VTK=1 and CD_REQUIRE_CHROMIUM=1 make what is missing an error
+test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1 and CD_REQUIRE_VALGRIND=1 what is missing is an error
 	$(CARGO) test --workspace --no-fail-fast
 	$(MAKE) --no-print-directory vtk
 	$(MAKE) --no-print-directory browser

@@ -25,7 +25,7 @@ mkdir -p "$case"
 } > "$case/log" 2>&1 || { cat "$case/log" >&2; exit 1; }
 
 in_browser() { # in_browser OPTION...: stdout and stderr of the browser go to files
-    timeout 30 "$browser" --headless --no-sandbox --disable-dev-shm-usage --use-angle=swiftshader --enable-unsafe-swiftshader \
+    timeout 300 "$browser" --headless --no-sandbox --disable-dev-shm-usage --use-angle=swiftshader --enable-unsafe-swiftshader \
         --user-data-dir="$case/profile" --window-size=1200,900 --virtual-time-budget=10000 --enable-logging=stderr --v=0 \
         "$@" "file://$(realpath "$case/POSTPRO/report.html")" > "$case/stdout" 2> "$case/stderr" ||
         { tail -5 "$case/stderr" >&2; echo "the browser failed" >&2; exit 1; }

@@ -465,8 +465,7 @@ fn a_minute_on_their_feet() {
     BUILDINGS.into_iter().filter(|building| !building.0.starts_with("wall")).for_each(a_minute);
 }
 
-/// Its thousand contacts are solved by what comes after the sweeps. A minute of it takes eleven:
-/// `CD_TESTS_LONG=1 cargo test --release -p cd-solve --test cases -- --nocapture a_wall_stands`
+/// Its thousand contacts are solved by what comes after the sweeps. A minute of it, of `make extremes`, takes eleven.
 #[test]
 fn a_wall_stands() {
     if std::env::var_os("CD_TESTS_LONG").is_some() {
