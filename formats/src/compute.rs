@@ -212,7 +212,7 @@ options! {
     accuracy: Option<Accuracy> = None, Accuracy, [value_enum, value_name = "PRESET"];
     /// Steps of up to `most` times dt where little happens: (most: 16, travel: 0.1, penetration: 1e-3), the ways that neighbours may pass or overlap in a step over their radius; without it, as accuracy asks.
     adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];
-    /// Residual |F(r)|/|F(0)| at which the contact solver stops; without it, as accuracy asks.
+    /// Residual |F(r)|/|F(r_0)| at which the contact solver stops; without it, as accuracy asks.
     tol: Option<f64> = None, f64, [value_name = "X"];
     /// Who solves the contact problem: nlgs, Gauss-Seidel sweeps; nlgs-anderson, prox-newton, admm, interior-point, on the stored matrix, for small scenes; auto, nlgs, and the others where a small problem stalls.
     solver: ContactSolver = ContactSolver::Auto, ContactSolver, [value_enum, value_name = "SOLVER"];

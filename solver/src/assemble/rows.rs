@@ -49,7 +49,7 @@ pub struct Row {
     pub acts: bool,
     /// Whether it acts, and the two bodies' free velocities can close the gap within the step, or the row pulls.
     pub can_close: bool,
-    /// r̂ to start from, world frame, N s.
+    /// r̂ to start from, world frame, N s: that of the last step, else what the attraction alone makes.
     pub start: Vec3,
     /// u at the step's start along n, t, s, m/s.
     pub u_before: Vec3,
@@ -177,10 +177,13 @@ pub fn contact_problem(
         }
     }
     let mut system = System { rows, rolls, full, records, order: q_c.order.clone() };
-    for k in 0..system.rows.len() {
+    for (k, old) in history.iter().enumerate() {
         let Row { impulse_shift, normal, .. } = system.rows[k];
         if impulse_shift != 0.0 {
             system.apply(k, &(normal * impulse_shift));
+            if old.is_none() {
+                system.rows[k].start = normal * system.rows[k].balance();
+            }
         }
     }
     system
@@ -401,6 +404,13 @@ impl System {
 }
 
 impl Row {
+    /// r̂_n that keeps the row's own attraction from moving anything, as far as its shift leaves the contact closed, N s; 0
+    /// without an attraction. It is the solution of a contact that nothing else loads.
+    pub fn balance(&self) -> f64 {
+        let attraction = -self.impulse_shift;
+        (attraction - self.shift.dot(&self.normal) / self.w_n).clamp(0.0, attraction)
+    }
+
     /// û at the records' velocities, world frame, m/s.
     pub fn velocity(&self, records: &[Record]) -> Vec3 {
         let [a, b] = self.bodies.map(|i| &records[i as usize]);

@@ -119,8 +119,8 @@ fn by_stored(
         let judge = Judge::new(&system, &rows, width);
         best.residual = judge.residual(&best.impulses).value;
         let Ok(matrix) = Problem::new(problem.mu, problem.q, problem.blocks) else { return best };
-        let zero = residual(&matrix, &vec![[0.0; 3]; rows.len()]);
-        left.tol = AIM * limits.tol.max(judge.least()) * zero;
+        let balance: Vec<[f64; 3]> = rows.iter().map(|row| [system.rows[*row as usize].balance(), 0.0, 0.0]).collect();
+        left.tol = AIM * limits.tol.max(judge.least()) * residual(&matrix, &balance);
         let found = solve(&matrix, solver, &from, left);
         let mut impulses = best.impulses.clone();
         for ((row, frame), r) in problem.rows.iter().zip(&found.r) {

@@ -1,8 +1,9 @@
 //! Judges a solution of the contact problem; never solves, and shares no arithmetic with what solves.
 //!
-//! E = |F(r)|/|F(0)| with the natural map F(r) = r - P_K(r - rho (û + mu |û_T| n)), rho = 3N/trace W, over
+//! E = |F(r)|/|F(r_0)| with the natural map F(r) = r - P_K(r - rho (û + mu |û_T| n)), rho = 3N/trace W, over
 //! the contacts that can close in the step: 1 when nothing is solved, 0 exactly at a solution, the same
-//! in any units and whatever the alert distance. A moment m of rolling and spinning friction counts as an impulse m/R
+//! in any units and whatever the alert distance. r_0 is 0, and where contacts attract what takes up the attraction of
+//! each ([`Row::balance`](crate::assemble::Row::balance)): cohesion, however strong, loads nothing by itself. A moment m of rolling and spinning friction counts as an impulse m/R
 //! against a velocity R w.
 //!
 //! Source: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 13.
@@ -14,8 +15,8 @@ use crate::assemble::{Record, Roll, System};
 use crate::math::Vec3;
 use crate::math::lanes::{Lanes, Width};
 
-/// Below this share of the bodies' own velocities a residual is their rounding: steps in which
-/// nothing closes count as solved.
+/// Below this share of the bodies' own velocities, and of those that attractions would give them, a residual is their
+/// rounding: steps in which nothing closes count as solved.
 const FLOOR: f64 = 1e-15;
 
 /// Contacts judged at once.
@@ -49,7 +50,8 @@ pub struct Judge<'a> {
     rows: &'a [u32],
     contacts: Vec<Eight>,
     rho: f64,
-    at_zero: f64,
+    /// |F(r_0)|
+    unsolved: f64,
     floor: f64,
 }
 
@@ -67,22 +69,32 @@ impl<'a> Judge<'a> {
             rows.iter().fold((0.0, 0.0), |(trace, speeds), &k| {
                 let row = &system.rows[k as usize];
                 let [a, b] = row.bodies.map(|i| system.records[i as usize].v.norm());
-                (trace + row.w_n + 2.0 * row.w_t, speeds + (a + b) * (a + b))
+                let speed = a + b + row.w_n * row.impulse_shift.abs();
+                (trace + row.w_n + 2.0 * row.w_t, speeds + speed * speed)
             })
         };
         let parts: Vec<(f64, f64)> = rows.par_chunks(TASK * EIGHT).map(of_some).collect();
         let (trace, speeds) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
         let floor = FLOOR * rho * speeds.sqrt();
-        let mut judge = Judge { system, width, rows, contacts, rho, at_zero: 0.0, floor };
-        let free: Vec<Motion> = system.records.iter().map(|record| motion(&record.v, &record.w)).collect();
-        judge.at_zero = judge.norm(&vec![Vec3::zeros(); system.rows.len()], &[], &free).0;
+        let mut judge = Judge { system, width, rows, contacts, rho, unsolved: 0.0, floor };
+        let mut balance = vec![Vec3::zeros(); system.rows.len()];
+        let attracting = rows.iter().filter(|&&k| system.rows[k as usize].impulse_shift != 0.0);
+        let mut attracted = false;
+        for &k in attracting {
+            let row = &system.rows[k as usize];
+            (balance[k as usize], attracted) = (row.normal * row.balance(), true);
+        }
+        let free = |record: &Record| motion(&record.v, &record.w);
+        let motions =
+            if attracted { judge.motions(&balance) } else { system.records.iter().map(free).collect::<Vec<Motion>>() };
+        judge.unsolved = judge.norm(&balance, &[], &motions).0;
         judge
     }
 
-    /// Share of |F(0)| that is rounding.
+    /// Share of |F(r_0)| that is rounding.
     pub fn least(&self) -> f64 {
-        if self.at_zero > 0.0 { self.floor / self.at_zero } else { 0.0 }
+        if self.unsolved > 0.0 { self.floor / self.unsolved } else { 0.0 }
     }
 
     /// E of the impulses r̂ (one a row of the system, world frame, N s; 0 in rows that are not judged).
@@ -101,7 +113,7 @@ impl<'a> Judge<'a> {
         if norm <= self.floor {
             return Residual { value: 0.0, worst: None };
         }
-        Residual { value: norm / self.at_zero.max(self.floor), worst }
+        Residual { value: norm / self.unsolved.max(self.floor), worst }
     }
 
     /// V_free + M⁻¹ H r̂ from the beginning.
