@@ -10,10 +10,11 @@ use vtkio::model::{Attributes, PolyDataPiece};
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::fabric::{anisotropy, distribution, eigenvalues, fabric, mobilisation};
 use crate::derive::fragments::{Fragment, fragments};
+use crate::derive::motion::Axes;
 use crate::derive::orbits::orbits;
 use crate::derive::profile::shells;
 use crate::derive::surface::{Facet, Grid, slopes_below, surface};
-use crate::frame::{Frame, Vec3};
+use crate::frame::{Frame, Grain, Vec3};
 use crate::shapes::Shapes;
 use crate::write::display::{cells, file, flat, scalars, vectors};
 use crate::write::figure::{Axis, Curve, Figure, Marks};
@@ -224,8 +225,9 @@ fn ejecta(frame: &Frame, fragments: &[Fragment]) -> Vec<File> {
 
     let mass = frame.mass();
     let others = fragments.iter().skip(1).flat_map(|fragment| fragment.grains.iter());
-    let mut speeds: Vec<(f64, f64)> =
-        others.map(|&i| ((frame.grains[i].v - largest.velocity()).norm(), frame.grains[i].mass / mass)).collect();
+    let axes = Axes::of(frame);
+    let speed = |grain: &Grain| (grain.v + axes.velocity(grain.x) - largest.velocity()).norm();
+    let mut speeds: Vec<(f64, f64)> = others.map(|&i| (speed(&frame.grains[i]), frame.grains[i].mass / mass)).collect();
     speeds.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut faster = 0.0;
     let cumulated: Vec<(f64, f64)> = speeds

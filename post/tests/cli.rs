@@ -7,6 +7,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use cd_formats::compute::Field;
 use cd_formats::snapshot;
 use nalgebra::Vector3;
 use samples::Scene;
@@ -42,6 +43,14 @@ fn case(steps: &[u64]) -> tempfile::TempDir {
         scene(step).snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), step)).unwrap();
     }
     case
+}
+
+/// The fields of a column of a table, from its second line on.
+fn column(table: &Path, name: &str) -> Vec<f64> {
+    let text = fs::read_to_string(table).unwrap();
+    let place = text.lines().next().unwrap().split(',').position(|known| known == name).unwrap();
+    let field = |line: &str| line.split(',').nth(place).unwrap().parse().unwrap_or(f64::NAN);
+    text.lines().skip(1).map(field).collect()
 }
 
 /// Every file below a folder with its bytes.
@@ -236,6 +245,40 @@ fn a_state_in_depth_has_its_tables_and_figures() {
     let none = cd_post(&["state", "--snapshot", "7"], case.path());
     assert_eq!(none.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&none.stderr).contains("holds no snapshot of step 7"));
+}
+
+#[test]
+fn turning_axes_hide_no_motion() {
+    // Two spheres at rest in axes that turn at 1.6 times the rate of the circle: above the root of 2 they part.
+    let (distance, k, constant) = (8.0, 1.6, 1.0);
+    let case = tempfile::tempdir().unwrap();
+    let mut scene = Scene::self_gravitating(constant);
+    let rows = [scene.grain([0.0; 3], 1.0), scene.grain([distance, 0.0, 0.0], 1.0)];
+    let mass = scene.snapshot.bodies.body_mass[rows[0]];
+    let rate = k * (2.0 * constant * mass / f64::powi(distance, 3)).sqrt();
+    scene.snapshot.meta.parameters.fields =
+        vec![Field::RotatingFrame { rate: [0.0, 0.0, rate], centre: [1.0, 2.0, 0.0] }];
+    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 0)).unwrap();
+    for command in [&["--no-vtk"][..], &["state"]] {
+        assert_eq!(cd_post(command, case.path()).status.code(), Some(0));
+    }
+    let near = |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
+    let series = |name: &str| column(&case.path().join("POSTPRO/series.csv"), name)[0];
+    assert_eq!((series("bound_fraction"), series("escaping_fraction")), (0.0, 0.5));
+    near(series("largest_spin"), rate);
+    near(series("spin_z"), rate);
+    near(series("L_z"), rate * mass * (0.5 * distance * distance + 2.0 * 0.4));
+    // What is balanced is what the axes show: with E_fields, the energy that stays is that of Jacobi.
+    for name in ["Ec_mean", "Ec_rigid_mean", "P_x", "P_y", "pressure_kinetic"] {
+        assert_eq!(series(name), 0.0, "{name}");
+    }
+    let state = |table: &str, name: &str| column(&case.path().join("POSTPRO/state-000000").join(table), name);
+    near(state("fragments.csv", "orbit_e")[1], k * k - 1.0);
+    let (v_x, v_y) = (state("fragments.csv", "v_x"), state("fragments.csv", "v_y"));
+    near(v_y[1] - v_y[0], rate * distance);
+    near(v_x[0], rate * 2.0);
+    near(state("fragments.csv", "speed")[1], rate * distance);
+    near(state("ejecta.csv", "speed")[0], rate * distance);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use cd_formats::groups::Groups;
 
-use crate::derive::motion::Whole;
+use crate::derive::motion::{Axes, Whole};
 use crate::frame::{Frame, Grain};
 
 /// Grains touch if their contact carries force, or if the gap between them is at most this share
@@ -14,6 +14,7 @@ pub const TOUCHING_GAP: f64 = 1e-3;
 pub struct Fragment {
     /// Indices into [`Frame::grains`], rising.
     pub grains: Vec<usize>,
+    /// Its motion in fixed axes.
     pub whole: Whole,
 }
 
@@ -51,9 +52,10 @@ pub fn fragments(frame: &Frame) -> Vec<Fragment> {
         members[groups.root(i)].push(i);
     }
     members.retain(|group| !group.is_empty());
+    let axes = Axes::of(frame);
     let fragment = |group: Vec<usize>| {
         let whole = Whole::of(&group.iter().map(|&i| grains[i].clone()).collect::<Vec<Grain>>());
-        Fragment { grains: group, whole }
+        Fragment { grains: group, whole: whole.in_fixed_axes(&axes) }
     };
     let mut found: Vec<Fragment> = members.into_iter().map(fragment).collect();
     found.sort_by(|a, b| b.whole.mass.total_cmp(&a.whole.mass));

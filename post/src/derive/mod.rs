@@ -177,7 +177,8 @@ impl Row {
         let gravity = energy::self_gravity_constant(frame);
         let whole = motion::Whole::of(grains);
         let [a, b, c] = whole.semi_axes();
-        let spin = whole.spin();
+        let fixed = whole.clone().in_fixed_axes(&motion::Axes::of(frame));
+        let spin = fixed.spin();
         let (e_translation, e_rotation) = energy::kinetic_sums(grains);
         let fragments = fragments::fragments(frame);
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / count;
@@ -211,9 +212,9 @@ impl Row {
             spin_x: spin.x,
             spin_y: spin.y,
             spin_z: spin.z,
-            L_x: whole.angular_momentum.x,
-            L_y: whole.angular_momentum.y,
-            L_z: whole.angular_momentum.z,
+            L_x: fixed.angular_momentum.x,
+            L_y: fixed.angular_momentum.y,
+            L_z: fixed.angular_momentum.z,
             n_fragments: fragments.len() as u64,
             largest_fraction: largest.whole.mass / whole.mass,
             n_grains: grains.len() as u64,

@@ -1,8 +1,33 @@
 //! The grains as one body: centre of mass, momenta, inertia, spin.
 
+use cd_formats::compute::Field;
 use nalgebra::SymmetricEigen;
 
-use crate::frame::{Grain, Mat3, Vec3};
+use crate::frame::{Frame, Grain, Mat3, Vec3};
+
+/// The axes from which a snapshot's motion is seen: rate W (rad/s) and centre c (m) of each field that turns them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axes(Vec<(Vec3, Vec3)>);
+
+impl Axes {
+    pub fn of(frame: &Frame) -> Axes {
+        let turning = |field: &Field| match *field {
+            Field::RotatingFrame { rate, centre } => Some((rate.into(), centre.into())),
+            _ => None,
+        };
+        Axes(frame.meta.parameters.fields.iter().filter_map(turning).collect())
+    }
+
+    /// How fast they turn, rad/s: what to add to an angular velocity for that in fixed axes.
+    pub fn rate(&self) -> Vec3 {
+        self.0.iter().map(|(rate, _)| rate).sum()
+    }
+
+    /// W x (x - c), m/s: what to add to a velocity at `x` for that in fixed axes.
+    pub fn velocity(&self, x: Vec3) -> Vec3 {
+        self.0.iter().map(|(rate, centre)| rate.cross(&(x - centre))).sum()
+    }
+}
 
 /// Sums over all grains.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,6 +54,13 @@ impl Whole {
             grains.iter().map(|g| g.mass * (g.x - x).cross(&(g.v - velocity)) + g.inertia * g.w).sum();
         let inertia = grains.iter().map(|g| g.inertia + point_inertia(g.mass, g.x - x)).sum();
         Whole { mass, x, momentum, angular_momentum, inertia }
+    }
+
+    /// The same motion in fixed axes, seen from `axes` before: P + M W x (x_com - c) and L + I W.
+    pub fn in_fixed_axes(self, axes: &Axes) -> Whole {
+        let momentum = self.momentum + self.mass * axes.velocity(self.x);
+        let angular_momentum = self.angular_momentum + self.inertia * axes.rate();
+        Whole { momentum, angular_momentum, ..self }
     }
 
     /// Velocity of the centre of mass, m/s.
@@ -141,6 +173,36 @@ mod tests {
         assert!((whole.velocity() - velocity).norm() < 1e-14);
         let (translation, rotation) = crate::derive::energy::kinetic_sums(&grains);
         assert!((whole.rigid_energy() / (translation + rotation) - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn turning_axes_show_less_motion_than_there_is() {
+        let (rate, centre) = (Vec3::new(0.3, -0.2, 0.5), Vec3::new(2.0, 1.0, -1.0));
+        let mut scene = Scene::default();
+        for (k, r) in [0.5, 1.0, 0.2].into_iter().enumerate() {
+            let k = k as f64;
+            scene.grain([k, 0.3 * k * k, (5.0 * k).sin()], r);
+        }
+        let bodies = &mut scene.snapshot.bodies;
+        (bodies.body_v, bodies.body_w_world) =
+            (vec![[0.1, 0.2, 0.3], [-0.4, 0.0, 1.0], [0.7, 0.5, -0.2]], vec![[0.0, 0.6, 0.1]; 3]);
+        let fixed = scene.frame();
+        let bodies = &mut scene.snapshot.bodies;
+        for row in 0..3 {
+            let x = Vec3::from(bodies.body_x[row]);
+            bodies.body_v[row] = (Vec3::from(bodies.body_v[row]) - rate.cross(&(x - centre))).into();
+            bodies.body_w_world[row] = (Vec3::from(bodies.body_w_world[row]) - rate).into();
+        }
+        scene.snapshot.meta.parameters.fields = vec![Field::RotatingFrame { rate: rate.into(), centre: centre.into() }];
+        let seen = scene.frame();
+        let (expected, found) = (Whole::of(&fixed.grains), Whole::of(&seen.grains));
+        assert!((found.spin() - expected.spin()).norm() > 0.5);
+        let found = found.in_fixed_axes(&Axes::of(&seen));
+        // Rounding of sums of a few numbers near 10.
+        assert!((found.momentum - expected.momentum).norm() < 1e-13);
+        assert!((found.angular_momentum - expected.angular_momentum).norm() < 1e-13);
+        assert!((found.spin() - expected.spin()).norm() < 1e-13);
+        assert_eq!(expected.clone().in_fixed_axes(&Axes::of(&fixed)), expected);
     }
 
     #[test]

@@ -78,6 +78,8 @@ pub fn axis_of(whole: &Whole) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cd_formats::compute::Field;
+
     use crate::derive::fragments::fragments;
     use crate::samples::Scene;
 
@@ -129,5 +131,23 @@ mod tests {
         assert!(found[0].e < 1e-14);
         assert_close(found[0].a, 10.0);
         assert_eq!(found[0].inclination, 0.0);
+    }
+
+    #[test]
+    fn what_rests_in_turning_axes_goes_round() {
+        // At k times the speed of the circle, v^2 = k^2 mu / r: e = k^2 - 1, and far away (k^2 - 2) mu / r is left of v^2.
+        let (constant, distance, k) = (0.5, 10.0, 1.6);
+        let mut scene = Scene::self_gravitating(constant);
+        scene.grain([1.0, 2.0, 3.0], 1.0);
+        scene.grain([1.0 + distance, 2.0, 3.0], 1.0);
+        let mu = 2.0 * constant * scene.snapshot.bodies.body_mass[0];
+        let rate = k * (mu / distance.powi(3)).sqrt();
+        scene.snapshot.meta.parameters.fields =
+            vec![Field::RotatingFrame { rate: [0.0, 0.0, rate], centre: [-3.0, 4.0, 0.0] }];
+        let found = orbits(&fragments(&scene.frame()), constant)[0];
+        assert_close(found.speed, rate * distance);
+        assert_close(found.e, k * k - 1.0);
+        assert_close(found.speed_at_infinity, ((k * k - 2.0) * mu / distance).sqrt());
+        assert!(!found.bound());
     }
 }

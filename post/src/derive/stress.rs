@@ -4,10 +4,9 @@
 //! in the time-stepping scheme, so that the balance between both pressures holds to the solver's
 //! tolerance, not just to first order in the step.
 
-use cd_formats::field::Outside;
-
 use crate::derive::energy::{Summation, gravitational, outside, self_gravity_constant};
 use crate::derive::fabric::eigenvalues;
+use crate::derive::motion::Axes;
 use crate::frame::{Frame, Grain, Mat3, Vec3};
 
 /// Mean stress of the whole, Pa: sigma = (1/V) sum f (x) l over the contacts between grains.
@@ -63,7 +62,7 @@ pub fn virial_pressure(frame: &Frame, volume: f64, summation: Summation) -> f64 
         .map(|(grain, force, _)| (grains[grain].x_contact - com).dot(&force))
         .sum();
     let fields = outside(frame);
-    let rate: Vec3 = fields.iter().map(Outside::rate).sum();
+    let rate = Axes::of(frame).rate();
     let pull = |g: &Grain| -> Vec3 {
         let at_rest: Vec3 = fields.iter().map(|field| field.at(&g.x_contact).0).sum();
         at_rest - 2.0 * rate.cross(&g.v)

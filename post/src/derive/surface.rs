@@ -83,7 +83,7 @@ pub struct Facet {
 ///
 /// Rays from the centre of mass to the last surface of a sphere give the heights (of a polyhedron the sphere of
 /// equal volume), averaged over three mean radii around with less weight farther away. Gravity is that of all
-/// grains of the frame, each a solid ball; `constant`: G. The spin is that of `whole`.
+/// grains of the frame, each a solid ball; `constant`: G. The spin is that of `whole`, in fixed axes.
 pub fn surface(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, grid: Grid) -> Vec<Facet> {
     let grains: Vec<&Grain> = members.iter().map(|&i| &frame.grains[i]).collect();
     let raw = heights(&grains, whole.x, grid);
@@ -186,6 +186,9 @@ pub fn slopes_below(facets: &[Facet], shares: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cd_formats::compute::Field;
+
+    use crate::derive::fragments::fragments;
     use crate::samples::Scene;
 
     /// Heights of the ellipsoid with these semi-axes.
@@ -259,6 +262,24 @@ mod tests {
         }
         let weightless = facets(&ellipsoid([2.0; 3], FINE), Vec3::zeros(), Vec3::zeros(), |_| Vec3::zeros(), FINE);
         assert!(weightless.iter().all(|f| f.slope.is_nan()) && slopes_below(&weightless, &[0.5]).is_empty());
+    }
+
+    #[test]
+    fn a_ball_that_rests_in_turning_axes_is_pulled_to_its_equator() {
+        // As above: without motion in the axes, but with their rate, w^2 = G M / 2 R^3.
+        let (constant, radius) = (3.0, 2.0);
+        let mut scene = Scene::self_gravitating(constant);
+        scene.grain([1.0, -2.0, 0.5], radius);
+        let attraction = constant * scene.snapshot.bodies.body_mass[0] / (radius * radius);
+        let rate = [0.0, 0.0, (0.5 * attraction / radius).sqrt()];
+        scene.snapshot.meta.parameters.fields = vec![Field::RotatingFrame { rate, centre: [5.0, 0.0, 0.0] }];
+        let frame = scene.frame();
+        let largest = &fragments(&frame)[0];
+        for facet in surface(&frame, &largest.grains, &largest.whole, constant, Grid::STANDARD) {
+            let (sin, cos) = facet.latitude.abs().sin_cos();
+            let expected = (0.5 * sin * cos).atan2(1.0 - 0.5 * cos * cos);
+            assert!((facet.slope - expected).abs() < 1e-7, "{facet:?} {expected}"); // the cosine of 1e-7 is 1 to rounding
+        }
     }
 
     #[test]
