@@ -136,6 +136,10 @@ pub struct Contact {
     pub law: u8,
     /// Carries force: the impulse is not zero.
     pub active: bool,
+    /// A bond or a liquid bridge holds at the end of the step.
+    pub bonded: bool,
+    /// What a bond's stresses act on, m^2: the area that faces share, else pi R^2, 1/R = 1/R_a + 1/R_b.
+    pub area: f64,
 }
 
 impl Contact {
@@ -181,7 +185,7 @@ impl Frame {
     /// Takes a sound snapshot apart; `solids` has the polyhedron of each body, the rest are none.
     pub fn with(snapshot: Snapshot, mut solids: Vec<Option<Arc<Solid>>>) -> Frame {
         solids.resize(snapshot.bodies.body_id.len(), None);
-        let Snapshot { meta, bodies, contacts, .. } = snapshot;
+        let Snapshot { meta, bodies, contacts, memory, shapes, .. } = snapshot;
         let to_contact = -meta.parameters.theta * meta.h;
         let cell = Cell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
@@ -198,6 +202,10 @@ impl Frame {
                 }
             })
             .collect();
+        let curvature = |body: u32| match bodies.body_shape[body as usize] {
+            SHAPE_PLANE => 0.0,
+            _ => 1.0 / bodies.body_radius[body as usize],
+        };
         let contacts = (0..contacts.contact_body.len())
             .filter_map(|row| {
                 let [candidate, antagonist] = contacts.contact_body[row].map(|body| sides[body as usize]);
@@ -209,6 +217,8 @@ impl Frame {
                     Side::Wall(k) => (walls[k].x, Vec3::zeros()),
                 };
                 let ((x, moved), (other, _)) = (place(candidate), place(antagonist));
+                let shared = shapes.as_ref().map_or(0.0, |shapes| shapes.contacts.contact_area[row]);
+                let [a, b] = contacts.contact_body[row].map(curvature);
                 Some(Contact {
                     candidate,
                     antagonist,
@@ -222,6 +232,8 @@ impl Frame {
                     status: contacts.contact_status[row],
                     law: contacts.contact_law[row],
                     active: contacts.contact_impulse[row].iter().any(|&r| r != 0.0),
+                    bonded: memory.as_ref().is_some_and(|memory| memory.contact_bonded[row] != 0),
+                    area: if shared > 0.0 { shared } else { std::f64::consts::PI / (a + b).powi(2) },
                 })
             })
             .collect();

@@ -1,6 +1,6 @@
 //! How contacts are directed and what they carry.
 
-use cd_formats::snapshot::LawName;
+use cd_formats::snapshot::{LawName, STATUS_SLIDE};
 use cd_formats::tact_behav::LAWS;
 use nalgebra::SymmetricEigen;
 
@@ -34,31 +34,41 @@ pub fn anisotropy(fabric: &Mat3) -> f64 {
     2.5 * (first - last)
 }
 
-/// Coefficient of (static) friction and constant attraction, N, of a law; 0 where it has none.
-pub fn friction_and_cohesion(law: &LawName) -> (f64, f64) {
+/// Greatest tangential force that a contact could carry with its normal force f_n, N: mu (f_n + f_c); 0 without friction.
+///
+/// mu is the coefficient of (static) friction, f_c the attraction of a liquid within its range and, of a law that remembers,
+/// where its bridge holds. Of a bond over the area S, f_c = c_n S, and c_t / c_n stands for mu. Source: the laws of cd-solve.
+pub fn tangential_limit(contact: &Contact, law: &LawName) -> f64 {
     let labels = LAWS.iter().find(|(kind, _)| *kind == law.kind).map_or(&[][..], |(_, lines)| *lines);
     let labels: Vec<&str> = labels.iter().flat_map(|line| line.iter().copied()).collect();
     let of = |name: &str| labels.iter().position(|label| *label == name).and_then(|k| law.parameters.get(k)).copied();
-    let cohesion = if law.kind.contains("MOHR") { None } else { of("cohn") };
-    (of("fric").or(of("stfr")).unwrap_or(0.0), cohesion.unwrap_or(0.0))
+    let friction = of("fric").or(of("stfr")).unwrap_or(0.0);
+    let remembers = law.kind.starts_with("xQS");
+    match (of("cohn"), of("coht"), of("Wthk")) {
+        (Some(force), _, Some(range)) if contact.gap <= range && (contact.bonded || !remembers) => {
+            friction * (contact.normal_force + force)
+        }
+        (Some(normal), Some(tangential), None) if contact.bonded => {
+            tangential / normal * (contact.normal_force + normal * contact.area)
+        }
+        // A bond that slides is gone at the step's end; what slides is at its limit, that of a bond or the other.
+        (Some(_), Some(_), None) if contact.status == STATUS_SLIDE => contact.tangential_force,
+        _ => friction * contact.normal_force,
+    }
 }
 
-/// Share of the friction that a contact could give: f_t / (mu (f_n + f_c)), 0 to 1; none where nothing can be given.
-///
-/// f_c is the attraction of a cohesive law.
+/// Share of the friction that a contact could give: f_t over its [`tangential_limit`], 0 to 1; none where nothing can be
+/// given.
 pub fn mobilisation(contact: &Contact, laws: &[LawName]) -> Option<f64> {
-    let (friction, cohesion) = friction_and_cohesion(laws.get(contact.law as usize)?);
-    let most = friction * (contact.normal_force + cohesion);
+    let most = tangential_limit(contact, laws.get(contact.law as usize)?);
     (most > 0.0).then(|| contact.tangential_force / most)
 }
 
 /// Mean of [`mobilisation`] over the contacts that carry force, and the share of these that slide
 /// (status 2 where there is friction); NaN without.
 pub fn mobilised(frame: &Frame) -> (f64, f64) {
-    let all: Vec<(f64, bool)> = frame
-        .active()
-        .filter_map(|c| Some((mobilisation(c, &frame.meta.laws)?, c.status == cd_formats::snapshot::STATUS_SLIDE)))
-        .collect();
+    let all: Vec<(f64, bool)> =
+        frame.active().filter_map(|c| Some((mobilisation(c, &frame.meta.laws)?, c.status == STATUS_SLIDE))).collect();
     let count = all.len() as f64;
     let sliding = all.iter().filter(|(_, slides)| *slides).count() as f64;
     (all.iter().map(|(share, _)| share).sum::<f64>() / count, sliding / count)
@@ -80,6 +90,8 @@ pub fn distribution(values: impl Iterator<Item = f64>, width: f64) -> Vec<(f64, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cd_formats::snapshot::{STATUS_STICK, Shapes};
+
     use crate::frame::Vec3;
     use crate::samples::Scene;
 
@@ -136,6 +148,49 @@ mod tests {
         (law.kind, law.parameters) = ("IQS_WET_DS_CLB".into(), vec![4.0, 0.0, 0.1, 0.4, 0.5]);
         let (mean, _) = mobilised(&scene.frame());
         assert!((mean - 0.375).abs() < 1e-15, "{mean}");
+        // But not beyond its range, nor, where it remembers, once the bridge is gone: 1 / (0.5 4) and again half of that.
+        scene.snapshot.contacts.contact_gap[1] = 0.2;
+        let (mean, _) = mobilised(&scene.frame());
+        assert!((mean - 0.5 * (0.5 + 0.5)).abs() < 1e-15, "{mean}");
+        scene.snapshot.meta.laws[0].kind = "xQS_WET_DS_CLB".into();
+        scene.snapshot.contacts.contact_gap[1] = 0.0;
+        for (bonded, expected) in [([1, 1], 0.375), ([0, 0], 0.75), ([0, 1], 0.5 * (1.0 + 0.25))] {
+            scene.remember(&bonded);
+            let (mean, _) = mobilised(&scene.frame());
+            assert!((mean - expected).abs() < 1e-15, "{bonded:?} {mean}");
+        }
+    }
+
+    #[test]
+    fn a_bond_can_give_shear_without_being_pushed() {
+        // Radii 1 and 1: S = pi / 4; at most c_t S + (c_t / c_n) f_n = 2 S + 0.5 f_n.
+        let mut scene = Scene::default();
+        scene.grain([0.0; 3], 1.0);
+        scene.grain([2.0, 0.0, 0.0], 1.0);
+        let law = &mut scene.snapshot.meta.laws[0];
+        (law.kind, law.parameters) = ("IQS_MOHR_DS_CLB".into(), vec![4.0, 2.0, 0.3, 0.4]);
+        let area = std::f64::consts::FRAC_PI_4;
+        let share = |scene: &Scene| mobilised(&scene.frame()).0;
+        scene.contact(1, 0, Vec3::new(-1.0, 0.0, area)); // pulled by 1
+        scene.remember(&[1]);
+        assert!((share(&scene) - area / (2.0 * area - 0.5)).abs() < 1e-15, "{}", share(&scene));
+        // Where faces meet the area is theirs.
+        let mut shapes = Shapes::default();
+        shapes.contacts.contact_area = vec![2.0 * area];
+        scene.snapshot.shapes = Some(shapes);
+        assert!((share(&scene) - area / (4.0 * area - 0.5)).abs() < 1e-15, "{}", share(&scene));
+        // It has slid, and so is gone at the end of the step: it gave all.
+        scene.remember(&[0]);
+        assert_eq!(share(&scene), 1.0);
+        // What only sticks has the friction of the law.
+        scene.snapshot.contacts.contact_force[0] = [5.0, 1.0, 0.0];
+        scene.snapshot.contacts.contact_status[0] = STATUS_STICK;
+        assert_eq!(share(&scene), 1.0 / (0.4 * 5.0));
+        // On a plate, which is flat, S = pi.
+        let mut scene = Scene::default();
+        let (floor, ball) = (scene.plate([0.0, 0.0, -0.1], [5.0, 5.0, 0.1]), scene.grain([0.0, 0.0, 1.0], 1.0));
+        scene.contact_at(ball, floor, [0.0; 3], Vec3::z());
+        assert_eq!(scene.frame().contacts[0].area, std::f64::consts::PI);
     }
 
     #[test]

@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 
 use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
 use cd_formats::snapshot::{
-    DRIVEN_ALL, LawName, MaterialName, SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE,
-    STATUS_STICK, Snapshot,
+    DRIVEN_ALL, LawName, MaterialName, MemoryArrays, SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT,
+    STATUS_SLIDE, STATUS_STICK, Snapshot,
 };
 use nalgebra::Vector3;
 
@@ -110,6 +110,12 @@ impl Scene {
     pub fn push(&mut self, candidate: usize, antagonist: usize, force: f64) {
         let n = self.between(candidate, antagonist).normalize();
         self.contact(candidate, antagonist, n * force);
+    }
+
+    /// Whether a bond or a bridge holds, of each contact.
+    pub fn remember(&mut self, bonded: &[u8]) {
+        let (contact_bond_gap, contact_moment) = (vec![0.0; bonded.len()], vec![[0.0; 3]; bonded.len()]);
+        self.snapshot.memory = Some(MemoryArrays { contact_bonded: bonded.to_vec(), contact_bond_gap, contact_moment });
     }
 
     /// A contact between two spheres with any force on the candidate, N, on the surface of the antagonist.
