@@ -30,7 +30,7 @@ pub const PROFILE: [Column; 8] = [
     ("outer", "m", ""),
     ("nu", "1", "solid fraction by radius"),
     ("grains", "1", "grains with their centre in the shell"),
-    ("Z", "1", "contacts per grain by radius"),
+    ("Z", "1", "neighbours per grain by radius"),
     ("pressure", "Pa", "pressure by radius"),
     ("radial_stress", "Pa", "radial stress by radius"),
     ("tangential_stress", "Pa", "tangential stress by radius"),
@@ -124,7 +124,7 @@ fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
     vec![
         text("profile.csv", table(&PROFILE, rows)),
         text("profile_nu.svg", figure("Solid fraction by radius", "ν", "1", nu)),
-        text("profile_Z.svg", figure("Contacts per grain by radius", "Z", "1", z)),
+        text("profile_Z.svg", figure("Neighbours per grain by radius", "Z", "1", z)),
         text("profile_stress.svg", figure("Stress by radius", "stress", "Pa", stress)),
     ]
 }

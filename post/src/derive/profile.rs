@@ -1,6 +1,6 @@
 //! Radial profiles about the centre of mass.
 
-use crate::derive::coordination::contact_counts;
+use crate::derive::coordination::neighbour_counts;
 use crate::derive::stress::{grain_stresses, pressure};
 use crate::frame::{Frame, Grain, Vec3};
 
@@ -15,7 +15,7 @@ pub struct Shell {
     pub nu: f64,
     /// Grains with their centre in the shell.
     pub grains: u64,
-    /// Their mean number of contacts that carry force; NaN without.
+    /// Their mean number of neighbours touched with force; NaN without.
     pub z: f64,
     /// sum V_i sigma_i over the grains, each with the share of its volume that lies in the shell, over the
     /// volume of the shell, Pa: a third of the trace.
@@ -31,12 +31,12 @@ pub struct Shell {
 /// Stresses are those of each grain ([`grain_stresses`]): the shells' stresses add up to V times the stress of the
 /// whole. Of a polyhedron the sphere of equal volume counts.
 pub fn shells(frame: &Frame, members: &[usize], centre: Vec3, count: usize) -> Vec<Shell> {
-    let (stresses, contacts) = (grain_stresses(frame), contact_counts(frame));
+    let (stresses, neighbours) = (grain_stresses(frame), neighbour_counts(frame));
     let far = |g: &Grain| (g.x - centre).norm() + g.radius;
     let radius = members.iter().map(|&i| far(&frame.grains[i])).fold(0.0, f64::max);
     let width = radius / count as f64;
     let edges: Vec<f64> = (0..=count).map(|k| if k == count { radius } else { k as f64 * width }).collect();
-    let mut sums = vec![[0.0; 6]; count]; // volume, grains, contacts, V p, V radial, V tangential
+    let mut sums = vec![[0.0; 6]; count]; // volume, grains, neighbours, V p, V radial, V tangential
     for &i in members {
         let grain = &frame.grains[i];
         let arm = grain.x - centre;
@@ -46,7 +46,7 @@ pub fn shells(frame: &Frame, members: &[usize], centre: Vec3, count: usize) -> V
         let radial = if distance > 0.0 { arm.dot(&(stresses[i] * arm)) / (distance * distance) } else { mean };
         let home = ((distance / width) as usize).min(count - 1);
         sums[home][1] += 1.0;
-        sums[home][2] += f64::from(contacts[i]);
+        sums[home][2] += f64::from(neighbours[i]);
         let first = (((distance - grain.radius) / width).max(0.0) as usize).min(count - 1);
         let mut below = shared_volume(edges[first], grain.radius, distance);
         for k in first..count {
@@ -62,14 +62,14 @@ pub fn shells(frame: &Frame, members: &[usize], centre: Vec3, count: usize) -> V
         }
     }
     let shell = |(k, sum): (usize, &[f64; 6])| {
-        let [filled, grains, contacts, p, radial, tangential] = *sum;
+        let [filled, grains, neighbours, p, radial, tangential] = *sum;
         let volume = ball(edges[k + 1]) - ball(edges[k]);
         Shell {
             inner: edges[k],
             outer: edges[k + 1],
             nu: filled / volume,
             grains: grains as u64,
-            z: contacts / grains,
+            z: neighbours / grains,
             pressure: p / volume,
             radial: radial / volume,
             tangential: tangential / volume,
@@ -123,6 +123,17 @@ mod tests {
             assert!((filled / volume - 1.0).abs() < 1e-12, "{filled} {volume}"); // rounding of differences
             assert_eq!(shells.iter().map(|s| s.grains).sum::<u64>(), 40);
         }
+    }
+
+    #[test]
+    fn polyhedra_that_meet_in_an_edge_are_one_neighbour_each() {
+        let mut scene = Scene::default();
+        let (low, high) = (scene.cube([0.0; 3], 1.0), scene.cube([0.0, 0.0, 2.4], 1.0));
+        for y in [-1.0, 1.0] {
+            scene.contact_at(high, low, [0.0, y, 1.0], Vec3::z());
+        }
+        let frame = scene.frame();
+        assert_eq!(shells(&frame, &[low, high], Vec3::new(0.0, 0.0, 1.2), 1)[0].z, 1.0);
     }
 
     #[test]

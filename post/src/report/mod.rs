@@ -18,7 +18,7 @@ use crate::{Options, series, state, write};
 /// Figures of the last state, with their captions.
 const STATE_FIGURES: [(&str, &str); 8] = [
     ("profile_nu.svg", "Share of spherical shells about the centre of mass of the largest remnant that grains fill."),
-    ("profile_Z.svg", "Contacts that carry force, per grain, by the shell of the grain's centre."),
+    ("profile_Z.svg", "Neighbours that a grain touches with force, by the shell of the grain's centre."),
     (
         "profile_stress.svg",
         "Stress of the grains by shell: a third of the trace, its radial and its mean tangential component.",
