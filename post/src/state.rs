@@ -14,7 +14,7 @@ use crate::derive::motion::Axes;
 use crate::derive::orbits::orbits;
 use crate::derive::profile::shells;
 use crate::derive::surface::{Facet, Grid, slopes_below, surface};
-use crate::frame::{Frame, Grain, Vec3};
+use crate::frame::{Contact, Frame, Grain, Vec3};
 use crate::shapes::Shapes;
 use crate::write::display::{cells, file, flat, scalars, vectors};
 use crate::write::figure::{Axis, Curve, Figure, Marks};
@@ -36,10 +36,11 @@ pub const PROFILE: [Column; 8] = [
     ("tangential_stress", "Pa", "tangential stress by radius"),
 ];
 /// Columns of forces.csv.
-pub const FORCES: [Column; 3] = [
+pub const FORCES: [Column; 4] = [
     ("force_over_mean", "1", ""),
-    ("P_normal", "1", "probability density of normal forces between grains"),
+    ("P_normal", "1", "probability density of normal forces between grains that push"),
     ("P_tangential", "1", "probability density of tangential forces between grains"),
+    ("P_tension", "1", "probability density of normal forces between grains that pull"),
 ];
 /// Columns of mobilisation.csv.
 pub const MOBILISATION: [Column; 2] = [
@@ -132,22 +133,25 @@ fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
 /// Distributions of the forces between grains, and of the mobilised friction.
 fn forces(frame: &Frame) -> Vec<File> {
     let between = || frame.active().filter(|c| c.pair().is_some());
-    let normal = distribution(between().map(|c| c.normal_force), BIN);
-    let tangential = distribution(between().map(|c| c.tangential_force), BIN);
+    let over_mean = |of: fn(&Contact) -> f64| distribution(between().map(of), BIN);
+    let densities = [over_mean(|c| c.normal_force), over_mean(|c| c.tangential_force), over_mean(|c| -c.normal_force)];
     let shares: Vec<f64> = between().filter_map(|c| mobilisation(c, &frame.meta.laws)).collect();
     // Twenty bins from 0 to 1; what round-off puts beyond is all of it.
     let mut bins = [0.0; 20];
     shares.iter().for_each(|share| bins[((share * 20.0) as usize).min(19)] += 20.0 / shares.len() as f64);
     let mobilised: Vec<(f64, f64)> = (0..20).map(|k| ((k as f64 + 0.5) / 20.0, bins[k])).collect();
-    let longest = normal.len().max(tangential.len());
-    let density = |bins: &[(f64, f64)], k: usize| bins.get(k).map_or(0.0, |bin| bin.1);
-    let rows = (0..longest).map(|k| vec![(k as f64 + 0.5) * BIN, density(&normal, k), density(&tangential, k)]);
-    let known = |bins: &[(f64, f64)]| bins.iter().copied().filter(|(_, p)| *p > 0.0).collect::<Vec<_>>();
+    let longest = densities.iter().map(Vec::len).max().unwrap_or(0);
+    let rows = (0..longest).map(|k| {
+        let density = densities.iter().map(|bins| bins.get(k).map_or(0.0, |bin| bin.1));
+        std::iter::once((k as f64 + 0.5) * BIN).chain(density).collect()
+    });
+    let known = |bins: &[(f64, f64)]| bins.iter().copied().filter(|(_, p)| *p > 0.0).collect();
+    let carried = ["normal", "tangential", "tension"].into_iter().zip(&densities).filter(|(_, bins)| !bins.is_empty());
     let forces = Figure {
         title: "Forces between grains".into(),
         x: Axis::linear("force / mean", "1"),
         y: Axis::logarithmic("probability density", "1"),
-        curves: vec![Curve::line("normal", known(&normal)), Curve::line("tangential", known(&tangential))],
+        curves: carried.map(|(name, bins)| Curve::line(name, known(bins))).collect(),
     };
     let friction = Figure {
         title: "Mobilised friction".into(),
@@ -313,4 +317,33 @@ fn surface_vtp(facets: &[Facet], slopes: &[f64], grid: Grid) -> Vec<u8> {
         data: Attributes { point, cell: vec![] },
         ..Default::default()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::Scene;
+
+    #[test]
+    fn forces_that_pull_have_a_density_of_their_own() {
+        let mut scene = Scene::default();
+        for k in 0..5 {
+            scene.grain([2.0 * k as f64, 0.0, 0.0], 1.0);
+        }
+        for (k, force) in [3.0, 5.0, -1.0, -3.0].into_iter().enumerate() {
+            scene.push(k + 1, k, force);
+        }
+        let files = forces(&scene.frame());
+        let file = |name: &str| String::from_utf8(files.iter().find(|file| file.0 == name).unwrap().1.clone()).unwrap();
+        let table = file("forces.csv");
+        // Over their means, 4 and 2: pushes of 3/4 and 5/4, pulls of 1/2 and 3/2, in bins of 1/4.
+        let filled = |column: usize| -> Vec<usize> {
+            let rows = table.lines().skip(1).map(|line| line.split(',').nth(column).unwrap()).enumerate();
+            rows.filter(|(_, p)| *p == "2.0").map(|(k, _)| k).collect()
+        };
+        assert_eq!((filled(1), filled(2), filled(3)), (vec![3, 5], vec![], vec![2, 6]), "{table}");
+        assert!(file("forces.svg").contains("tension") && !file("forces.svg").contains("tangential"));
+        let nothing = forces(&Scene::default().frame());
+        assert_eq!(nothing[0].1, b"force_over_mean,P_normal,P_tangential,P_tension\n");
+    }
 }
