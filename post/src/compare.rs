@@ -92,18 +92,18 @@ pub fn write(cases: &[PathBuf], labels: &[String], compared: &Compared, output: 
     };
     let columns = if columns.is_empty() { &kind.drawn } else { columns };
     let against = against.unwrap_or(kind.column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
-    for name in columns.iter().map(String::as_str).chain([against]) {
-        if kind.column(name).is_none() {
-            let expected = format!("expected columns of {}, see docs/observables.md", table.display());
-            faults.push(option("columns", format!("'{name}'"), expected));
-        }
+    let asked = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
+    for (asking, name) in asked.clone().filter(|(_, name)| kind.column(name).is_none()) {
+        let expected = format!("expected a column of {}, see docs/observables.md", table.display());
+        faults.push(option(asking, format!("'{name}'"), expected));
     }
+    let known: Vec<&str> = asked.map(|(_, name)| name).filter(|name| kind.column(name).is_some()).collect();
     let runs: Vec<Run> = cases
         .iter()
         .enumerate()
         .filter_map(|(k, case)| {
             let name = labels.get(k).cloned().unwrap_or_else(|| name_of(case));
-            Some(Run { name, columns: faults.gather(read(&place(case, table)))? })
+            Some(Run { name, columns: faults.gather(read(&place(case, table), &known))? })
         })
         .collect();
     faults.into_result(())?;
@@ -131,8 +131,8 @@ pub fn name_of(case: &Path) -> String {
     whole.file_name().map_or(case.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// The columns of a table of numbers; empty fields are NaN.
-pub fn read(path: &Path) -> Result<Columns, Faults> {
+/// The columns of a table of numbers, those `needed` among them; empty fields are NaN.
+pub fn read(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
     let text = atomic::read_text(path).map_err(|mut faults| {
         let expected = "expected a table of cd-solve or, series.csv, of cd-post";
         faults.0.iter_mut().for_each(|fault| fault.expected = expected.into());
@@ -143,7 +143,16 @@ pub fn read(path: &Path) -> Result<Columns, Faults> {
     let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
     let mut faults = Faults::default();
     if names == [""] {
-        faults.push(Fault::new(path, Some(1), "table", "is empty", "expected names of columns"));
+        return Err(Fault::new(path, Some(1), "table", "is empty", "expected names of columns").into());
+    }
+    let mut column = |name: &str, found: &str, expected: &str| {
+        faults.push(Fault::new(path, Some(1), format!("column '{name}'"), found, expected));
+    };
+    for (k, name) in names.iter().enumerate().filter(|(k, name)| names[..*k].contains(name)) {
+        column(name, &format!("stands there again as number {}", k + 1), "expected each name once");
+    }
+    for name in needed.iter().filter(|name| !names.contains(name)) {
+        column(name, "is not there", "expected a table that has it");
     }
     let finite = |field: &str| field.parse().ok().filter(|x: &f64| x.is_finite());
     for (number, line) in (2..).zip(lines) {
@@ -162,9 +171,10 @@ pub fn read(path: &Path) -> Result<Columns, Faults> {
 /// The figure of a column, and its table: a row for each value of the horizontal axis that some run has, an
 /// empty field where another has none.
 fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String) {
-    let column = |run: &Run, name: &str| run.columns.get(name).cloned().unwrap_or_default();
-    let points: Vec<Vec<(f64, f64)>> =
-        runs.iter().map(|run| column(run, against).into_iter().zip(column(run, name)).collect()).collect();
+    let points: Vec<Vec<(f64, f64)>> = runs
+        .iter()
+        .map(|run| run.columns[against].iter().copied().zip(run.columns[name].iter().copied()).collect())
+        .collect();
     let axis = |name: &str| {
         let unit = kind.column(name).map_or("1", |(_, unit, _)| unit);
         let logarithmic =

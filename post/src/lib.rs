@@ -321,15 +321,21 @@ fn in_pictures(k: usize, count: usize) -> bool {
     (0..=3).any(|third| (count - 1) * third / 3 == k)
 }
 
+/// The snapshots of a folder by step, one at least.
+fn snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
+    let expected = "expected snapshot-*.npz, the results of cd-solve";
+    let refuse = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
+    match snapshot::list(outbox) {
+        _ if !outbox.is_dir() => refuse("is not there"),
+        all if all.is_empty() => refuse("holds no snapshot"),
+        all => Ok(all),
+    }
+}
+
 /// The snapshots to take: every `every`th, and the last.
 fn select(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>, Faults> {
-    let expected = "expected snapshot-*.npz, the results of cd-solve";
-    let refuse = |found: &str| Faults::from(Fault::new(outbox, None, "folder", found, expected));
-    if !outbox.is_dir() {
-        return Err(refuse("is not there"));
-    }
-    let all = snapshot::list(outbox);
-    let last = all.len().checked_sub(1).ok_or_else(|| refuse("holds no snapshot"))?;
+    let all = snapshots(outbox)?;
+    let last = all.len() - 1;
     let taken = |k: usize| k == last || k.is_multiple_of(every as usize);
     Ok(all.into_iter().enumerate().filter(|(k, _)| taken(*k)).map(|(_, found)| found).collect())
 }

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot;
 use vtkio::model::{Attributes, PolyDataPiece};
 
 use crate::derive::energy::self_gravity_constant;
@@ -16,6 +15,7 @@ use crate::derive::profile::shells;
 use crate::derive::surface::{Facet, Grid, slopes_below, surface};
 use crate::frame::{Contact, Frame, Grain, Vec3};
 use crate::shapes::Shapes;
+use crate::snapshots;
 use crate::write::display::{cells, file, flat, scalars, vectors};
 use crate::write::figure::{Axis, Curve, Figure, Marks};
 use crate::write::map;
@@ -68,14 +68,12 @@ const BIN: f64 = 0.25;
 /// what is worth a report.
 pub fn write(dir: &Path, step: Option<u64>) -> Result<(PathBuf, Vec<String>), Faults> {
     let outbox = dir.join("OUTBOX");
-    let all = snapshot::list(&outbox);
-    let chosen = match step {
-        Some(step) => all.iter().find(|(number, _)| *number == step),
-        None => all.last(),
-    };
-    let (step, path) = chosen.ok_or_else(|| {
-        let found = step.map_or("holds no snapshot".into(), |step| format!("holds no snapshot of step {step}"));
-        Fault::new(&outbox, None, "folder", found, "expected snapshot-*.npz, the results of cd-solve")
+    let all = snapshots(&outbox)?;
+    let (last, _) = all[all.len() - 1];
+    let wanted = step.unwrap_or(last);
+    let (step, path) = all.iter().find(|(step, _)| *step == wanted).ok_or_else(|| {
+        let found = format!("holds no snapshot of step {wanted}");
+        Fault::new(&outbox, None, "folder", found, format!("expected one of steps {} to {last}", all[0].0))
     })?;
     let frame = Frame::read(path, &Shapes::default())?;
     let folder = dir.join("POSTPRO").join(format!("state-{step:06}"));

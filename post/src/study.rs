@@ -4,16 +4,20 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{self, Snapshot};
+use cd_formats::snapshot::Snapshot;
 
 use crate::compare::{self, Columns};
 use crate::derive::{Field, Row};
+use crate::snapshots;
 use crate::write::figure::{Axis, Curve, Figure, Marks};
 use crate::write::series::csv;
 
 /// Rooms of a step in TIMER.csv, as the figure of the cost has them.
 const ROOMS: [(&str, &[&str]); 3] =
     [("gravity", &["gravity"]), ("detection", &["detection"]), ("contacts", &["assembly", "solve"])];
+
+/// Columns of TIMER.csv, s, without the writing.
+pub const TIMED: [&str; 5] = ["gravity", "detection", "assembly", "solve", "integration"];
 
 /// Columns of runs.csv beside those of series.csv: name, unit, meaning.
 pub const COLUMNS: [(&str, &str, &str); 9] = [
@@ -124,14 +128,14 @@ pub fn write(
 /// The values of a run.
 fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f64>, Faults> {
     let path = case.join("POSTPRO/series.csv");
-    let series = compare::read(&path)?;
-    let times = series.get("time").cloned().unwrap_or_default();
+    let series = compare::read(&path, &["time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure"])?;
+    let times = &series["time"];
     let until = until.unwrap_or(f64::INFINITY);
     let last = times.iter().copied().filter(|time| *time <= until).fold(f64::NAN, f64::max);
     let taken: Vec<usize> =
         (0..times.len()).filter(|&k| times[k] >= from.unwrap_or(last) && times[k] <= until).collect();
     if taken.is_empty() {
-        let found = format!("ends at {} s", times.last().copied().unwrap_or(f64::NAN));
+        let found = times.last().map_or("holds no snapshot".into(), |time| format!("ends at {time} s"));
         return Err(Fault::new(&path, None, "time", found, "expected a snapshot in the time of the means").into());
     }
     let mean = |name: &str| {
@@ -141,17 +145,12 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     let mut values: Vec<f64> = Row::COLUMNS.iter().map(|(name, _, _)| mean(name)).collect();
 
     let outbox = case.join("OUTBOX");
-    let steps = compare::read(&outbox.join("steps.csv"))?;
-    let timer = compare::read(&case.join("TIMER.csv"))?;
-    let per_step = |table: &Columns, name: &str| {
-        let column = table.get(name).map_or(&[][..], |column| column);
-        column.iter().sum::<f64>() / column.len() as f64
-    };
-    let snapshots = snapshot::list(&outbox);
-    let (_, newest) = snapshots.last().ok_or_else(|| {
-        Fault::new(&outbox, None, "folder", "holds no snapshot", "expected snapshot-*.npz, the results of cd-solve")
-    })?;
-    let parameters = Snapshot::read(newest)?.meta.parameters;
+    let steps = compare::read(&outbox.join("steps.csv"), &["sweeps", "contacts_active"])?;
+    let timed = [&TIMED[..], &["writing"]].concat();
+    let timer = compare::read(&case.join("TIMER.csv"), &timed)?;
+    let per_step = |table: &Columns, name: &str| table[name].iter().sum::<f64>() / table[name].len() as f64;
+    let all = snapshots(&outbox)?;
+    let parameters = Snapshot::read(&all[all.len() - 1].1)?.meta.parameters;
     let constant = if parameters.self_gravity { parameters.gravity_constant } else { f64::NAN };
     let homogeneous: f64 = taken
         .iter()
@@ -178,7 +177,7 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     values.push(per_step(&steps, "sweeps"));
     values.push(per_step(&steps, "contacts_active"));
     values.extend(ROOMS.iter().map(|(_, names)| room(names)));
-    values.push(room(&["gravity", "detection", "assembly", "solve", "integration", "writing"]));
+    values.push(room(&timed));
     Ok(values)
 }
 

@@ -9,7 +9,7 @@ use cd_formats::snapshot::{self, Snapshot};
 
 use crate::compare;
 use crate::derive::Field;
-use crate::study::Line;
+use crate::study::{Line, TIMED};
 use crate::write::figure::{Axis, Curve, Figure, Marks};
 
 /// Columns of trade.csv behind the names: name, unit, meaning.
@@ -104,7 +104,7 @@ pub fn write(
 
 fn measured(case: &Path, group: String, value: f64, from: Option<f64>) -> Result<Run, Faults> {
     let series_path = case.join("POSTPRO/series.csv");
-    let series = compare::read(&series_path)?;
+    let series = compare::read(&series_path, &["time"])?;
     let times = series.get("time").cloned().unwrap_or_default();
     let from = from.unwrap_or(times.last().copied().unwrap_or(f64::NAN));
     let taken: Vec<usize> = (0..times.len()).filter(|&k| times[k] >= from * (1.0 - 1e-9)).collect();
@@ -118,9 +118,8 @@ fn measured(case: &Path, group: String, value: f64, from: Option<f64>) -> Result
         let potential = column("E_grav", k) + column("E_uniform", k) + column("E_fields", k);
         (times[k], [z, nu, pressure, a, b, c, column("n_grains", k) * column("Ec_mean", k) + potential])
     };
-    let timer = compare::read(&case.join("TIMER.csv"))?;
-    let rooms = ["gravity", "detection", "assembly", "solve", "integration"];
-    let seconds = rooms.iter().flat_map(|room| timer.get(*room)).flatten().sum();
+    let timer = compare::read(&case.join("TIMER.csv"), &TIMED)?;
+    let seconds = TIMED.iter().flat_map(|room| &timer[*room]).sum();
     let outbox = case.join("OUTBOX");
     let snapshots = snapshot::list(&outbox);
     let (_, last) = snapshots.last().ok_or_else(|| {

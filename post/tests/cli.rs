@@ -244,7 +244,13 @@ fn a_state_in_depth_has_its_tables_and_figures() {
     assert!(case.path().join("POSTPRO/state-000000/profile.csv").exists());
     let none = cd_post(&["state", "--snapshot", "7"], case.path());
     assert_eq!(none.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&none.stderr).contains("holds no snapshot of step 7"));
+    assert!(
+        String::from_utf8_lossy(&none.stderr).contains("holds no snapshot of step 7; expected one of steps 0 to 10")
+    );
+    let nowhere = cd_post(&["state"], Path::new("nosuch"));
+    assert_eq!(nowhere.status.code(), Some(2));
+    let expected = "nosuch/OUTBOX: folder: is not there; expected snapshot-*.npz, the results of cd-solve\n";
+    assert!(String::from_utf8_lossy(&nowhere.stderr).ends_with(expected), "{nowhere:?}");
 }
 
 #[test]
@@ -304,9 +310,30 @@ fn runs_are_compared_in_one_figure() {
     assert_eq!(lines[0], "time,first,second");
     assert!(lines[2].starts_with("2.5,1.0,") && lines[2].ends_with(','), "{table}"); // the second has no such time
     assert!(fs::read_to_string(output.path().join("Z.svg")).unwrap().contains("second"));
-    for wrong in [["--columns", "no_such"], ["--labels", "one"], ["--table", "no_such.csv"], ["--columns", "depth"]] {
-        assert_eq!(compare(&wrong).status.code(), Some(2));
+    for (option, wrong) in [
+        ("columns", "no_such"),
+        ("labels", "one"),
+        ("table", "no_such.csv"),
+        ("columns", "depth"),
+        ("against", "no_such"),
+    ] {
+        let told = compare(&[&format!("--{option}"), wrong]);
+        assert_eq!(told.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&told.stderr).contains(&format!("options: {option}: ")), "{told:?}");
     }
+    // A table that has lost a column, and one that has it twice.
+    let series = one.path().join("POSTPRO/series.csv");
+    let whole = fs::read_to_string(&series).unwrap();
+    for (header, message) in [
+        ("step,tim,", "column 'time': is not there; expected a table that has it"),
+        ("time,time,", "column 'time': stands there again as number 2; expected each name once"),
+    ] {
+        fs::write(&series, whole.replace("step,time,", header)).unwrap();
+        let told = compare(&["--columns", "Z"]);
+        assert_eq!(told.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&told.stderr).ends_with(&format!("series.csv:1: {message}\n")), "{told:?}");
+    }
+    fs::write(&series, whole).unwrap();
     // The ways of a body, and the ground around it.
     for case in [&one, &two] {
         let tracked =
@@ -419,6 +446,11 @@ fn many_runs_are_points_of_one_study() {
     assert!(status == 2 && told.contains("series.csv: time: ends at 1 s; expected"), "{told}");
     let (status, told) = study(&["--groups", "one"]);
     assert!(status == 2 && told.contains("options: groups: 1 names; expected 2"), "{told}");
+    let series = cases[0].path().join("POSTPRO/series.csv");
+    let whole = fs::read_to_string(&series).unwrap();
+    fs::write(&series, whole.replace(",mass,", ",weight,")).unwrap();
+    let (status, told) = study(&[]);
+    assert!(status == 2 && told.ends_with("column 'mass': is not there; expected a table that has it\n"), "{told}");
 }
 
 #[test]
