@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{self, Snapshot};
+use cd_formats::snapshot::Snapshot;
 
 use crate::compare;
 use crate::derive::Field;
+use crate::snapshots;
 use crate::study::{Line, TIMED};
 use crate::write::figure::{Axis, Curve, Figure, Marks};
 
@@ -34,19 +35,21 @@ pub const COLUMNS: [(&str, &str, &str); 14] = [
     ("over_estimated", "1", "error of the pressure over the estimated one"),
 ];
 
+/// Where the free bodies are, m, and when, s.
+type Positions = (f64, Vec<[f64; 3]>);
+
 /// A run as it is measured, before it is compared.
 struct Run {
+    case: PathBuf,
     name: String,
     group: String,
     value: f64,
     accuracy: Option<Accuracy>,
     seconds: f64,
-    /// Z, nu, pressure, a, b, c and the energy at the times (s) of the snapshots that count.
+    /// Z, nu, pressure, a, b, c and the energy at the times (s) of the series.
     observed: Vec<(f64, [f64; 7])>,
     estimated: f64,
-    /// Positions (m) by time (s).
-    early: Vec<(f64, PathBuf)>,
-    end: Vec<[f64; 3]>,
+    end: Positions,
     mean_radius: f64,
 }
 
@@ -88,12 +91,15 @@ pub fn write(
     }
     let measured = |(k, case): (usize, &PathBuf)| -> Option<Run> {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
-        faults.gather(measured(case, group, values.get(k).copied().unwrap_or(f64::NAN), from))
+        faults.gather(measured(case, group, values.get(k).copied().unwrap_or(f64::NAN)))
     };
     let runs: Vec<Run> = cases.iter().enumerate().filter_map(measured).collect();
     faults.into_result(())?;
     let finest = runs.iter().position(|run| run.accuracy == Some(Accuracy::Reference)).unwrap_or(runs.len() - 1);
-    let compared = runs.iter().map(|run| against(run, &runs[finest], early)).collect::<Result<Vec<_>, Faults>>()?;
+    let exact = Exact::of(&runs[finest], from, early)?;
+    let mut faults = Faults::default();
+    let compared: Vec<Compared> = runs.iter().filter_map(|run| faults.gather(exact.compared(run))).collect();
+    faults.into_result(())?;
     let others: Vec<Compared> =
         compared.iter().enumerate().filter(|(k, _)| *k != finest).map(|(_, run)| run.clone()).collect();
     atomic::write(&output.join("trade.csv"), table(&compared).as_bytes())?;
@@ -102,42 +108,35 @@ pub fn write(
     Ok(text(&compared, &runs[finest].name))
 }
 
-fn measured(case: &Path, group: String, value: f64, from: Option<f64>) -> Result<Run, Faults> {
-    let series_path = case.join("POSTPRO/series.csv");
-    let series = compare::read(&series_path, &["time"])?;
-    let times = series.get("time").cloned().unwrap_or_default();
-    let from = from.unwrap_or(times.last().copied().unwrap_or(f64::NAN));
-    let taken: Vec<usize> = (0..times.len()).filter(|&k| times[k] >= from * (1.0 - 1e-9)).collect();
-    if taken.is_empty() {
-        let found = format!("ends at {} s", times.last().copied().unwrap_or(f64::NAN));
-        return Err(Fault::new(&series_path, None, "time", found, "expected a snapshot from that time on").into());
-    }
-    let column = |name: &str, k: usize| series.get(name).and_then(|column| column.get(k)).copied().unwrap_or(f64::NAN);
-    let observed = |&k: &usize| {
-        let [z, nu, pressure, a, b, c] = ["Z", "nu", "pressure", "a", "b", "c"].map(|name| column(name, k));
-        let potential = column("E_grav", k) + column("E_uniform", k) + column("E_fields", k);
-        (times[k], [z, nu, pressure, a, b, c, column("n_grains", k) * column("Ec_mean", k) + potential])
+/// The place of the series of a case.
+fn series_of(case: &Path) -> PathBuf {
+    case.join("POSTPRO/series.csv")
+}
+
+fn measured(case: &Path, group: String, value: f64) -> Result<Run, Faults> {
+    let energies = ["n_grains", "Ec_mean", "E_grav", "E_uniform", "E_fields"];
+    let shown = ["Z", "nu", "pressure", "a", "b", "c"];
+    let series = compare::read(&series_of(case), &[&["time"], &shown[..], &energies[..]].concat())?;
+    let observed = |k: usize| {
+        let [z, nu, pressure, a, b, c] = shown.map(|name| series[name][k]);
+        let [count, kinetic, gravity, uniform, fields] = energies.map(|name| series[name][k]);
+        (series["time"][k], [z, nu, pressure, a, b, c, count * kinetic + (gravity + uniform + fields)])
     };
     let timer = compare::read(&case.join("TIMER.csv"), &TIMED)?;
     let seconds = TIMED.iter().flat_map(|room| &timer[*room]).sum();
-    let outbox = case.join("OUTBOX");
-    let snapshots = snapshot::list(&outbox);
-    let (_, last) = snapshots.last().ok_or_else(|| {
-        Fault::new(&outbox, None, "folder", "holds no snapshot", "expected snapshot-*.npz, the results of cd-solve")
-    })?;
-    let last = Snapshot::read(last)?;
-    let early = times.iter().copied().zip(snapshots.iter().map(|(_, path)| path.clone())).skip(1).collect();
+    let all = snapshots(&case.join("OUTBOX"))?;
+    let last = Snapshot::read(&all[all.len() - 1].1)?;
     let free: Vec<usize> = (0..last.bodies.body_x.len()).filter(|&i| last.bodies.body_driven[i] == 0).collect();
     let mean_radius = free.iter().map(|&i| last.bodies.body_radius[i]).sum::<f64>() / free.len().max(1) as f64;
     Ok(Run {
+        case: case.to_path_buf(),
         name: compare::name_of(case),
         group,
         value,
         accuracy: last.meta.parameters.accuracy,
         seconds,
-        observed: taken.iter().map(observed).collect(),
+        observed: (0..series["time"].len()).map(observed).collect(),
         estimated: estimated(&case.join("ERRORS.csv"))?,
-        early,
         end: free_positions(&last),
         mean_radius,
     })
@@ -149,7 +148,7 @@ fn estimated(path: &Path) -> Result<f64, Faults> {
     let mut faults = Faults::default();
     let mut sum = 0.0;
     for (number, line) in (1..).zip(text.lines()).skip(1) {
-        match line.split(',').nth(2).and_then(|error| error.parse::<f64>().ok()) {
+        match line.split(',').nth(2).and_then(|error| error.parse::<f64>().ok()).filter(|error| error.is_finite()) {
             Some(error) => sum += error,
             None => faults.push(Fault::new(path, Some(number), "row", line, "expected source,option,error,seconds")),
         }
@@ -157,14 +156,26 @@ fn estimated(path: &Path) -> Result<f64, Faults> {
     faults.into_result(sum)
 }
 
-fn free_positions(snapshot: &Snapshot) -> Vec<[f64; 3]> {
+fn free_positions(snapshot: &Snapshot) -> Positions {
     let bodies = &snapshot.bodies;
-    bodies.body_x.iter().zip(&bodies.body_driven).filter(|(_, driven)| **driven == 0).map(|(x, _)| *x).collect()
+    let free = bodies.body_x.iter().zip(&bodies.body_driven).filter(|(_, driven)| **driven == 0);
+    (snapshot.meta.time, free.map(|(x, _)| *x).collect())
 }
 
-/// RMS distance over the mean radius; NaN where the numbers of bodies differ.
-fn away(a: &[[f64; 3]], b: &[[f64; 3]], radius: f64) -> f64 {
-    if a.len() != b.len() {
+/// Where the free bodies are in the first snapshot after the start from a time (s) on, if there is one.
+fn early_positions(case: &Path, from: f64) -> Result<Option<Positions>, Faults> {
+    for (_, path) in &snapshots(&case.join("OUTBOX"))?[1..] {
+        let found = free_positions(&Snapshot::read(path)?);
+        if reached(found.0, from) {
+            return Ok(Some(found));
+        }
+    }
+    Ok(None)
+}
+
+/// RMS distance over the mean radius; NaN at different times.
+fn away((time, a): &Positions, (other, b): &Positions, radius: f64) -> f64 {
+    if !same_time(*time, *other) {
         return f64::NAN;
     }
     let square = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>();
@@ -182,35 +193,81 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     }
 }
 
-/// Times are sums of steps.
-fn same_time(a: f64, b: f64) -> bool {
-    (a - b).abs() <= 1e-6 * b.abs()
+/// Whether a time is another or later; times are sums of steps.
+fn reached(time: f64, from: f64) -> bool {
+    time >= from - 1e-6 * from.abs()
 }
 
-fn against(run: &Run, finest: &Run, early: Option<f64>) -> Result<Compared, Faults> {
-    let at = |time: f64| run.observed.iter().find(|(t, _)| same_time(*t, time)).map(|(_, found)| *found);
-    let shared: Vec<([f64; 7], [f64; 7])> =
-        finest.observed.iter().filter_map(|(time, exact)| Some((at(*time)?, *exact))).collect();
-    let errors: [f64; 7] = std::array::from_fn(|k| {
-        let away = median(shared.iter().map(|(found, exact)| (found[k] - exact[k]).abs()));
-        away / median(shared.iter().map(|(_, exact)| exact[k].abs()))
-    });
-    let [z, nu, pressure, a, b, c, energy] = errors;
-    let from = early.unwrap_or(f64::NEG_INFINITY);
-    let early = match finest.early.iter().find(|(time, _)| *time >= from * (1.0 - 1e-9)) {
-        Some((time, path)) => match run.early.iter().find(|(t, _)| same_time(*t, *time)) {
-            Some((_, own)) => {
-                away(&free_positions(&Snapshot::read(own)?), &free_positions(&Snapshot::read(path)?), run.mean_radius)
+fn same_time(a: f64, b: f64) -> bool {
+    reached(a, b) && reached(b, a)
+}
+
+/// What is to be said of a series whose times (s) are not those that were asked for.
+fn span(times: &[f64]) -> String {
+    match times {
+        [] => "no snapshot".into(),
+        [one] => format!("one at {one} s"),
+        [first, .., last] => format!("{} from {first} to {last} s", times.len()),
+    }
+}
+
+/// What runs are compared with.
+struct Exact<'a> {
+    finest: &'a Run,
+    /// Of the snapshots that count: what [`Run::observed`] has.
+    observed: Vec<(f64, [f64; 7])>,
+    early: Option<Positions>,
+}
+
+impl Exact<'_> {
+    /// The snapshots from `from` (s) on, or the last, and the early positions from `early` (s) on, or the first.
+    fn of(finest: &Run, from: Option<f64>, early: Option<f64>) -> Result<Exact<'_>, Faults> {
+        let times: Vec<f64> = finest.observed.iter().map(|(time, _)| *time).collect();
+        let from = from.or(times.last().copied()).unwrap_or(f64::NAN);
+        let observed: Vec<_> = finest.observed.iter().copied().filter(|(time, _)| reached(*time, from)).collect();
+        if observed.is_empty() {
+            let expected = "expected one at the time of --from or later";
+            return Err(Fault::new(&series_of(&finest.case), None, "time", span(&times), expected).into());
+        }
+        Ok(Exact { finest, observed, early: early_positions(&finest.case, early.unwrap_or(0.0))? })
+    }
+
+    /// Faults of a run that cannot be compared: other bodies, or no snapshot at a time that counts.
+    fn compared(&self, run: &Run) -> Result<Compared, Faults> {
+        let finest = self.finest;
+        let mut faults = Faults::default();
+        let [count, expected] = [run, finest].map(|run| run.end.1.len());
+        if count != expected {
+            let (found, expected) =
+                (format!("{count} are free"), format!("expected {expected}, as in {}", finest.name));
+            faults.push(Fault::new(&run.case.join("OUTBOX"), None, "bodies", found, expected));
+        }
+        let at = |time: f64| run.observed.iter().find(|(t, _)| same_time(*t, time)).map(|(_, found)| *found);
+        let shared: Vec<([f64; 7], [f64; 7])> =
+            self.observed.iter().filter_map(|(time, exact)| Some((at(*time)?, *exact))).collect();
+        if shared.is_empty() {
+            let times = |rows: &[(f64, [f64; 7])]| span(&rows.iter().map(|row| row.0).collect::<Vec<_>>());
+            let expected = format!("expected a time of those that count of {}, {}", finest.name, times(&self.observed));
+            faults.push(Fault::new(&series_of(&run.case), None, "time", times(&run.observed), expected));
+        }
+        faults.into_result(())?;
+        let errors: [f64; 7] = std::array::from_fn(|k| {
+            let away = median(shared.iter().map(|(found, exact)| (found[k] - exact[k]).abs()));
+            away / median(shared.iter().map(|(_, exact)| exact[k].abs()))
+        });
+        let [z, nu, pressure, a, b, c, energy] = errors;
+        let early = match &self.early {
+            Some(exact) => {
+                early_positions(&run.case, exact.0)?.map_or(f64::NAN, |own| away(&own, exact, run.mean_radius))
             }
             None => f64::NAN,
-        },
-        None => f64::NAN,
-    };
-    let end = away(&run.end, &finest.end, run.mean_radius);
-    let worst = [z, nu, pressure].into_iter().filter(|error| error.is_finite()).fold(0.0, f64::max);
-    let over = pressure / run.estimated;
-    let values = [run.value, run.seconds, z, nu, pressure, a, b, c, energy, early, end, worst, run.estimated, over];
-    Ok(Compared { name: run.name.clone(), group: run.group.clone(), values })
+        };
+        let end = away(&run.end, &finest.end, run.mean_radius);
+        let worst = [z, nu, pressure].into_iter().filter(|error| error.is_finite()).fold(f64::NAN, f64::max);
+        let over = pressure / run.estimated;
+        let values = [run.value, run.seconds, z, nu, pressure, a, b, c, energy, early, end, worst, run.estimated, over];
+        Ok(Compared { name: run.name.clone(), group: run.group.clone(), values })
+    }
 }
 
 /// A row a run; an empty field where a value is not defined.
@@ -347,26 +404,52 @@ mod tests {
         assert!(figure.svg().contains("time (s)"));
     }
 
-    #[test]
-    fn errors_are_relative_to_the_finest() {
-        let run = |pressure: f64, x: f64, estimated: f64| Run {
+    /// A run of two bodies with one row in its series, at the time at which it ends, s.
+    fn measured(time: f64, pressure: f64, x: f64) -> Run {
+        Run {
+            case: "run".into(),
             name: "run".into(),
             group: String::new(),
             value: f64::NAN,
             accuracy: None,
             seconds: 1.0,
-            observed: vec![(1.0, [4.0, 0.5, pressure, 3.0, 2.0, 1.0, -1.0])],
-            estimated,
-            early: vec![],
-            end: vec![[0.0, 0.0, x], [0.0; 3]],
+            observed: vec![(time, [4.0, 0.5, pressure, 3.0, 2.0, 1.0, -1.0])],
+            estimated: 0.01,
+            end: (time, vec![[0.0, 0.0, x], [0.0; 3]]),
             mean_radius: 2.0,
-        };
-        let found = against(&run(1.02, 0.2, 0.01), &run(1.0, 0.0, 0.0), None).unwrap();
+        }
+    }
+
+    #[test]
+    fn errors_are_relative_to_the_finest() {
+        let finest = measured(1.0, 1.0, 0.0);
+        let exact = Exact { finest: &finest, observed: finest.observed.clone(), early: None };
+        let found = exact.compared(&measured(1.0, 1.02, 0.2)).unwrap();
         // Rounding of a few operations.
         for (name, expected) in
             [("pressure", 0.02), ("worst", 0.02), ("Z", 0.0), ("positions", 0.1 / 2f64.sqrt()), ("over_estimated", 2.0)]
         {
             assert!((found.of(name) - expected).abs() < 1e-12, "{name} {}", found.of(name));
         }
+    }
+
+    #[test]
+    fn what_is_not_shared_is_no_agreement() {
+        let finest = measured(2.0, 1.0, 0.0);
+        let exact = Exact { finest: &finest, observed: finest.observed.clone(), early: None };
+        // It ends before, but has the time that counts; nothing of it can be told but that.
+        let mut short = measured(1.0, 1.0, 0.0);
+        short.observed.push((2.0, [f64::NAN; 7]));
+        let found = exact.compared(&short).unwrap();
+        assert!(found.of("positions").is_nan() && found.of("worst").is_nan());
+        let front = figure(&[found]).curves.into_iter().find(|curve| curve.marks == Marks::Expected).unwrap();
+        assert!(front.points.is_empty());
+        // Another time and another number of bodies.
+        let mut other = measured(1.0, 1.0, 0.0);
+        other.end.1.pop();
+        let faults = exact.compared(&other).unwrap_err().to_string();
+        let expected = "run/OUTBOX: bodies: 1 are free; expected 2, as in run\n\
+                        run/POSTPRO/series.csv: time: one at 1 s; expected a time of those that count of run, one at 2 s";
+        assert_eq!(faults, expected);
     }
 }

@@ -410,6 +410,44 @@ fn runs_are_measured_by_the_finest() {
     assert_eq!((of("Z"), of("worst"), of("positions"), of("positions_early")), ("0.0", "0.0", "0.0", "0.0"));
     assert_eq!(of("estimated").parse::<f64>().unwrap(), 1e-2 + 2e-2);
     assert_eq!(trade(&["--values", "1"]).status.code(), Some(2));
+    let told = trade(&["--from", "3"]);
+    let expected = "time: 2 from 0 to 1 s; expected one at the time of --from or later\n";
+    assert_eq!(told.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&told.stderr).ends_with(expected), "{told:?}");
+}
+
+#[test]
+fn runs_are_measured_at_the_times_that_they_share() {
+    // The second is where the third is, but for its first snapshot after the start, a radius away; the first ends before.
+    let cases = [case(&[0, 2]), case(&[0, 1, 2, 3, 4]), case(&[0, 1, 2, 3, 4])];
+    let mut moved = scene(1).snapshot;
+    for x in &mut moved.bodies.body_x {
+        x[1] += 1.0;
+    }
+    moved.write(&snapshot::path(&cases[1].path().join("OUTBOX"), 1)).unwrap();
+    for case in &cases {
+        fs::write(case.path().join("TIMER.csv"), "step,gravity,detection,assembly,solve,integration\n1,1,2,3,4,5\n")
+            .unwrap();
+        fs::write(case.path().join("ERRORS.csv"), "source,option,error,seconds\n").unwrap();
+    }
+    let output = tempfile::tempdir().unwrap();
+    let trade = |cases: &[tempfile::TempDir]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+        command.arg("trade").args(cases.iter().map(|case| case.path())).arg("-o").arg(output.path());
+        command.output().unwrap()
+    };
+    for every in ["1", "4"] {
+        for case in &cases {
+            assert!(cd_post(&["--no-plots", "--no-vtk", "--every", every], case.path()).status.success());
+        }
+        assert_eq!(trade(&cases[1..]).status.code(), Some(0));
+        let of = |name: &str| column(&output.path().join("trade.csv"), name)[0];
+        assert_eq!((of("positions_early"), of("positions"), of("worst")), (1.0, 0.0, 0.0));
+    }
+    let told = trade(&cases);
+    let expected = "series.csv: time: 2 from 0 to 0.5 s; expected a time of those that count of";
+    assert_eq!(told.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&told.stderr).contains(expected), "{told:?}");
 }
 
 #[test]
