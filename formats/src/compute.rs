@@ -319,17 +319,12 @@ impl Compute {
         expect(
             self.end_time.is_none_or(|t| t.is_finite() && t >= 0.0),
             "end_time",
-            format!("{:?}", self.end_time),
+            as_written(&self.end_time),
             "a finite time >= 0 s",
         );
         expect((0.5..=1.0).contains(&self.theta), "theta", format!("{}", self.theta), "0.5 to 1");
         let sound = self.adaptive().is_sound();
-        expect(
-            sound,
-            "adaptive",
-            format!("{:?}", self.adaptive()),
-            "most from 1 to 1000000, travel and penetration > 0",
-        );
+        expect(sound, "adaptive", as_written(&self.adaptive()), "most from 1 to 1000000, travel and penetration > 0");
         expect(
             positive(self.tol()) && self.tol() < 1.0,
             "tol",
@@ -337,15 +332,15 @@ impl Compute {
             "more than 0 and less than 1",
         );
         expect(self.max_sweeps() > 0, "max_sweeps", format!("{}", self.max_sweeps()), "at least 1");
-        expect(self.check_every != Some(0), "check_every", format!("{:?}", self.check_every), "at least 1");
+        expect(self.check_every != Some(0), "check_every", as_written(&self.check_every), "at least 1");
         expect(
             self.alert.is_none_or(|a| a.is_finite() && a >= 0.0),
             "alert",
-            format!("{:?}", self.alert),
+            as_written(&self.alert),
             "a finite distance >= 0 m",
         );
         for (name, period) in [("xperiode", self.xperiode), ("yperiode", self.yperiode)] {
-            let found = format!("{period:?}");
+            let found = as_written(&period);
             expect(period.is_none_or(positive), name, found.clone(), "a finite length > 0 m");
             let alone = !self.self_gravity && self.fields.is_empty();
             let expected = "neither self-gravity nor fields beside it: they do not repeat";
@@ -370,19 +365,19 @@ impl Compute {
             "at least 1e-6, or gravity: direct",
         );
         let order = self.gravity_order;
-        expect(order.is_none_or(|p| (2..=8).contains(&p)), "gravity_order", format!("{order:?}"), "2 to 8");
+        expect(order.is_none_or(|p| (2..=8).contains(&p)), "gravity_order", as_written(&order), "2 to 8");
         let opening = self.gravity_opening;
         expect(
             opening.is_none_or(|x| x > 0.0 && x < 1.0),
             "gravity_opening",
-            format!("{opening:?}"),
+            as_written(&opening),
             "more than 0 and less than 1",
         );
         expect(self.gravity_refresh() > 0, "gravity_refresh", format!("{}", self.gravity_refresh()), "at least 1");
         expect(positive(self.gravity_moved), "gravity_moved", format!("{}", self.gravity_moved), "a finite number > 0");
         for (k, field) in self.fields.iter().enumerate() {
             let fault = field.fault();
-            expect(fault.is_none(), &format!("fields.{k}"), format!("{field:?}"), fault.unwrap_or_default());
+            expect(fault.is_none(), &format!("fields.{k}"), as_written(field), fault.unwrap_or_default());
         }
         expect((0.0..=1.0).contains(&self.quench), "quench", format!("{}", self.quench), "0 to 1");
         expect(self.output_every > 0, "output_every", format!("{}", self.output_every), "at least 1");
@@ -403,7 +398,7 @@ impl Compute {
             expect(
                 event.time.is_finite() && values.iter().all(|v| v.is_finite()) && in_range,
                 &format!("events.{k}"),
-                ron::to_string(event).unwrap_or_default(),
+                as_written(event),
                 "a finite time and finite values, quench from 0 to 1, friction and cohesion >= 0",
             );
             let repeated = event.every.is_none_or(|every| every.is_finite() && every >= self.dt)
@@ -411,7 +406,7 @@ impl Compute {
             expect(
                 repeated,
                 &format!("events.{k}"),
-                ron::to_string(event).unwrap_or_default(),
+                as_written(event),
                 "a finite `every` of at least dt, `until` only with it and not before `time`",
             );
         }
@@ -429,6 +424,11 @@ impl Compute {
 /// `field: x` for `field: Some(x)`.
 fn ron_options() -> ron::Options {
     ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
+}
+
+/// A value as a file or flag has it.
+fn as_written<T: Serialize>(value: &T) -> String {
+    ron_options().to_string(value).unwrap_or_default()
 }
 
 /// Reads RON; a fault names line and column.
