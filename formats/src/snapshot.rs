@@ -73,7 +73,11 @@ pub struct Meta {
     /// Names that `body_colour`, `body_material`, `contact_law` are indices of.
     pub colours: Vec<String>,
     pub materials: Vec<MaterialName>,
+    /// In force, as events have set them.
     pub laws: Vec<LawName>,
+    /// Those of TACT_BEHAV.DAT, if events have set others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub laws_at_start: Vec<LawName>,
     pub ledger: Ledger,
     /// Where self-gravity is not evaluated at every step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -206,6 +210,13 @@ pub struct Ledger {
     pub sweeps: u64,
 }
 
+impl Meta {
+    /// The laws of TACT_BEHAV.DAT.
+    pub fn laws_of_file(&self) -> &[LawName] {
+        if self.laws_at_start.is_empty() { &self.laws } else { &self.laws_at_start }
+    }
+}
+
 impl Default for Meta {
     fn default() -> Self {
         Meta {
@@ -218,6 +229,7 @@ impl Default for Meta {
             colours: Vec::new(),
             materials: Vec::new(),
             laws: Vec::new(),
+            laws_at_start: Vec::new(),
             ledger: Ledger::default(),
             attraction: None,
             fallback: Fallback::default(),

@@ -102,6 +102,7 @@ fn meta_is_described_field_by_field() {
     let mut meta = Meta::default();
     meta.materials.push(MaterialName { name: String::new(), density: 1.0 });
     meta.laws.push(LawName { nickname: String::new(), kind: String::new(), parameters: vec![] });
+    meta.laws_at_start = meta.laws.clone();
     meta.attraction = Some(Default::default());
     meta.parameters.accuracy = Some(Accuracy::Draft);
     meta.parameters.adaptive = Some(Default::default());

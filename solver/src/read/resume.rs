@@ -58,11 +58,12 @@ fn check(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> 
             format!("expected as in DATBOX: {} kg, driven {}", body.mass, body.driven),
         );
     }
-    if snapshot.meta.laws != scene.law_names {
+    let laws = snapshot.meta.laws_of_file();
+    if laws != scene.law_names {
         let names = |laws: &[LawName]| -> Vec<String> {
             laws.iter().map(|law| format!("{} {} {:?}", law.nickname, law.kind, law.parameters)).collect()
         };
-        let found = format!("laws {}", names(&snapshot.meta.laws).join(", "));
+        let found = format!("laws {}", names(laws).join(", "));
         refuse("snapshot".into(), found, format!("expected those of DATBOX: {}", names(&scene.law_names).join(", ")));
     }
     faults.into_result(())

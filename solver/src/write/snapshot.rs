@@ -2,11 +2,12 @@
 
 use cd_formats::compute::Adaptive;
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, GravityArrays, MemoryArrays, Meta, Parameters, SHAPE_PARTS,
+    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, GravityArrays, LawName, MemoryArrays, Meta, Parameters, SHAPE_PARTS,
     SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
 };
+use cd_formats::tact_behav::LAWS;
 
-use crate::laws::Law;
+use crate::laws::{Cohesion, Law};
 use crate::math::Vec3;
 use crate::scene::{Part, Scene, Shape};
 use crate::state::{SolvedContact, State, Status};
@@ -26,6 +27,8 @@ pub fn of(scene: &Scene, state: &State) -> Snapshot {
 
 fn meta(scene: &Scene, state: &State) -> Meta {
     let options = &scene.options;
+    let laws: Vec<LawName> = scene.law_names.iter().zip(&state.laws).map(|(name, law)| in_force(name, law)).collect();
+    let changed = laws != scene.law_names;
     Meta {
         format: FORMAT,
         program: format!("cd-solve {}", env!("CARGO_PKG_VERSION")),
@@ -59,11 +62,29 @@ fn meta(scene: &Scene, state: &State) -> Meta {
         },
         colours: scene.colours.clone(),
         materials: scene.materials.clone(),
-        laws: scene.law_names.clone(),
+        laws,
+        laws_at_start: if changed { scene.law_names.clone() } else { Vec::new() },
         ledger: state.ledger.clone(),
         attraction: state.attraction.as_ref().map(|attraction| attraction.record.clone()),
         fallback: state.fallback,
     }
+}
+
+/// A law of TACT_BEHAV.DAT with the parameters that it now has.
+fn in_force(name: &LawName, law: &Law) -> LawName {
+    let mut now = name.clone();
+    let labels = LAWS.iter().filter(|(kind, _)| *kind == name.kind).flat_map(|(_, lines)| lines.concat());
+    for (label, parameter) in labels.zip(&mut now.parameters) {
+        *parameter = match (label, law.cohesion) {
+            ("fric" | "stfr", _) => law.friction_static,
+            ("dyfr", _) => law.friction_dynamic,
+            ("cohn", Some(Cohesion::Wet { force, .. })) => force,
+            ("cohn", Some(Cohesion::Bond { normal, .. })) => normal,
+            ("coht", Some(Cohesion::Bond { tangential, .. })) => tangential,
+            _ => *parameter,
+        };
+    }
+    now
 }
 
 fn bodies(scene: &Scene, state: &State) -> BodyArrays {

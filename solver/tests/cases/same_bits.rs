@@ -138,6 +138,28 @@ fn bonds_outlive_a_restart() {
 }
 
 #[test]
+fn a_snapshot_has_the_laws_and_the_gravity_in_force() {
+    let mut case = slab();
+    case.event(0.35, Action::SetGravity([0.0, 0.0, -4.0]));
+    files(&case, &[&["--steps", "45"], &["--resume"]]);
+    let states = case.written();
+    let laws = |k: usize| states[k].meta.laws.iter().map(|law| law.parameters.clone()).collect::<Vec<_>>();
+    let (bonds, bridges) = (vec![300.0, 200.0, 0.3, 0.5], vec![0.5, 0.0, 0.02, 0.3, 0.5]);
+    assert_eq!(laws(0), [bonds.clone(), bridges.clone()]);
+    let slippery = vec![0.5, 0.0, 0.02, 0.1, 0.1];
+    assert_eq!(laws(1), [bonds.clone(), slippery.clone()]);
+    // Cohesion in shear goes with that in traction.
+    assert_eq!(laws(3), [vec![250.0, 200.0 * (250.0 / 300.0), 0.3, 0.5], slippery]);
+    assert_eq!([2, 3].map(|k| states[k].meta.parameters.uniform_gravity), [[0.3, 0.0, -8.0], [0.0, 0.0, -4.0]]);
+    let at_start = |k: usize| states[k].meta.laws_at_start.iter().map(|law| &law.parameters).collect::<Vec<_>>();
+    assert_eq!((at_start(0), at_start(4)), (vec![], vec![&bonds, &bridges]));
+    // DATBOX may still not change under the run.
+    case.tact.laws[1].parameters[4] = 0.1;
+    case.write();
+    assert_eq!(case.solve(&["--resume", "--steps", "70"]), 2);
+}
+
+#[test]
 fn a_resumed_run_extrapolates_gravity_as_the_unbroken_one() {
     let scene = || {
         let mut case = scene(4);
