@@ -66,6 +66,9 @@ pub struct StepReport {
     pub missed: Option<Missed>,
     /// Σ f·l, forces and branches of the contacts: pressure times three volumes, J.
     pub virial: f64,
+    /// Σ ¼ m |h a|² over the bodies on which no contact acts, a the acceleration beyond uniform gravity: what a step that
+    /// takes it as constant errs by in their kinetic energy, J.
+    pub flight: f64,
     /// Translation and rotation of the free bodies at the step's end, J.
     pub kinetic: f64,
     pub rotational: f64,
@@ -236,6 +239,11 @@ fn book(
         ledger.angular_momentum_expected[k] += free.angular_impulse[k] + given.angular_momentum[k];
     }
 
+    let flight = |&i: &u32| {
+        let (i, mass) = (i as usize, scene.bodies[i as usize].mass);
+        let flies = solved.v[i] == free.v[i];
+        if flies { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
+    };
     let motion = Motion::of(scene, &q_c.q, &solved.v, &solved.w);
     ledger.momentum_scale = ledger.momentum_scale.max(motion.scale);
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
@@ -266,6 +274,7 @@ fn book(
         missed: None,
         given_up: false,
         virial: given.virial / h,
+        flight: scene.free.iter().map(flight).sum(),
         kinetic: motion.kinetic,
         rotational: motion.rotational,
         potential: free.potential,

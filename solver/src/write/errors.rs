@@ -1,12 +1,12 @@
 //! What a run says of its own errors, and of what they cost.
 //!
 //! Every estimate is a share of the pressure, or of the energy that goes with it, so that they can be compared and added. From the
-//! steps of this run in which contacts carry force, the second half of them:
+//! steps of this run, the second half of them, for the first two that of those in which contacts carry force:
 //!
 //! | source | estimate | option |
 //! |---|---|---|
 //! | contacts | twice the median change of Σ f·l, three volumes times the pressure, from one step to the next, over its median: what residuals leave; the 2, as those of steps that follow each other are alike, is from the scenes of examples/trade | `tol` |
-//! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, pressure going as its -4th power | `dt` |
+//! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, pressure going as its -4th power; and of bodies in flight, that no contact acts on, Σ ¼ m \|h a\|² over the largest of the energies at play, a the acceleration beyond uniform gravity: by that kinetic energy wavers on a circular orbit | `dt` |
 //! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean of the looks | `gravity_error` |
 //! | narrow | 2 δ/r̄, δ the mean of what the fast narrow phase misses of the gap of a pair that touches, mean of the looks | `narrow_phase` |
 //! | chance | ½ w/√N: N pairs in contact whose forces differ as their mean (the points of one pair share theirs), and w the share of the energy that contacts have taken, the way on which what happened could have happened otherwise; ½ is from the scenes of examples/trade | none |
@@ -33,6 +33,8 @@ pub const ERRORS: &str = "ERRORS.csv";
 pub struct Tally {
     /// Of the steps in which contacts carry force, one after the other: Σ f·l (J), mean penetration over the mean radius.
     loaded: Vec<[f64; 2]>,
+    /// By which each step errs in the kinetic energy of bodies in flight, J.
+    flights: Vec<f64>,
     /// Relative errors of the virial at the looks at self-gravity.
     virials: Vec<f64>,
     /// What the fast narrow phase missed at the looks, in the mean of pairs that touch, over the mean radius.
@@ -56,6 +58,7 @@ impl Tally {
         if report.contacts_active > 0 {
             self.loaded.push([report.virial, report.penetration_mean / scene.mean_radius]);
         }
+        self.flights.push(report.flight);
         self.virials.extend(report.gravity.sampled.map(|sampled| sampled.virial));
         self.missed.extend(report.missed.map(|missed| missed.mean / scene.mean_radius));
         self.clock.add(lap);
@@ -86,18 +89,19 @@ impl Tally {
         pairs.dedup();
         let mean_of = |looks: &[f64]| looks.iter().sum::<f64>() / looks.len().max(1) as f64;
         let stray = summary::momentum_drift(scene, state).0 * state.ledger.momentum_scale;
+        let flight = over(mean_of(&self.flights[self.flights.len() / 2..]), scale);
         let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).sum();
         let Clock { gravity, detection, assembly, solve, integration, writing } = self.clock;
         let of = |name, option, error, seconds: std::time::Duration| Source {
             name,
             option,
-            error,
+            error: error + 0.0, // not -0, the sum of nothing
             seconds: seconds.as_secs_f64(),
         };
         let none = std::time::Duration::ZERO;
         vec![
             of("contacts", "tol", over(2.0 * change, typical), assembly + solve),
-            of("step", "dt", 2.0 * mean, detection + integration),
+            of("step", "dt", 2.0 * mean + flight, detection + integration),
             of("gravity", "gravity_error", mean_of(&self.virials).abs(), gravity),
             of("narrow", "narrow_phase", 2.0 * mean_of(&self.missed), none),
             of("chance", "", over(0.5 * lost, (pairs.len() as f64).sqrt()), none),

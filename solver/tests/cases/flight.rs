@@ -80,6 +80,60 @@ fn an_orbit_keeps_momentum_and_its_energy_stays_near() {
     assert!((3.2..4.8).contains(&(coarse / fine)), "{coarse} {fine}");
 }
 
+/// The row `step` of ERRORS.csv.
+fn error_of_the_step(case: &Case) -> f64 {
+    let text = std::fs::read_to_string(case.path().join("ERRORS.csv")).unwrap();
+    assert!(!text.contains("-0e0"), "{text}");
+    text.lines().find_map(|line| line.strip_prefix("step,dt,")?.split(',').next()?.parse().ok()).unwrap()
+}
+
+/// A factor of 3 is what estimates are measured by.
+#[track_caller]
+fn estimates(found: f64, error: f64) {
+    assert!((error / 3.0..3.0 * error).contains(&found), "{found:e} for {error:e}");
+}
+
+#[test]
+fn a_run_in_flight_tells_the_error_of_its_step() {
+    let bodies = |dt: f64, speed: f64| {
+        let mut case = Case::new();
+        (case.options.self_gravity, case.options.gravity_constant, case.options.dt) = (true, 1.0, dt);
+        for side in [-0.5, 0.5] {
+            let body = case.sphere_of(0.75 / PI * 1e9, 1e-3, [side, 0.0, 0.0]); // 1 kg
+            case.launch(body, [0.0, side * speed, 0.0], [0.0; 3]);
+        }
+        case
+    };
+    // On a circle of 1 m across, G m²/d = 1 J: what kinetic energy wavers by, as a share of it.
+    for steps in [8, 16, 50] {
+        let mut case = bodies(2.0 * PI / 2f64.sqrt() / steps as f64, 2f64.sqrt());
+        case.run(10 * steps);
+        let kinetic = case.column("kinetic_energy");
+        let [least, most] = [f64::min, f64::max].map(|of| kinetic.iter().copied().reduce(of).unwrap());
+        estimates(error_of_the_step(&case), most - least);
+    }
+    // Falling together from rest for nine tenths of the time that it takes: against the same in steps of a hundredth.
+    for steps in [10, 30] {
+        let fallen = |finer: u64| {
+            let mut case = bodies(0.9 * PI / 4.0 / (steps * finer) as f64, 0.0);
+            let end = case.run(steps * finer);
+            let kinetic: Vec<f64> = case.column("kinetic_energy").into_iter().skip(finer as usize - 1).collect();
+            let kinetic: Vec<f64> = kinetic.into_iter().step_by(finer as usize).skip(steps as usize / 2).collect();
+            (kinetic, end.potential().abs(), error_of_the_step(&case))
+        };
+        let ((coarse, _, found), (fine, scale, _)) = (fallen(1), fallen(100));
+        let away = coarse.iter().zip(&fine).map(|(a, b)| a - b).sum::<f64>() / coarse.len() as f64;
+        estimates(found, away.abs() / scale);
+    }
+    // What is exact has none, but for rounding.
+    let mut thrown = Case::new();
+    thrown.gravity = [0.0, 0.0, -8.0];
+    let stone = thrown.sphere(0.5, [0.0; 3]);
+    thrown.launch(stone, [1.0, 0.0, 8.0], [0.0; 3]);
+    thrown.run(1000);
+    assert!(error_of_the_step(&thrown) < 1e-20);
+}
+
 #[test]
 fn an_orbit_closes_to_second_order() {
     let miss = |steps: u64| {
