@@ -55,6 +55,14 @@ impl Evolution {
         }
     }
 
+    /// Farthest that it gets from a value: with a ramp at its end, or in the points of a table.
+    pub fn farthest_from(&self, value: f64) -> f64 {
+        match self {
+            Evolution::Harmonic { constant, amplitude, .. } => (constant - value).abs() + amplitude.abs(),
+            Evolution::Table { points, .. } => points.iter().map(|point| (point[1] - value).abs()).fold(0.0, f64::max),
+        }
+    }
+
     /// The value at time `t`, s: (constant + amplitude cos(omega t + phase)) min(1, ramp_start + ramp_rate t),
     /// or the straight line through the two points next to `t`.
     ///
@@ -276,6 +284,7 @@ mod tests {
         assert!((e.at(2.0) - 3.0).abs() < 1e-15); // the ramp has reached 1
         assert!((e.at(4.0) - 3.0).abs() < 1e-14); // and stays there
         assert_eq!(Evolution::constant(0.7).at(12.0), 0.7);
+        assert_eq!((e.farthest_from(0.0), e.farthest_from(4.0)), (3.0, 5.0));
     }
 
     #[test]
@@ -285,5 +294,6 @@ mod tests {
             assert_eq!(e.at(t), value, "t = {t}");
         }
         assert!(e.at(f64::NAN).is_nan());
+        assert_eq!((e.farthest_from(0.0), e.farthest_from(15.0)), (20.0, 15.0));
     }
 }

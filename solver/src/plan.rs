@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
 
+use crate::integrate::{fastest_turn, shortest_orbit};
 use crate::math::Vec3;
-use crate::scene::{Body, Drive, Scene};
+use crate::scene::{Body, Drive, Scene, Shape};
 use crate::solve::batches::Batch;
 use crate::state::{Contact, SolvedContact, State};
 use crate::step::{Clock, StepReport, step};
@@ -36,8 +37,9 @@ pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
     let mass: f64 = free.iter().map(|(_, body)| body.mass).sum();
     let smallest = free.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
     let mean_velocity = free.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;
-    let fastest = free.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm()).fold(0.0, f64::max);
-    let spin = free.iter().map(|(i, _)| state.w[*i].norm()).fold(0.0, f64::max);
+    let of_free = free.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm());
+    let of_driven = scene.drives.iter().map(|drive| speed(scene, drive, &mean_velocity));
+    let fastest = of_free.chain(of_driven).fold(0.0, f64::max);
     let mut bounds = Vec::new();
     let mut bound = |h: f64, reason: String| {
         if h.is_finite() && h > 0.0 {
@@ -56,9 +58,9 @@ pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
             (FALL * scene.mean_radius / surface).sqrt(),
             format!("at {surface:.3e} m/s² the fall of a step is {FALL} of the mean radius"),
         );
-        let period = std::f64::consts::TAU * (radius / surface).sqrt();
-        bound(period / OF_ORBIT, format!("the shortest orbit takes {period:.3e} s: {OF_ORBIT} steps in it"));
     }
+    let period = shortest_orbit(scene, state);
+    bound(period / OF_ORBIT, format!("the shortest orbit takes {period:.3e} s: {OF_ORBIT} steps in it"));
     let g = state.gravity.norm();
     if g > 0.0 {
         let heights = || free.iter().map(|(i, _)| -state.x[*i].dot(&state.gravity) / g);
@@ -73,11 +75,25 @@ pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
             format!("at {g:.3e} m/s² the fall of a step is {FALL} of the mean radius"),
         );
     }
-    if !scene.turning.is_empty() {
-        bound(1.0 / (OF_SPIN * spin), format!("bodies turn at {spin:.3e} rad/s: {OF_SPIN} steps a radian"));
-    }
+    let turn = fastest_turn(scene, state);
+    bound(1.0 / (OF_SPIN * turn), format!("bodies turn at {turn:.3e} rad/s: {OF_SPIN} steps a radian"));
     bounds.sort_by(|a, b| a.h.total_cmp(&b.h));
     bounds
+}
+
+/// Largest speed of a point of a driven body past what moves at `v`, m/s; a sphere's turn moves nothing past.
+fn speed(scene: &Scene, drive: &Drive, v: &Vec3) -> f64 {
+    let reach = match scene.bodies[drive.body].shape {
+        Shape::Sphere { .. } => 0.0,
+        Shape::Plane { half_lengths } => half_lengths.norm(),
+        Shape::Parts => {
+            let parts = scene.parts.iter().filter(|part| part.body as usize == drive.body);
+            parts.map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max)
+        }
+    };
+    let past = Vec3::from_fn(|k, _| drive.velocity[k].farthest_from(v[k]));
+    let turn = Vec3::from_fn(|k, _| drive.velocity[3 + k].farthest_from(0.0));
+    past.norm() + turn.norm() * reach
 }
 
 /// Models that the scene does without, and what that saves.

@@ -5,7 +5,7 @@
 //!
 //! - neighbours pass each other by at most `travel` radii and half of what parts them;
 //! - what approaches overlaps, in the contact configuration, by at most `penetration` radii;
-//! - a body that turns freely does so by at most `travel` radians;
+//! - a body that is no sphere turns by at most `travel` radians;
 //! - fifty steps make the shortest orbit;
 //! - a step is at most twice as long as the one before, and ends at snapshots, events and the end of the run.
 //!
@@ -37,9 +37,9 @@ pub fn units(scene: &Scene, state: &State, disturbed: bool) -> u64 {
     let most = (GROWTH as f64 * before).min(adaptive.most as f64);
     let of_contact = |contact: &SolvedContact| longest(scene, state, contact);
     let contacts = state.contacts.par_iter().with_min_len(1024).map(of_contact).reduce(|| f64::INFINITY, f64::min);
-    let fastest = scene.turning.iter().map(|&i| state.w[i as usize].norm()).fold(0.0, f64::max);
+    let turn = adaptive.travel / fastest_turn(scene, state);
     let orbit = shortest_orbit(scene, state) / OF_ORBIT;
-    let wanted = contacts.min(adaptive.travel / fastest).min(orbit) / dt;
+    let wanted = contacts.min(turn).min(orbit) / dt;
     let wanted = (wanted.min(most) * (1.0 + 1e-12)).floor().max(1.0) as u64;
     // The way to the next stop in equal parts.
     let left = to_stop(scene, state).max(1);
@@ -59,8 +59,14 @@ fn longest(scene: &Scene, state: &State, solved: &SolvedContact) -> f64 {
     travel.min((adaptive.penetration * radius + gap) / approach)
 }
 
+/// Fastest turn of a body that is no sphere, rad/s: whatever its moments of inertia, its contacts turn with it.
+pub fn fastest_turn(scene: &Scene, state: &State) -> f64 {
+    let turns = scene.bodies.iter().zip(&state.w).filter(|(body, _)| !body.is_sphere());
+    turns.map(|(_, w)| w.norm()).fold(0.0, f64::max)
+}
+
 /// Period of the fastest orbit there can be outside of bodies, s: in self-gravity, about primaries, of turning axes.
-fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
+pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
     let about = |field: Outside| match field {
         Outside::Turning { rate, .. } => TAU / rate.norm(),
         Outside::Primary { strength, centre, .. } => {

@@ -8,7 +8,7 @@
 
 mod length;
 
-pub use length::units;
+pub use length::{fastest_turn, shortest_orbit, units};
 
 use rayon::prelude::*;
 

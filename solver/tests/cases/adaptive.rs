@@ -100,6 +100,20 @@ fn threads_and_restarts_change_nothing() {
 }
 
 #[test]
+fn a_cube_turns_by_no_more_than_its_share_in_a_step() {
+    let mut case = Case::new();
+    let adaptive = Adaptive { most: 1000, ..UP_TO_16 };
+    (case.options.dt, case.options.adaptive) = (1.0 / 1024.0, Some(adaptive));
+    let cube = case.block([0.5; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    case.launch(cube, [0.0; 3], [0.0, 0.0, 8.0]);
+    case.run(1024);
+    let longest = case.column("h").into_iter().fold(0.0, f64::max);
+    // Whole steps of dt, the run in equal parts: less than the share by up to a half.
+    let share = 8.0 * longest / adaptive.travel;
+    assert!((0.5..=1.0).contains(&share), "{share}");
+}
+
+#[test]
 fn motion_imposed_in_time_is_followed_step_by_step() {
     let mut case = Case::new();
     let plate = case.plate([1.0, 1.0, 0.1], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);

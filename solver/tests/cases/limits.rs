@@ -1,6 +1,9 @@
 //! How far a parameter may go; what each test shows is told as a line that docs/limits.md is made of.
 
+use std::process::Command;
+
 use cd_formats::compute::Field;
+use cd_formats::drv_dof::Evolution;
 
 use crate::case::{Beyond, Case, Envelope, Figures, Vec3, equal, near, range, shown};
 
@@ -251,4 +254,76 @@ fn none_one_and_two_bodies() {
         moved = moved.max((end.x(1) - Vec3::new(2.0, 0.0, 5.0)).norm());
     }
     shown("free bodies", "0, 1, 2", "0 is refused, others run; way in 10 ms, m", moved);
+}
+
+/// What cd-solve says of a case of ten steps when it is run, and as its plan.
+fn said(case: &mut Case) -> [String; 2] {
+    case.options.steps = Some(10);
+    case.write();
+    ["--force", "--plan"].map(|flag| {
+        let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).arg(flag).output().unwrap();
+        assert_eq!(output.status.code(), Some(0));
+        String::from_utf8(output.stdout).unwrap()
+    })
+}
+
+const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// A ball at rest before a plate of half lengths 3, 4 and 0 m or so.
+fn before_a_plate() -> (Case, usize, usize) {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    let ball = case.sphere(0.5, [0.0, 0.0, 1e6]);
+    let plate = case.plate([3.0, 4.0, 1e-9], [0.0; 3], AXES);
+    (case, ball, plate)
+}
+
+#[test]
+fn a_step_too_long_for_what_moves_is_told() {
+    let told = |case: &mut Case, h: f64, reason: &str| {
+        case.options.dt = 10.0 * h;
+        let [run, plan] = said(case);
+        // Four times the bound suits a draft.
+        assert!(
+            run.contains(&format!("is 2.5 times the longest that suits a draft, {:.3e} s: {reason}", 4.0 * h)),
+            "{run}"
+        );
+        assert!(plan.contains("is 10.0 times the sharpest bound"), "{plan}");
+        assert!(plan.contains(&format!("up to {h:.3e} s: {reason}")), "{plan}");
+    };
+    let fast = "bodies move at 1.000e5 m/s: 0.1 of the smallest radius a step";
+    let (mut thrown, ball, _) = before_a_plate();
+    thrown.launch(ball, [0.0, 0.0, -1e5], [0.0; 3]);
+    told(&mut thrown, 5e-7, fast);
+    // At rest at first.
+    let shaken = Evolution::Harmonic {
+        constant: 0.0,
+        amplitude: 1e5,
+        omega: 1.0,
+        phase: -std::f64::consts::FRAC_PI_2,
+        ramp_start: 1.0,
+        ramp_rate: 0.0,
+    };
+    let (mut struck, _, plate) = before_a_plate();
+    struck.drive_along(plate, 2, shaken);
+    told(&mut struck, 5e-7, fast);
+    // A corner is 5 m from the centre; the plate's turn by 1e4 rad/s alone would allow 1e-5 s.
+    let (mut swept, _, plate) = before_a_plate();
+    swept.drive_along(plate, 4, Evolution::constant(2e4));
+    told(&mut swept, 5e-7, fast);
+
+    let mut low = Case::new();
+    low.sphere(0.5, [7e6, 0.0, 0.0]);
+    low.sphere(0.5, [7e6, 0.0, 2.0]);
+    low.options.fields = vec![Field::PointMass { mass: 6e24, position: [0.0; 3] }];
+    let period = std::f64::consts::TAU * (7e6f64.powi(3) / (6e24 * low.options.gravity_constant)).sqrt();
+    told(&mut low, period / 100.0, &format!("the shortest orbit takes {period:.3e} s: 100 steps in it"));
+    low.options.fields =
+        vec![Field::RotatingFrame { rate: [0.0, 0.0, std::f64::consts::TAU], centre: [7e6, 0.0, 0.0] }];
+    told(&mut low, 1e-2, "the shortest orbit takes 1.000e0 s: 100 steps in it");
+
+    let mut spun = Case::new();
+    let cube = spun.block([0.5; 3], [0.0; 3], AXES);
+    spun.launch(cube, [0.0; 3], [1000.0, 0.0, 0.0]);
+    told(&mut spun, 1e-4, "bodies turn at 1.000e3 rad/s: 10 steps a radian");
 }
