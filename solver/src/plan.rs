@@ -24,6 +24,9 @@ const FALL: f64 = 1e-3;
 const OF_ORBIT: f64 = 100.0;
 const OF_SPIN: f64 = 10.0;
 
+/// Share of its radius by which rounding may lead a body astray in a run, from which on that is told.
+const ASTRAY: f64 = 1e-2;
+
 /// The largest h that a process allows, s.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bound {
@@ -94,6 +97,26 @@ fn speed(scene: &Scene, drive: &Drive, v: &Vec3) -> f64 {
     let past = Vec3::from_fn(|k, _| drive.velocity[k].farthest_from(v[k]));
     let turn = Vec3::from_fn(|k, _| drive.velocity[3 + k].farthest_from(0.0));
     past.norm() + turn.norm() * reach
+}
+
+/// What to tell of positions with too few digits: a step rounds them twice, by up to half a digit.
+///
+/// Told, not refused: digits that bodies have in common do no harm, as where all lie far out along an axis that none moves
+/// along.
+pub fn astray(scene: &Scene, state: &State) -> Option<String> {
+    let steps = scene.last_step().saturating_sub(state.step).max(1);
+    let digit = |i: u32| f64::EPSILON * state.x[i as usize].amax();
+    let share = |i: u32| steps as f64 * digit(i) / scene.bodies[i as usize].radius;
+    let worst = scene.free.iter().copied().max_by(|a, b| share(*a).total_cmp(&share(*b)))?;
+    (share(worst) > ASTRAY).then(|| {
+        format!(
+            "body {} is {:.3e} m from the origin, where positions have digits of {:.1e} m: in {steps} steps rounding may lead it astray by {:.1e} of its radius",
+            worst + 1,
+            state.x[worst as usize].norm(),
+            digit(worst),
+            share(worst)
+        )
+    })
 }
 
 /// Models that the scene does without, and what that saves.
@@ -177,6 +200,7 @@ pub fn text(scene: &Scene, state: &State) -> String {
     }
     lines.extend(Accuracy::ALL.map(|accuracy| ("", format!("{accuracy}: {}", accuracy.measured()))));
     lines.extend(bounds.iter().map(|bound| ("", format!("up to {:.3e} s: {}", bound.h, bound.reason))));
+    lines.extend(astray(scene, state).map(|message| ("digits", message)));
     lines
         .into_iter()
         .filter(|(_, value)| !value.is_empty())

@@ -11,7 +11,7 @@ use crate::assemble::potential_energy;
 use crate::detect;
 use crate::integrate::predict;
 use crate::math::Vec3;
-use crate::plan::{Bound, bounds};
+use crate::plan::{Bound, astray, bounds};
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::state::State;
@@ -54,6 +54,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
 
     let progress = Progress::new(state.step, last.max(state.step));
     too_long(scene, &state).into_iter().for_each(|message| progress.tell(&message));
+    astray(scene, &state).into_iter().for_each(|message| progress.tell(&format!("cd-solve: {message}")));
     if !resumed {
         overlaps(scene, &state).into_iter().for_each(|message| progress.tell(&message));
     }

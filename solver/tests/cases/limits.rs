@@ -327,3 +327,21 @@ fn a_step_too_long_for_what_moves_is_told() {
     spun.launch(cube, [0.0; 3], [1000.0, 0.0, 0.0]);
     told(&mut spun, 1e-4, "bodies turn at 1.000e3 rad/s: 10 steps a radian");
 }
+
+#[test]
+fn positions_with_too_few_digits_are_told() {
+    let told = |out: f64| {
+        let mut case = Case::new();
+        case.sphere(0.5, [0.0; 3]);
+        case.sphere(0.5, [0.0, -out, 0.0]);
+        case.options.dt = 1e-3;
+        let [run, plan] = said(&mut case);
+        let line = |text: &str| text.lines().find_map(|line| Some(line.split_once("body 2 is ")?.1.to_string()));
+        assert_eq!(line(&run), line(&plan));
+        line(&run)
+    };
+    assert_eq!(told(1e9), None);
+    let message = "1.000e15 m from the origin, where positions have digits of 2.2e-1 m: \
+                   in 10 steps rounding may lead it astray by 4.4e0 of its radius";
+    assert_eq!(told(1e15).as_deref(), Some(message));
+}
