@@ -79,8 +79,8 @@ fn in_force(name: &LawName, law: &Law) -> LawName {
             ("fric" | "stfr", _) => law.friction_static,
             ("dyfr", _) => law.friction_dynamic,
             ("cohn", Some(Cohesion::Wet { force, .. })) => force,
-            ("cohn", Some(Cohesion::Bond { normal, .. })) => normal,
-            ("coht", Some(Cohesion::Bond { tangential, .. })) => tangential,
+            ("cohn", Some(Cohesion::Bond { now, .. })) => now,
+            ("coht", Some(Cohesion::Bond { normal, tangential, now })) if normal > 0.0 => tangential * (now / normal),
             _ => *parameter,
         };
     }
