@@ -171,3 +171,23 @@ pub fn cloud(number: usize, friction: f64, seed: u64, compute: &str) -> String {
         )"#
     )
 }
+
+/// The surface `l.obj` of an L, 3 m^3, and those of two cuboids that make it and share 1 m^3: `leg.obj`, `foot.obj`.
+pub fn surfaces_of_an_l() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let l = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]];
+    let leg = [[0, 0], [1, 0], [1, 2], [0, 2]];
+    let foot = [[0, 0], [2, 0], [2, 1], [0, 1]];
+    for (name, profile) in [("l", &l[..]), ("leg", &leg), ("foot", &foot)] {
+        let n = profile.len();
+        // Ends at y = 0 and y = 1, and the sides between them.
+        let vertices = [0, 1].iter().flat_map(|y| profile.iter().map(move |[x, z]| format!("v {x} {y} {z}\n")));
+        let sides = (0..n).map(|k| vec![k, (k + 1) % n, n + (k + 1) % n, n + k]);
+        let faces = [(0..n).collect::<Vec<_>>(), (n..2 * n).collect()].into_iter().chain(sides).map(|face| {
+            let corners: Vec<String> = face.iter().map(|k| (k + 1).to_string()).collect();
+            format!("f {}\n", corners.join(" "))
+        });
+        fs::write(folder.path().join(format!("{name}.obj")), vertices.chain(faces).collect::<String>()).unwrap();
+    }
+    folder
+}

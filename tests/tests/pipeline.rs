@@ -8,7 +8,7 @@ use cd_formats::compute::{Action, Compute};
 use cd_formats::dof::Dof;
 use cd_formats::snapshot::list;
 use cd_formats::vloc_rloc::VlocRloc;
-use cd_tests::case::{Case, assert_same_results, cloud, files, post};
+use cd_tests::case::{Case, assert_same_results, cloud, files, post, surfaces_of_an_l};
 use cd_tests::columns::vtp;
 
 /// Forty rocks in the thick of their collisions at the end; snapshots 0, 50, ... 300.
@@ -343,4 +343,27 @@ fn paraview_files_hold_the_snapshots() {
     }
     let picture = fs::read_to_string(case.path().join("POSTPRO/aggregate.svg")).unwrap();
     assert!(picture.contains("<svg") && picture.trim_end().ends_with("</svg>"));
+}
+
+#[test]
+fn a_cluster_has_mass_and_inertia_of_its_surface() {
+    let scene = r#"(
+        materials: [(name: "ROCKx", density: 1000.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
+        contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0")],
+        grains: [(
+            material: "ROCKx",
+            colour: "BLUEx",
+            shape: Model(file: "l.obj", contact: Files(["leg.obj", "foot.obj"])),
+            place: List(positions: [(0.0, 0.0, 0.0)]),
+        )],
+        compute: (dt: 0.01, steps: 1),
+    )"#;
+    let bodies = Case::with(scene, surfaces_of_an_l().path()).solved(&[]).last_snapshot().bodies;
+    // 3 m^3, where the pieces have 4. The L is three cubes of 1 m, two of them beside one at its corner: about y
+    // 3 (1/6) + 2 (1/9 + 4/9) + (1/9 + 1/9) m^5. Twelve digits of the file.
+    assert!((bodies.body_mass[0] - 3000.0).abs() < 1e-7, "{}", bodies.body_mass[0]);
+    assert!((bodies.body_radius[0] - (0.75 * 3.0 / std::f64::consts::PI).cbrt()).abs() < 1e-11);
+    let largest = bodies.body_inertia[0].iter().fold(0.0, |most: f64, moment| most.max(*moment));
+    assert!((largest - 1000.0 * (0.5 + 10.0 / 9.0 + 2.0 / 9.0)).abs() < 1e-6, "{largest}");
 }

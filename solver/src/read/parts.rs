@@ -82,7 +82,9 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
         None if simple => (in_axes(&own.inertia.into(), &pieces[0].axes), pieces[0].axes),
         None => principal(&own),
     };
-    let volume = if lone && avrd != 0.0 && !simple { 4.0 / 3.0 * PI * avrd.powi(3) } else { own.volume };
+    // Several contactors may overlap or leave gaps: the volume goes with the inertia.
+    let told = avrd != 0.0 && !simple && (lone || given.is_some());
+    let volume = if told { 4.0 / 3.0 * PI * avrd.powi(3) } else { own.volume };
     let mass = density * volume;
     let inertia = inertia.map(|i| density * i);
     if !(mass.is_finite() && mass > 0.0 && inertia.iter().all(|i| i.is_finite() && *i > 0.0)) {
