@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::bodies::{Contactor, Shape};
+use crate::bodies::{Body, Contactor, Shape};
 use crate::surface::{MassProperties, Surface};
 
 impl Contactor {
@@ -40,6 +40,24 @@ impl Contactor {
             Shape::Polyhedron { vertices, triangles } => Surface::new(vertices, triangles)?.mass_properties(),
             Shape::Point { offset } => MassProperties { volume: 0.0, centre: *offset, inertia: [[0.0; 3]; 3] },
         })
+    }
+}
+
+impl Body {
+    /// Of all contactors together. Errors: as of one of them.
+    pub fn mass_properties(&self) -> Result<MassProperties, Vec<String>> {
+        let of_each = self.contactors.iter().map(Contactor::mass_properties);
+        Ok(MassProperties::together(&of_each.collect::<Result<Vec<_>, _>>()?))
+    }
+
+    /// From `position` to the centre of mass, m, `own` being the mass properties of all contactors together: to their
+    /// centre, but for a lone SPHEb, and for several contactors that are given with inertia and so about the centre.
+    pub fn shift(&self, own: &MassProperties) -> [f64; 3] {
+        let about_centre = match self.contactors.as_slice() {
+            [lone] => matches!(lone.shape, Shape::OffsetSphere { .. }),
+            _ => self.inertia.is_some_and(|inertia| inertia != [0.0; 3]),
+        };
+        if about_centre { [0.0; 3] } else { own.centre }
     }
 }
 

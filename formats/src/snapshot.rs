@@ -414,6 +414,13 @@ arrays! {
 }
 
 impl Shapes {
+    /// Puts the rows of another behind these.
+    pub fn append(&mut self, other: Self) {
+        self.turning.append(other.turning);
+        self.contacts.append(other.contacts);
+        self.pairs.append(other.pairs);
+    }
+
     fn write(&self, archive: &mut Archive) -> zip::result::ZipResult<()> {
         self.turning.write(archive)?;
         self.contacts.write(archive)?;

@@ -3,10 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use cd_formats::bodies::Bodies;
+use cd_formats::bodies::{Bodies, Shape};
 use cd_formats::snapshot::Snapshot;
 use cd_formats::tact_behav::TactBehav;
-use cd_tests::case::{Case, cloud, files, from_outbox};
+use cd_tests::case::{Case, cloud, files, from_outbox, surfaces_of_an_l};
 
 /// Forty rocks in the thick of their collisions at step 150.
 fn collapse() -> Case {
@@ -40,6 +40,105 @@ fn a_run_that_goes_on_in_another_folder_equals_the_unbroken_one() {
     let anew = next(&unbroken, "(bodies: [(snapshot: 150)])").solved(&["--steps", "150"]);
     assert_eq!(bits(&anew.snapshot(150)), bits(&unbroken.snapshot(300)));
     assert!(origin(&anew).iter().all(|(body, number)| body == number));
+}
+
+/// Moves the vertices of all lone polyhedra in BODIES.DAT by 3 m along x, and their bodies back.
+fn put_off_centre(case: &Case) {
+    let file = case.datbox("BODIES.DAT");
+    let mut bodies = Bodies::read(&file).unwrap();
+    for body in &mut bodies.0 {
+        if let [lone] = &mut body.contactors[..]
+            && let Shape::Polyhedron { vertices, .. } = &mut lone.shape
+        {
+            vertices.iter_mut().for_each(|vertex| vertex[0] += 3.0);
+            body.position[0] -= 3.0;
+        }
+    }
+    fs::write(file, bodies.to_text()).unwrap();
+}
+
+/// Rocks that fall on two L's of two pieces each, which stand side by side; an event bonds them to each other and to
+/// the floor before the first snapshot.
+fn heap() -> Case {
+    let scene = r#"(
+        seed: 3,
+        gravity: (0.0, 0.0, -9.81),
+        materials: [(name: "ROCKx", density: 1000.0)],
+        laws: [(name: "mohr0", kind: IQS_MOHR_DS_CLB(normal_cohesion: 1.0e6, tangential_cohesion: 1.0e6, dynamic_friction: 0.5, static_friction: 0.5))],
+        contacts: [(between: ("BLUEx", "BLUEx"), law: "mohr0"), (between: ("BLUEx", "FLOOR"), law: "mohr0")],
+        grains: [
+            (
+                material: "ROCKx",
+                colour: "BLUEx",
+                number: 9,
+                sizes: Single(0.4),
+                shape: Random(vertices: (10, 14), ratios: (3.0, 2.0, 1.0)),
+                place: RandomSequential(envelope: Box(lengths: (6.0, 6.0, 5.0))),
+                centre: (0.0, 0.0, 5.5),
+                spin: (0.0, 0.0, 0.5),
+            ),
+            (
+                material: "ROCKx",
+                colour: "BLUEx",
+                shape: Model(file: "l.obj", contact: Files(["leg.obj", "foot.obj"])),
+                standing: Same((axis: (0.0, 0.0, 1.0), angle: 0.0)),
+                place: List(positions: [(0.0, -0.5, 0.8334), (0.0, 0.5, 0.8334)]),
+            ),
+        ],
+        walls: [Plate(material: "ROCKx", colour: "FLOOR", centre: (0.0, 0.0, -0.1), half_lengths: (9.0, 9.0, 0.1))],
+        compute: (dt: 0.01, steps: 120, output_every: 40, events: [(time: 0.1, action: Bond)]),
+    )"#;
+    Case::with(scene, surfaces_of_an_l().path())
+}
+
+/// How many bonds hold.
+fn bonds(snapshot: &Snapshot) -> usize {
+    snapshot.memory.as_ref().unwrap().contact_bonded.iter().filter(|&&bonded| bonded == 1).count()
+}
+
+#[test]
+fn rocks_and_clusters_go_on_bit_for_bit_and_keep_their_bonds() {
+    let unbroken = heap();
+    put_off_centre(&unbroken);
+    let unbroken = unbroken.solved(&[]);
+    let case = next(&unbroken, "(bodies: [(snapshot: 40)], keep_time: true)").solved(&["--steps", "80"]);
+    for step in [40, 80, 120] {
+        let (expected, found) = (unbroken.snapshot(step), case.snapshot(step));
+        assert_eq!(bits(&found), bits(&expected), "step {step}");
+        assert_eq!((found.shapes, found.memory), (expected.shapes, expected.memory), "step {step}");
+    }
+    let start = unbroken.snapshot(40);
+    let ranks = start.shapes.as_ref().unwrap().contacts.contact_rank.iter();
+    let bonded = start.memory.as_ref().unwrap().contact_bonded.iter();
+    assert!(ranks.zip(bonded).any(|(rank, bonded)| *rank != [0, 0] && *bonded == 1), "no bond of a second piece");
+    assert!(unbroken.snapshot(120).contacts.contact_body.iter().any(|&[a, b]| a < 9 && b < 11), "no rock touches");
+
+    // Turned, the L's hold each other as before; without the floor those are all bonds.
+    let of_ls = start.contacts.contact_body.iter().zip(&start.memory.as_ref().unwrap().contact_bonded);
+    let of_ls = of_ls.filter(|([a, b], bonded)| *a < 11 && *b < 11 && **bonded == 1).count();
+    let turn = "(bodies: [(snapshot: 40, walls: false, turn: (axis: (1.0, 2.0, 3.0), angle: 2.0))])";
+    let turned = next(&unbroken, turn).solved(&["--steps", "2"]);
+    assert!(of_ls > 0 && of_ls == bonds(&turned.last_snapshot()), "{of_ls}, {}", bonds(&turned.last_snapshot()));
+
+    // Of twice the density the rocks, in free flight, go on turning as fast. In a step of 0.01 s at 0.5 rad/s they turn
+    // by 0.005, and their angular velocities change by as much of 0.5.
+    let heavy = "(bodies: [(snapshot: 40)], materials: [(name: \"ROCKx\", density: 2000.0)])";
+    let heavy = next(&unbroken, heavy).solved(&["--steps", "1"]).last_snapshot();
+    for (w, before) in heavy.bodies.body_w_world.iter().zip(&start.bodies.body_w_world).take(9) {
+        assert!(w.iter().zip(before).all(|(w, before)| (w - before).abs() < 0.0025), "{w:?} {before:?}");
+    }
+}
+
+#[test]
+fn cubes_with_vertices_off_their_centres_stand_where_they_are() {
+    let scene = spheres("[(0.0, 0.0, 0.0)]", "").replace("sizes: Single(1.0)", "shape: Box(lengths: (1.0, 1.0, 1.0))");
+    let from = Case::of(&scene);
+    put_off_centre(&from);
+    // The balls about them have a radius of 0.87 m.
+    let twins = "(bodies: [(), (centre: (2.0, 0.0, 0.0))])";
+    let case = next(&from.solved(&[]), twins).solved(&["--steps", "1"]);
+    let places = case.snapshot(0).bodies.body_x;
+    assert!((places[0][0] - 0.125).abs() < 1e-12 && (places[1][0] - 2.0).abs() < 1e-12, "{places:?}");
 }
 
 #[test]

@@ -14,7 +14,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
-use cd_formats::bodies::{Bodies, Body, Shape};
+use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
 use cd_formats::compute::{Compute, from_ron};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{Driven, DrvDof, Evolution, table_text};
@@ -293,18 +293,25 @@ fn check_overlaps(parts: &[Part], new: &New, records: &Bodies, report: &mut Repo
         None => format!("bodies.{}", owner[body]),
         Some(grain) => format!("grains.{}", new.population.grains[grain].group),
     };
-    let radius = |body: &Body| match &body.contactors[0].shape {
-        Shape::Sphere { radius } => Some(*radius),
-        Shape::Plane { .. } => None,
-        Shape::Polyhedron { vertices, .. } => {
-            Some(vertices.iter().map(|v| Vector3::from(*v).norm()).fold(0.0, f64::max))
-        }
-        _ => Some(body.equivalent_radius),
+    let known = parts.iter().flat_map(|part| part.state.bodies.body_x.iter().copied());
+    let centres: Vec<Vector3<f64>> =
+        known.chain(records.0[old..].iter().map(|body| body.position)).map(Vector3::from).collect();
+    let place = |k: usize| centres[k];
+    let radius = |(body, centre): (&Body, &Vector3<f64>)| {
+        let shift = centre - Vector3::from(body.position);
+        let from_centre = |point: &[f64; 3]| (Vector3::from(*point) - shift).norm();
+        let reach = |contactor: &Contactor| match &contactor.shape {
+            Shape::Sphere { radius } => Some(*radius),
+            Shape::OffsetSphere { radius, offset } => Some(from_centre(offset) + radius),
+            Shape::Plane { .. } => None,
+            Shape::Polyhedron { vertices, .. } => Some(vertices.iter().map(from_centre).fold(0.0, f64::max)),
+            Shape::Cylinder { .. } | Shape::Point { .. } => Some(body.equivalent_radius),
+        };
+        body.contactors.iter().map(reach).try_fold(0.0, |most: f64, reach| Some(most.max(reach?)))
     };
-    let mut balls: Vec<(usize, f64)> =
-        records.0.iter().enumerate().filter_map(|(k, body)| Some((k, radius(body)?))).collect();
+    let of_each = records.0.iter().zip(&centres).map(radius).enumerate();
+    let mut balls: Vec<(usize, f64)> = of_each.filter_map(|(k, radius)| Some((k, radius?))).collect();
     balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    let place = |k: usize| Vector3::from(records.0[k].position);
     let mut deepest: Option<(f64, usize, usize)> = None;
     let mut meet = |overlap: f64, a: usize, b: usize, radius: f64| {
         if owner[a] != owner[b] && overlap > TOUCHING * radius && deepest.is_none_or(|(known, ..)| overlap > known) {

@@ -9,7 +9,9 @@ use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::groups::Groups;
-use cd_formats::snapshot::{self, MemoryArrays, Snapshot};
+use cd_formats::snapshot::{
+    self, BodyArrays, ContactPartArrays, MemoryArrays, PairArrays, Shapes, Snapshot, TurningArrays,
+};
 use cd_formats::tact_behav::TactBehav;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
@@ -25,6 +27,8 @@ const TOUCHING_GAP: f64 = 1e-3;
 pub struct Source {
     pub case: PathBuf,
     pub bodies: Bodies,
+    /// Of each body, from its position in BODIES.DAT to its centre of mass, m.
+    pub shifts: Vec<Vec3>,
     pub bulk: BulkBehav,
     pub tact: TactBehav,
     pub driven: DrvDof,
@@ -82,7 +86,8 @@ impl Source {
             let expected = format!("expected the {} of BODIES.DAT", bodies.0.len());
             return Err(Fault::new(&outbox, None, "snapshot", found, expected).into());
         }
-        Ok(Source { case: case.to_path_buf(), bodies, bulk, tact, driven, options, snapshot })
+        let shifts = shifts(&datbox.join("BODIES.DAT"), &bodies)?;
+        Ok(Source { case: case.to_path_buf(), bodies, shifts, bulk, tact, driven, options, snapshot })
     }
 
     /// Takes bodies out and moves them. Errors: what was found and what was expected.
@@ -108,25 +113,38 @@ impl Source {
         }
         let mut state = Snapshot { meta: self.snapshot.meta.clone(), ..Snapshot::default() };
         state.bodies = bodies.rows(&rows);
-        let row_of = |body: u32| rows.binary_search(&(body as usize)).ok();
-        let pair = |row: usize| {
-            let [a, b] = self.snapshot.contacts.contact_body[row].map(row_of);
-            Some([a? as u32, b? as u32])
-        };
-        let count = self.snapshot.contacts.contact_body.len();
-        let kept: Vec<usize> = (0..count).filter(|&row| pair(row).is_some()).collect();
+        let row_of = |body: u32| rows.binary_search(&(body as usize)).ok().map(|k| k as u32);
+        let both = |[a, b]: [u32; 2]| Some([row_of(a)?, row_of(b)?]);
+        let (kept, pairs) = renumbered(&self.snapshot.contacts.contact_body, both);
         state.contacts = self.snapshot.contacts.rows(&kept);
-        state.contacts.contact_body = kept.iter().filter_map(|&row| pair(row)).collect();
+        state.contacts.contact_body = pairs;
         state.memory = self.snapshot.memory.as_ref().map(|memory| memory.rows(&kept));
         relocate(&mut state, &free, taken);
-        let records = rows.iter().zip(&state.bodies.body_x).map(|(&row, &position)| {
-            let mut record = Body { position, ..self.bodies.0[row].clone() };
+        state.shapes = self.snapshot.shapes.as_ref().map(|shapes| {
+            // Of a body that turns otherwise than before the momentum follows from its angular velocity.
+            let as_before = |&k: &u32| {
+                let turning = |of: &BodyArrays, row: usize| (of.body_q[row], of.body_w_world[row]);
+                turning(&state.bodies, k as usize) == turning(bodies, rows[k as usize])
+            };
+            let (turning, turning_body) = renumbered(&shapes.turning.turning_body, |b| row_of(b).filter(as_before));
+            let (near, pair_body) = renumbered(&shapes.pairs.pair_body, both);
+            Shapes {
+                turning: TurningArrays { turning_body, ..shapes.turning.rows(&turning) },
+                contacts: shapes.contacts.rows(&kept),
+                // A direction in fixed axes among them is but where a search begins.
+                pairs: PairArrays { pair_body, ..shapes.pairs.rows(&near) },
+            }
+        });
+        let record = |(&row, x): (&usize, &[f64; 3])| {
+            let mut record = self.bodies.0[row].clone();
+            // The numbers of the contactors stay what they are, about the centre of mass or not.
+            record.position = (Vec3::from(*x) - self.shifts[row]).into();
             if let (Some(colour), false) = (&taken.colour, is_driven(row)) {
                 record.contactors.iter_mut().for_each(|contactor| contactor.colour.clone_from(colour));
             }
             record
-        });
-        let records = records.collect();
+        };
+        let records = rows.iter().zip(&state.bodies.body_x).map(record).collect();
         Ok(Part { source: self, rows, records, state })
     }
 
@@ -156,6 +174,27 @@ impl Source {
         let heaviest = (0..count).fold(0, |best, root| if mass[root] > mass[best] { root } else { best });
         (0..count).map(|row| groups.root(row) == heaviest).collect()
     }
+}
+
+/// Of each body, from its position to its centre of mass, m; `file` is for messages.
+fn shifts(file: &Path, bodies: &Bodies) -> Result<Vec<Vec3>, Faults> {
+    let mut faults = Faults::default();
+    let mut shifts = Vec::new();
+    for (number, body) in (1..).zip(&bodies.0) {
+        match body.mass_properties() {
+            Ok(own) => shifts.push(body.shift(&own).into()),
+            Err(found) => {
+                let object = format!("body {number}");
+                faults.push(Fault::new(file, Some(body.line), object, found.join("; "), "expected closed surfaces"));
+            }
+        }
+    }
+    faults.into_result(shifts)
+}
+
+/// The numbers of the rows that stay, and what stands there with the new numbers of bodies.
+fn renumbered<T: Copy>(of: &[T], new: impl Fn(T) -> Option<T>) -> (Vec<usize>, Vec<T>) {
+    of.iter().enumerate().filter_map(|(row, &old)| Some((row, new(old)?))).unzip()
 }
 
 /// Changes place and motion of the `free` rows; what does not change keeps every bit.
@@ -265,6 +304,17 @@ impl Part<'_> {
                 memory.contact_moment.iter_mut().flatten().for_each(|m| *m *= scale);
             }
             start.memory.get_or_insert_with(|| unbonded(before)).append(memory);
+        }
+        // Of spheres and plates alone the contacts are those of first contactors, in points.
+        let plain = |count| Shapes {
+            contacts: ContactPartArrays { contact_rank: vec![[0; 2]; count], contact_area: vec![0.0; count] },
+            ..Shapes::default()
+        };
+        if start.shapes.is_some() || self.state.shapes.is_some() {
+            let mut shapes = self.state.shapes.clone().unwrap_or_else(|| plain(count));
+            let named = [&mut shapes.turning.turning_body[..], shapes.pairs.pair_body.as_flattened_mut()];
+            named.into_iter().flatten().for_each(|body| *body += first as u32);
+            start.shapes.get_or_insert_with(|| plain(before)).append(shapes);
         }
     }
 

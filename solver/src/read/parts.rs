@@ -70,11 +70,7 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
     let of_pieces: Vec<MassProperties> = pieces.iter().map(|piece| piece.mass).collect();
     let own = MassProperties::together(&of_pieces);
     let off_centre = matches!(record.contactors[0].shape, bodies::Shape::OffsetSphere { .. });
-    let shift = match lone {
-        true if off_centre => Vec3::zeros(),
-        false if given.is_some() => Vec3::zeros(),
-        _ => Vec3::from(own.centre),
-    };
+    let shift = Vec3::from(record.shift(&own));
     pieces.iter_mut().for_each(|piece| piece.centre -= shift);
     let (inertia, axes) = match given {
         Some(inertia) => (inertia, Quat::identity()),

@@ -120,11 +120,14 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
         (state.v[i], state.w[i]) = (started.v[row], started.w[row]);
     }
+    let inertia = snapshot.bodies.body_inertia.clone();
     for (&i, spin) in scene.turning.iter().zip(&mut state.spin) {
         *spin = scene.bodies[i as usize].angular_momentum(&state.q[i as usize], &state.w[i as usize]);
     }
-    for (momentum, i) in started.spin.into_iter().zip(turning) {
-        if let Ok(place) = scene.turning.binary_search(&body[i as usize]) {
+    // Of a body of another density the angular velocity goes on.
+    for (momentum, row) in started.spin.into_iter().zip(turning) {
+        let (i, there) = (body[row as usize], inertia[row as usize]);
+        if let (Ok(place), true) = (scene.turning.binary_search(&i), scene.bodies[i as usize].inertia == there) {
             state.spin[place] = momentum;
         }
     }
