@@ -142,6 +142,39 @@ fn cubes_with_vertices_off_their_centres_stand_where_they_are() {
 }
 
 #[test]
+fn events_that_have_happened_do_not_come_again() {
+    let events = "events: [
+        (time: 0.5, action: SetGravity((0.0, 0.0, -0.25))),
+        (time: 0.5, action: AddVelocity((1.0, 0.0, 0.0))),
+        (time: 1.0, every: 0.75, action: AddVelocity((0.0, 1.0, 0.0))),
+    ]";
+    let unbroken = Case::of(&spheres("[(0.0, 0.0, 0.0), (5.0, 0.0, 0.0)]", events));
+    let unbroken = unbroken.solved(&["--steps", "16", "--output-every", "1"]);
+    let expected = unbroken.snapshot(16);
+    // In 4 s four of those that are repeated; the pair turns by 1e-4 rad/s, 2.5 m from its middle.
+    assert_eq!(expected.meta.parameters.events_done, 6);
+    assert!((expected.bodies.body_v[0][1] - 4.0).abs() < 3e-4, "{:?}", expected.bodies.body_v[0]);
+    // At 1.75 s one is about to happen, at 2 s it has; before 0.5 s none has.
+    for step in [1, 7, 8] {
+        for options in ["", "compute: (dt: 0.25, EVENTS)"] {
+            let changes =
+                format!("(bodies: [(snapshot: {step})], keep_time: true, {options})").replace("EVENTS", events);
+            let case = next(&unbroken, &changes);
+            // Stopped once in between.
+            assert_eq!(case.solve(&["--steps", "2"]), 0);
+            assert_eq!(case.solve(&["--steps", &(16 - step).to_string(), "--resume"]), 0);
+            let found = case.snapshot(16);
+            assert_eq!(bits(&found), bits(&expected), "from step {step}, {options}");
+            assert_eq!(found.meta.parameters, expected.meta.parameters, "from step {step}, {options}");
+        }
+    }
+    // From time 0 none has happened.
+    let anew = next(&unbroken, &format!("(compute: (dt: 0.25, steps: 3, {events}))")).solved(&[]).last_snapshot();
+    assert_eq!(anew.meta.parameters.events_done, 2);
+    assert!((anew.bodies.body_v[0][0] - 2.5).abs() < 3e-4, "{:?}", anew.bodies.body_v[0]);
+}
+
+#[test]
 fn what_moves_as_a_whole_is_solved_as_if_at_rest() {
     let from = collapse().solved(&[]);
     let contacts = |changes: &str| {

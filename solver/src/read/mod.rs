@@ -76,11 +76,15 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         ledger: Ledger::default(),
     };
     let start = datbox.join(START);
-    if start.exists() && faults.0.is_empty() {
+    let started = start.exists() && faults.0.is_empty();
+    if started {
         faults.gather(resume::start(&start, &scene, &mut state));
         scene.start = (state.step, state.time);
     }
     scene.events = schedule(&scene.options.events, scene.end_time());
+    if started {
+        resume::pass_events(&scene, &mut state);
+    }
     faults.into_result((scene, state))
 }
 

@@ -31,11 +31,25 @@ pub fn last(outbox: &Path, scene: &Scene, state: &mut State) -> Result<Option<u6
     if state.step > scene.start.0 {
         state.bonding = Bonding::No;
     }
-    // What events have set follows from the events, so that flags may change the rest.
+    set_by_events(scene, state);
+    Ok(Some(step))
+}
+
+/// What events have set follows from the events, so that flags may change the rest.
+fn set_by_events(scene: &Scene, state: &mut State) {
+    state.laws.clone_from(&scene.laws);
     for event in scene.events.iter().take(state.events_done) {
         state.set_by(&event.action, scene);
     }
-    Ok(Some(step))
+}
+
+/// Events that came before the last step of START.npz have happened, whether that run had them or not: what they set
+/// holds, what they add is not added again.
+pub fn pass_events(scene: &Scene, state: &mut State) {
+    // As slack as events themselves; at time 0 none has happened.
+    let last = state.time - state.h + 1e-3 * scene.options.dt.min(state.h);
+    state.events_done = scene.events.partition_point(|event| event.time <= last);
+    set_by_events(scene, state);
 }
 
 fn check(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> {
@@ -106,6 +120,7 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
     faults.into_result(())?;
     let body: Vec<u32> = snapshot.bodies.body_id.iter().map(|&id| id as u32 - 1).collect();
     let mut started = state.clone();
+    let inertia = snapshot.bodies.body_inertia.clone();
     let (kept, turning) = match &snapshot.shapes {
         Some(shapes) => (pairs(scene, shapes, |row| body[row as usize]), shapes.turning.turning_body.clone()),
         None => (Vec::new(), Vec::new()),
@@ -120,7 +135,6 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
         (state.v[i], state.w[i]) = (started.v[row], started.w[row]);
     }
-    let inertia = snapshot.bodies.body_inertia.clone();
     for (&i, spin) in scene.turning.iter().zip(&mut state.spin) {
         *spin = scene.bodies[i as usize].angular_momentum(&state.q[i as usize], &state.w[i as usize]);
     }
