@@ -41,6 +41,13 @@ impl Places {
             }
         }
     }
+
+    /// The path of the innermost value at a byte of the text.
+    fn at(&self, byte: usize) -> Option<&str> {
+        let holds = |place: &Place| place.span.start <= byte && byte <= place.span.end;
+        let holders = self.0.iter().filter(|(_, place)| holds(place));
+        holders.max_by_key(|(path, place)| (place.span.start, path.len())).map(|(path, _)| path.as_str())
+    }
 }
 
 /// A RON text with other values: each of `settings` is `PATH=VALUE`, the path of field names and places in lists,
@@ -53,12 +60,40 @@ pub fn set(text: &str, settings: &[String]) -> Result<String, Faults> {
     for setting in settings {
         match changed(&text, setting) {
             Ok(changed) => text = changed,
-            Err((found, expected)) => {
-                faults.push(Fault::new(Path::new("options"), None, format!("set {setting}"), found, expected));
-            }
+            Err((found, expected)) => faults.push(fault(setting, found, expected)),
         }
     }
     faults.into_result(text)
+}
+
+/// A fault of a value that was set.
+pub fn fault(setting: &str, found: impl Into<String>, expected: impl Into<String>) -> Fault {
+    Fault::new(Path::new("options"), None, format!("set {setting}"), found, expected)
+}
+
+/// The last of `settings` that the value at `path` is from, if one is.
+pub fn setting<'a>(settings: &'a [String], path: &str) -> Option<&'a str> {
+    let is_part = |setting: &&String| {
+        let rest = setting.split_once('=').and_then(|(of, _)| path.strip_prefix(&keys(of.trim())?.join(".")));
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+    };
+    settings.iter().rfind(is_part).map(String::as_str)
+}
+
+/// The last of `settings` that what stands on a line and column of `text`, 1-based, is from, if one is.
+pub fn setting_at<'a>(settings: &'a [String], text: &str, line: usize, column: usize) -> Option<&'a str> {
+    let before: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
+    let within: usize = text[before..].chars().take(column - 1).map(char::len_utf8).sum();
+    setting(settings, Places::of(text).at(before + within)?)
+}
+
+/// The names and 0-based places of a path as people write it, who count places in lists from 1; none of place 0.
+fn keys(path: &str) -> Option<Vec<String>> {
+    let key = |key: &str| match key.parse::<usize>() {
+        Ok(place) => place.checked_sub(1).map(|place| place.to_string()),
+        Err(_) => Some(key.to_string()),
+    };
+    path.split('.').map(key).collect()
 }
 
 fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
@@ -72,15 +107,9 @@ fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
     if walk.at < value.len() || walk.places[""].span.end < value.len() || value.is_empty() {
         return Err(refuse(&format!("'{value}'"), "one value in RON"));
     }
-    // Places in lists are counted from 1 by people.
-    let mut keys: Vec<String> = Vec::new();
-    for key in path.split('.') {
-        keys.push(match key.parse::<usize>() {
-            Ok(0) => return Err(refuse("0", "places in lists counted from 1")),
-            Ok(place) => (place - 1).to_string(),
-            Err(_) => key.to_string(),
-        });
-    }
+    let Some(keys) = keys(path) else {
+        return Err(refuse("0", "places in lists counted from 1"));
+    };
     let places = Places::of(text).0;
     if let Some(place) = places.get(&keys.join(".")) {
         return Ok(format!("{}{value}{}", &text[..place.span.start], &text[place.span.end..]));
@@ -221,6 +250,20 @@ mod tests {
         assert_eq!(line("grains.0.sizes.max"), Some(6)); // left out: the line of what holds it
         assert_eq!(line("grains.1.x.1"), Some(9));
         assert_eq!(line("walls"), None);
+    }
+
+    #[test]
+    fn values_know_where_they_are_from() {
+        let text = "(a: 1, list: [(b: x, c: (2, 3))])";
+        let places = Places::of(text);
+        let at = |what: &str| places.at(text.find(what).unwrap());
+        let found = ["a:", "1", "x", "c:", "(2", "3"].map(at);
+        assert_eq!(found, ["", "a", "list.0.b", "list.0", "list.0.c", "list.0.c.1"].map(Some));
+        assert_eq!(places.at(text.len() + 1), None);
+        let settings = ["list.1.b=x", "list.1=(b: 1)", "a=2", "no pair"].map(String::from);
+        let of = |path| setting(&settings, path);
+        assert_eq!(["list.0.b", "list.0", "a"].map(of), ["list.1=(b: 1)", "list.1=(b: 1)", "a=2"].map(Some));
+        assert_eq!([of("list"), of("list.1.b"), of("ab"), of("")], [None; 4]);
     }
 
     fn set_to(text: &str, setting: &str) -> Result<String, String> {

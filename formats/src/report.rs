@@ -3,24 +3,33 @@
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
-use crate::places::Places;
+use crate::places::{self, Places};
 
 /// Faults of one file, each by the path of its value, e.g. `grains.0.sizes`.
 pub struct Report<'a> {
     file: &'a Path,
     places: Places,
+    settings: &'a [String],
     pub faults: Faults,
 }
 
 impl<'a> Report<'a> {
     pub fn new(file: &'a Path, text: &str) -> Self {
-        Report { file, places: Places::of(text), faults: Faults::default() }
+        Report::with(file, text, &[])
+    }
+
+    /// Of a text in which [`places::set`] has put other values: faults of these name the setting.
+    pub fn with(file: &'a Path, text: &str, settings: &'a [String]) -> Self {
+        Report { file, places: Places::of(text), settings, faults: Faults::default() }
     }
 
     /// Takes down a fault of the value at `path`: `found` says what stands there, `expected` what should.
     pub fn fault(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
-        let line = self.places.line(path);
-        self.faults.push(Fault::new(self.file, line, object(path), found, format!("expected {}", expected.into())));
+        let expected = format!("expected {}", expected.into());
+        self.faults.push(match places::setting(self.settings, path) {
+            Some(setting) => places::fault(setting, found, expected),
+            None => Fault::new(self.file, self.places.line(path), object(path), found, expected),
+        });
     }
 
     /// As [`Report::fault`], unless `holds`.

@@ -41,6 +41,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use population::Population;
 use scene::Scene;
+use serde::de::DeserializeOwned;
 
 /// Makes DATBOX, the input of cd-solve, from a scene.
 ///
@@ -124,7 +125,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
 /// that cannot be written.
 pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result<String, Faults> {
     let text = places::set(&atomic::read_text(source)?, settings)?;
-    let (scene, population) = read(source, &text)?;
+    let (scene, population) = read(source, &text, settings)?;
     let files = write::files(&scene, &population);
     atomic::write_all(files.iter().map(|(name, text)| (datbox.join(name), text.as_bytes())))?;
     from_outbox::clear(datbox)?;
@@ -132,21 +133,36 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     Ok(format!("{}wrote {}: {}\n", summary(&scene, &population), datbox.display(), names.join(" ")))
 }
 
-/// The scene in `text`, and its bodies; `source` is the file that the faults name.
-pub fn read(source: &Path, text: &str) -> Result<(Scene, Population), Faults> {
-    let scene: Scene = from_ron(source, text, "scene").map_err(|mut faults| {
-        for fault in &mut faults.0 {
-            fault.expected = "expected a scene as described in docs/scene.md".to_string();
-        }
-        faults
-    })?;
-    let mut report = Report::new(source, text);
+/// The scene in `text`, and its bodies; the faults name the file `source`, and those of `settings` in the text these.
+pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Population), Faults> {
+    let scene: Scene = parsed(source, text, settings, "scene", "a scene as described in docs/scene.md")?;
+    let mut report = Report::with(source, text, settings);
     check::check(&scene, &mut report);
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
     let population = population::populate(&scene, source.parent().unwrap_or(Path::new("")), &mut report);
     report.faults.into_result((scene, population))
+}
+
+/// Reads RON in which [`places::set`] has put other values.
+fn parsed<T: DeserializeOwned>(
+    file: &Path,
+    text: &str,
+    settings: &[String],
+    object: &str,
+    expected: &str,
+) -> Result<T, Faults> {
+    from_ron(file, text, object).map_err(|mut faults| {
+        for fault in &mut faults.0 {
+            fault.expected = format!("expected {expected}");
+            let (line, column) = (fault.line.unwrap_or(1), fault.column.unwrap_or(1));
+            if let Some(setting) = places::setting_at(settings, text, line, column) {
+                *fault = places::fault(setting, fault.found.as_str(), fault.expected.as_str());
+            }
+        }
+        faults
+    })
 }
 
 /// Counts, sizes and masses, a line for each body of grains and one for all.

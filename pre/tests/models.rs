@@ -240,7 +240,7 @@ fn scene(fields: &str) -> String {
 
 fn datbox(folder: &Path, fields: &str) -> Result<(Bodies, Dof), String> {
     let path: PathBuf = folder.join("scene.ron");
-    let (scene, population) = cd_pre::read(&path, &scene(fields))
+    let (scene, population) = cd_pre::read(&path, &scene(fields), &[])
         .map_err(|faults| faults.to_string().replace(&format!("{}/", folder.display()), ""))?;
     let files = write::files(&scene, &population);
     let text = |name: &str| Text::new(files.iter().find(|(known, _)| known == name).unwrap().1.as_bytes());

@@ -23,7 +23,7 @@ const GOOD: &str = r#"(
 /// What cd-pre says when `from` stands as `to` in the good scene.
 fn said(from: &str, to: &str) -> String {
     assert!(GOOD.contains(from), "{from}");
-    match cd_pre::read(Path::new("scene.ron"), &GOOD.replacen(from, to, 1)) {
+    match cd_pre::read(Path::new("scene.ron"), &GOOD.replacen(from, to, 1), &[]) {
         Ok(_) => String::from("nothing"),
         Err(faults) => faults.to_string(),
     }
@@ -109,7 +109,7 @@ fn materials_laws_and_colours() {
     let scene =
         GOOD.replace("IQS_CLB(friction: 0.4)", cohesive).replacen("law: \"iqsc0\"", "law: \"iqsc0\", alert: 0.1", 1);
     assert_eq!(
-        cd_pre::read(Path::new("scene.ron"), &scene).unwrap_err().to_string(),
+        cd_pre::read(Path::new("scene.ron"), &scene, &[]).unwrap_err().to_string(),
         "scene.ron:5: contact 1, alert: 0.1 is less than the range 0.2 of law 'iqsc0'; expected at least the range (m), for beyond alert no law acts"
     );
 }
@@ -215,7 +215,7 @@ fn overlaps() {
     let list = "place: List(positions: [(0, 0, 0), (0, 0, 1.5), (5, 0, 0)]), // ";
     let sizes = "sizes: Single(1.0), // ";
     let scene = GOOD.replace("place:", list).replace("sizes:", sizes).replace("number: 20", "number: 3");
-    let said = |scene: &str| match cd_pre::read(Path::new("scene.ron"), scene) {
+    let said = |scene: &str| match cd_pre::read(Path::new("scene.ron"), scene, &[]) {
         Ok(_) => String::from("nothing"),
         Err(faults) => faults.to_string(),
     };

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
-use cd_formats::compute::{Compute, from_ron};
+use cd_formats::compute::Compute;
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{Driven, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
@@ -136,14 +136,12 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         None => (Path::new("changes"), "()".to_string()),
     };
     let text = places::set(&text, settings)?;
-    let mut changes: Changes = from_ron(file, &text, "changes").map_err(|mut faults| {
-        faults.0.iter_mut().for_each(|f| f.expected = "expected changes as described in docs/from-outbox.md".into());
-        faults
-    })?;
+    let expected = "changes as described in docs/from-outbox.md";
+    let mut changes: Changes = crate::parsed(file, &text, settings, "changes", expected)?;
     if changes.bodies.is_empty() {
         changes.bodies.push(Taken::default());
     }
-    let mut report = Report::new(file, &text);
+    let mut report = Report::with(file, &text, settings);
     check(&changes, &mut report);
     let folder = file.parent().unwrap_or(Path::new(""));
     let cases: Vec<PathBuf> =
