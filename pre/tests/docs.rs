@@ -81,7 +81,7 @@ fn what_it_shows_is_accepted() {
         let (kind, rest) = block.split_once('\n').unwrap();
         let ron = rest.split("```").next().unwrap();
         let read = match kind {
-            "Scene" => cd_pre::read(&path, ron).map(drop),
+            "Scene" => cd_pre::read(&path, ron, &[]).map(drop),
             "LawKind" => from_ron::<scene::LawKind>(&path, ron, kind).map(drop),
             "Contact" => from_ron::<scene::Contact>(&path, ron, kind).map(drop),
             "Sizes" => from_ron::<scene::Sizes>(&path, ron, kind).map(drop),
