@@ -84,7 +84,9 @@ pub fn setting<'a>(settings: &'a [String], path: &str) -> Option<&'a str> {
 pub fn setting_at<'a>(settings: &'a [String], text: &str, line: usize, column: usize) -> Option<&'a str> {
     let before: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
     let within: usize = text[before..].chars().take(column - 1).map(char::len_utf8).sum();
-    setting(settings, Places::of(text).at(before + within)?)
+    // A reader may point to the blank before a value.
+    let blank = text[before + within..].len() - text[before + within..].trim_start().len();
+    setting(settings, Places::of(text).at(before + within + blank)?)
 }
 
 /// The names and 0-based places of a path as people write it, who count places in lists from 1; none of place 0.
