@@ -19,12 +19,12 @@ struct Arguments {
     /// Problem, see cd-formats, module fc3d
     file: PathBuf,
     /// Residual to reach, |F| / (rho |q|)
-    #[arg(long, default_value_t = 1e-8)]
+    #[arg(long, default_value_t = 1e-8, value_parser = limit)]
     tol: f64,
     #[arg(long, default_value = "auto", value_parser = by_name)]
     solver: Solver,
-    /// Seconds after which the best so far is written
-    #[arg(long, default_value_t = 60.0)]
+    /// Seconds after which the best so far is written; inf for no limit
+    #[arg(long, default_value_t = 60.0, value_parser = limit)]
     max_time: f64,
     /// Passes over the contacts after which the best so far is written
     #[arg(long, default_value_t = 10_000_000)]
@@ -39,6 +39,11 @@ fn by_name(name: &str) -> Result<Solver, String> {
     Solver::ALL.iter().find(|s| s.0 == name).map(|s| s.1).ok_or_else(|| format!("expected one of {}", names()))
 }
 
+fn limit(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number| *number >= 0.0);
+    number.ok_or_else(|| "expected a number, 0 or more".into())
+}
+
 fn run(arguments: &Arguments) -> Result<bool, Faults> {
     let path = &arguments.file;
     let Fc3d { mu, q, blocks, .. } = Fc3d::read(path)?;
@@ -48,7 +53,7 @@ fn run(arguments: &Arguments) -> Result<bool, Faults> {
         tol: arguments.tol,
         max_sweeps: arguments.max_sweeps,
         max_cost: f64::INFINITY,
-        max_time: Duration::try_from_secs_f64(arguments.max_time).ok(),
+        max_time: Duration::try_from_secs_f64(arguments.max_time).ok(), // more than it can hold is none
     };
     let start = Instant::now();
     let solution = solve(&problem, arguments.solver, &[], limits);
@@ -89,5 +94,15 @@ mod tests {
         let r: Vec<f64> = text.split_whitespace().map(|number| number.parse().unwrap()).collect();
         assert!(r.len() == 3 && r.iter().zip([2.0, 0.0, -1.0]).all(|(a, b)| (a - b).abs() < 1e-7), "{text}");
         assert!(run(&Arguments::parse_from(["fc3d", "absent.fc3d", "-o", "r.txt"])).is_err());
+    }
+
+    #[test]
+    fn limits_that_mean_nothing_are_refused() {
+        let arguments = |limit: &str| Arguments::try_parse_from(["fc3d", "one.fc3d", "-o", "r.txt", limit]);
+        for limit in ["--tol=nan", "--tol=-1", "--max-time=nan", "--max-time=-1", "--max-time=soon"] {
+            let error = arguments(limit).err().expect(limit);
+            assert!(error.exit_code() == 2 && error.to_string().contains("expected a number, 0 or more"), "{error}");
+        }
+        assert!(arguments("--tol=0").is_ok() && arguments("--max-time=inf").is_ok());
     }
 }
