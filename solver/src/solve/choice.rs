@@ -5,7 +5,7 @@ use cd_formats::snapshot::Fallback;
 
 use crate::assemble::{StoredProblem, System};
 use crate::math::lanes::Width;
-use crate::math::{to_local, to_world};
+use crate::math::{Vec3, to_local, to_world};
 use crate::solve::nlgs::{ROUND, Solution, Until, closing_outside, nlgs};
 use crate::solve::residual::Judge;
 use crate::solve::rolling;
@@ -109,6 +109,10 @@ fn by_stored(
     stored: impl Fn(&System) -> StoredProblem,
 ) -> Solution {
     let mut system = system.clone();
+    // What the sweeps have taken in is part of the problem.
+    for (row, r) in system.rows.iter_mut().zip(&start.impulses) {
+        row.can_close |= *r != Vec3::zeros();
+    }
     let mut best = start;
     let mut left = limits;
     loop {
@@ -158,7 +162,6 @@ mod tests {
 
     use super::*;
     use crate::assemble::{Record, Row};
-    use crate::math::Vec3;
 
     /// Balls of mass 1 that come down on one floor at 1 m/s.
     fn balls(count: u32) -> System {
@@ -185,24 +188,47 @@ mod tests {
         System { rows: (0..count).map(row).collect(), full: None, rolls: vec![], order: (0..=count).collect(), records }
     }
 
+    /// The rows of such balls that can close, which do not feel each other.
+    fn written(system: &System) -> StoredProblem {
+        let rows: Vec<u32> = (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| k).collect();
+        let of = |k: &u32| &system.rows[*k as usize];
+        let diagonal = |row: &Row| [[row.w_n, 0.0, 0.0], [0.0, row.w_t, 0.0], [0.0, 0.0, row.w_t]];
+        StoredProblem {
+            mu: rows.iter().map(|k| of(k).friction).collect(),
+            q: rows.iter().map(|k| [system.records[*k as usize].v.z, 0.0, 0.0]).collect(),
+            blocks: rows.iter().enumerate().map(|(i, k)| (i, i, diagonal(of(k)))).collect(),
+            rows: rows.iter().map(|k| (*k, [Vec3::z(), Vec3::x(), Vec3::y()])).collect(),
+        }
+    }
+
     /// Why sweeps stood in, and whether the problem was written out.
     fn solved(system: &System, solver: ContactSolver) -> (Option<&'static str>, bool) {
         let asked = Cell::new(false);
         let stored = |system: &System| {
             asked.set(true);
-            let diagonal = |row: &Row| [[row.w_n, 0.0, 0.0], [0.0, row.w_t, 0.0], [0.0, 0.0, row.w_t]];
-            let frame = [Vec3::z(), Vec3::x(), Vec3::y()];
-            StoredProblem {
-                mu: system.rows.iter().map(|row| row.friction).collect(),
-                q: vec![[-1.0, 0.0, 0.0]; system.rows.len()],
-                blocks: system.rows.iter().enumerate().map(|(k, row)| (k, k, diagonal(row))).collect(),
-                rows: (0..system.rows.len() as u32).map(|k| (k, frame)).collect(),
-            }
+            written(system)
         };
         let task = Task { solver, until: Until::new(1e-9, 50), width: Width::detect(), spared: false };
         let solution = contact_problem(system, task, stored);
         assert!(solution.converged && solution.residual <= 1e-9, "{solver}");
         (solution.replaced, asked.get())
+    }
+
+    #[test]
+    fn rows_that_sweeps_took_in_are_solved_again() {
+        let mut system = balls(2);
+        // The second flies off; the sweeps pushed it further all the same.
+        system.records[1].v = Vec3::z();
+        system.rows[1].can_close = false;
+        let swept = nlgs(&system, Until::new(1e-9, 0), Width::detect());
+        let start = Solution { impulses: vec![Vec3::zeros(), Vec3::z()], ..swept };
+        let limits = Limits { tol: 1e-9, max_sweeps: 50, max_time: None, max_cost: f64::INFINITY };
+        let solution = by_stored(&system, start, Solver::ProxNewton, limits, Width::detect(), written);
+        assert!(solution.converged && solution.active == 2);
+        for (k, r) in [1.0, 0.0].into_iter().enumerate() {
+            assert!((solution.impulses[k] - Vec3::z() * r).norm() < 1e-9, "{k}: {}", solution.impulses[k]);
+            assert_eq!(solution.records[k].v, system.records[k].v + solution.impulses[k]); // of mass 1
+        }
     }
 
     #[test]
