@@ -115,6 +115,26 @@ fn coriolis_force_does_no_work() {
     }
 }
 
+/// A ball on a plate without friction, laid or let fall on it, in axes that turn about a horizontal line.
+#[test]
+fn coriolis_force_leaves_alone_what_lies() {
+    for (height, h) in [(0.0, 1e-2), (0.0, 1e-3), (0.2, 1e-2)] {
+        let (rate, g) = (1e-3, 9.81);
+        let mut case = Case::new();
+        case.law("IQS_CLB", &[0.0]);
+        case.gravity = [0.0, 0.0, -g];
+        case.options.dt = h;
+        case.options.fields = vec![Field::RotatingFrame { rate: [0.0, rate, 0.0], centre: [0.0; 3] }];
+        case.floor();
+        let ball = case.sphere(0.5, [0.0, 0.0, 0.5 + height]);
+        let end = case.run((1.0 / h) as u64);
+        // 2 W x the way down; the contact's part of the last step, 2 W h g h/2, is what is missing. The centrifugal force
+        // does W² x 1 s, a millionth of the speed.
+        equal(end.v(ball).x, 2.0 * rate * height, 1.001 * rate * g * h * h);
+        near(end.meta.ledger.momentum_expected, end.momentum(), 1e-12 * end.mass(ball) * g);
+    }
+}
+
 #[test]
 fn rods_turn_each_other_and_keep_angular_momentum() {
     let run = |quadrupole: bool| {
