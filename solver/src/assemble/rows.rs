@@ -4,12 +4,14 @@
 //! and a row reads and changes those of its two. A law's shift c is put into the records once, so
 //! that the solver works on r̂ = r - c n alone (see [`crate::laws`]).
 
+use std::ops::Range;
+
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use crate::integrate::Configuration;
-use crate::laws::{Approach, Rolling, Shift};
-use crate::math::{Quat, Vec3, to_local, to_world};
+use crate::laws::{Approach, Law, Rolling, Shift, TOUCHING};
+use crate::math::{Quat, Vec3, rotate, to_local, to_world};
 use crate::scene::{Body, Scene, Shape};
 use crate::state::{Bonding, Contact, SolvedContact, State, Status, UNKNOWN};
 
@@ -153,8 +155,9 @@ pub fn contact_problem(
         })
         .collect();
 
-    let history = history(&state.contacts, contacts);
+    let mut history = history(&state.contacts, contacts);
     let setting = Setting { scene, state, q_c, v_free, w_free, records: &records, full: full.is_some() };
+    setting.renamed(contacts, &mut history);
     let of_contact =
         |(contact, old): (&Contact, &Option<u32>)| setting.row(contact, old.map(|k| &state.contacts[k as usize]));
     let mut rows: Vec<Row> = contacts.par_iter().zip(&history).with_min_len(256).map(of_contact).collect();
@@ -192,7 +195,8 @@ pub fn contact_problem(
 /// Contacts that one task looks at.
 const CHUNK: usize = 1024;
 
-/// For each contact its index in the list of the last step; both lists are in the order of their keys.
+/// For each contact the index of the one with its key in the list of the last step; both lists are in the order of their
+/// keys.
 fn history(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<u32>> {
     let of_some = |contacts: &[Contact]| {
         let first = contacts[0].key();
@@ -208,28 +212,20 @@ fn history(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<u32>> {
             })
             .collect::<Vec<_>>()
     };
-    let mut found = contacts.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat();
-    if before.iter().any(|old| old.contact.features.0 == UNKNOWN) {
-        by_place(before, contacts, &mut found);
-    }
-    found
+    contacts.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat()
 }
 
-/// Gives contacts that were not found the nearest of those of the same contactors whose features are not known, each once.
-fn by_place(before: &[SolvedContact], contacts: &[Contact], found: &mut [Option<u32>]) {
-    let mut taken = vec![false; before.len()];
-    for (contact, found) in contacts.iter().zip(found).filter(|(_, found)| found.is_none()) {
-        let (candidate, antagonist, ranks, _) = contact.key();
-        let from = before.partition_point(|old| old.contact.key() < (candidate, antagonist, ranks, (UNKNOWN, 0)));
-        let same = |old: &SolvedContact| old.contact.key() <= (candidate, antagonist, ranks, (UNKNOWN, u32::MAX));
-        let far = |k: &usize| (before[*k].contact.point - contact.point).norm();
-        let of_pair = (from..before.len()).take_while(|&k| same(&before[k]));
-        let nearest = of_pair.filter(|&k| !taken[k]).min_by(|i, j| far(i).total_cmp(&far(j)));
-        if let Some(k) = nearest {
-            taken[k] = true;
-            *found = Some(k as u32);
-        }
-    }
+/// Two contactors by their bodies and ranks.
+type Contactors = (u32, u32, (u16, u16));
+
+fn contactors(contact: &Contact) -> Contactors {
+    (contact.candidate, contact.antagonist, contact.ranks)
+}
+
+/// Where the contacts of two contactors are in a list in the order of the keys.
+fn of_pair<T>(list: &[T], pair: Contactors, contact: impl Fn(&T) -> &Contact) -> Range<usize> {
+    let from = list.partition_point(|item| contactors(contact(item)) < pair);
+    from..from + list[from..].iter().take_while(|item| contactors(contact(item)) == pair).count()
 }
 
 /// What the rows are made from.
@@ -244,6 +240,66 @@ struct Setting<'a> {
 }
 
 impl Setting<'_> {
+    /// Gives contacts whose key is new those of the same contactors whose key is gone, the nearest first and each once:
+    /// where corners coincide, rounding decides what meets there, and of more than four others may be chosen. Of a face that
+    /// is no larger than before, those that are left share the history of the nearest.
+    fn renamed(&self, contacts: &[Contact], found: &mut [Option<u32>]) {
+        let before = &self.state.contacts;
+        // Two spheres have one contact, always of the same key.
+        let is_new = |&k: &usize| found[k].is_none() && !self.scene.bodies[contacts[k].antagonist as usize].is_sphere();
+        let new: Vec<usize> = (0..contacts.len()).filter(is_new).collect();
+        for new in new.chunk_by(|&i, &k| contactors(&contacts[i]) == contactors(&contacts[k])) {
+            let pair = contactors(&contacts[new[0]]);
+            let now = &contacts[of_pair(contacts, pair, |contact| contact)];
+            let old = of_pair(before, pair, |old| &old.contact);
+            let is_gone = |&k: &usize| now.iter().all(|contact| contact.key() != before[k].contact.key());
+            let mut gone: Vec<usize> = old.clone().filter(is_gone).collect();
+            let ways = |old: usize| new.iter().map(move |&k| (self.moved(&before[old].contact, &contacts[k]), old, k));
+            let mut ways: Vec<(f64, usize, usize)> = old.clone().flat_map(ways).collect();
+            ways.sort_by(|a, b| a.0.total_cmp(&b.0));
+            for &(_, old, k) in &ways {
+                if found[k].is_none() && gone.contains(&old) {
+                    found[k] = Some(old as u32);
+                    gone.retain(|other| *other != old);
+                }
+            }
+            let area = before[old].iter().map(|old| old.contact.area).sum::<f64>();
+            if area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + TOUCHING) {
+                for (_, old, k) in ways {
+                    found[k].get_or_insert(old as u32);
+                }
+            }
+        }
+    }
+
+    /// From where the candidate has carried a contact of the last step to this one of the same contactors, m.
+    fn moved(&self, old: &Contact, contact: &Contact) -> f64 {
+        let (state, a) = (self.state, contact.candidate as usize);
+        let centre = state.x[a] - state.v[a] * (self.scene.options.theta * state.h); // of the last contact configuration
+        let turn = rotate(&Quat::identity(), &(state.w[a] * self.since()));
+        (contact.point - self.q_c.x[a] - turn * (old.point - centre)).norm()
+    }
+
+    /// Time from the last contact configuration to this, s.
+    fn since(&self) -> f64 {
+        let theta = self.scene.options.theta;
+        theta * self.state.h + (1.0 - theta) * self.q_c.h
+    }
+
+    /// Gap of the bond that a contact of the last step hands on, m: its own to what is in its place; elsewhere the gap there,
+    /// if that touches and if the old one would still be in reach.
+    fn bond(&self, old: &SolvedContact, contact: &Contact, law: &Law, radius: f64) -> Option<f64> {
+        let bond = old.bond?;
+        let known = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN;
+        // What counts as touching tells no more apart.
+        let place = || TOUCHING * self.scene.effective_radius(contact.candidate, contact.antagonist);
+        if known || self.moved(&old.contact, contact) <= place() {
+            return Some(bond);
+        }
+        let foreseen = old.contact.gap + old.velocity.x * self.since();
+        law.bond(contact.gap, radius).filter(|_| foreseen <= law.range(radius))
+    }
+
     /// The row of a contact, with what the last step had of it.
     fn row(&self, contact: &Contact, previous: Option<&SolvedContact>) -> Row {
         let Setting { state, q_c, v_free, w_free, records, full, .. } = *self;
@@ -255,7 +311,8 @@ impl Setting<'_> {
         let radius = self.radius(contact);
         let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
         let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
-        let bond = previous.and_then(|old| old.bond).or(if bonds_now { law.bond(contact.gap, radius) } else { None });
+        let bond = previous.and_then(|old| self.bond(old, contact, law, radius));
+        let bond = bond.or(if bonds_now { law.bond(contact.gap, radius) } else { None });
         let shift = law.shift(&Approach { gap: contact.gap, h, u_n: n.dot(&u_before), radius, slid_before, bond });
         let acts = shift.is_some();
         let shift = shift.unwrap_or_default();

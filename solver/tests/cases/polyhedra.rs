@@ -351,6 +351,53 @@ fn deep_overlaps_at_the_start_are_told() {
     assert_eq!(told(&mut cubes(&[0.0, 0.9939])), None);
 }
 
+/// A prism of 1 m height upright on a regular triangle.
+fn prism(case: &mut Case, x: [f64; 3]) -> usize {
+    let corner = |k: u32| {
+        let (sin, cos) = (f64::from(k % 3) * std::f64::consts::TAU / 3.0).sin_cos();
+        [cos, sin, f64::from(k / 3) - 0.5]
+    };
+    let triangles = [[0, 2, 1], [3, 4, 5], [0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [2, 0, 3], [2, 3, 5]];
+    case.polyhedron(&(0..6).map(corner).collect::<Vec<_>>(), &triangles, x)
+}
+
+/// Three bodies hang below each other from a plate, face to face: rounding decides which features meet in their corners,
+/// and whether nearly parallel sides of triangles cross in a fourth point.
+#[test]
+fn bonds_and_liquid_bridges_outlive_the_names_of_corners() {
+    let bond: (_, &[f64], _) = ("IQS_MOHR_DS_CLB", &[1e3, 5e2, 0.3, 0.3], 1e-9);
+    let bridge: (_, &[f64], _) = ("xQS_WET_DS_CLB", &[20.0, 0.0, 0.0625, 0.3, 0.3], 1e-6);
+    for ((law, parameters, tol), prisms) in [(bond, false), (bond, true), (bridge, false), (bridge, true)] {
+        let mut case = Case::new();
+        case.law_of_all(law, parameters);
+        case.gravity = [0.5, 0.3, -9.81];
+        let plate = case.plate([3.0, 3.0, 0.5], [0.0, 0.0, 0.5], [X, Y, Z]);
+        for z in [-0.5, -1.5, -2.5] {
+            let x = [0.0, 0.0, z];
+            if prisms {
+                prism(&mut case, x)
+            } else {
+                case.block([0.5; 3], x, [X, Y, Z])
+            };
+        }
+        if prisms {
+            case.dof.retain(|dof| dof.body == plate); // the program finds their axes
+        }
+        (case.options.dt, case.options.tol) = (0.01, Some(tol));
+        let states = case.states(1000, 10);
+        let mass: f64 = states[0].free().iter().map(|&i| states[0].mass(i)).sum();
+        let mut renamed = 0;
+        for pair in states[1..].windows(2) {
+            renamed += usize::from(pair[0].contacts.contact_feature != pair[1].contacts.contact_feature);
+            let bonded = &pair[1].memory.as_ref().unwrap().contact_bonded;
+            assert!(bonded.iter().all(|bonded| *bonded == 1), "{law}: {bonded:?} at {} s", pair[1].meta.time);
+            // `tol` is of the cohesion of nine to twelve contacts, on each face a hundred times a weight at most.
+            near(reaction(&pair[1], plate) / mass, [0.5, 0.3, -9.81], 1e4 * tol);
+        }
+        assert!(renamed >= 5, "{law}: {renamed}");
+    }
+}
+
 /// Cards of half lengths (thickness, width, length) in three storeys of tents, a roof over each but the last.
 fn card_house(case: &mut Case) -> Vec<usize> {
     let (length, thick, wide, lean) = (1.0, 0.02, 0.4, 12f64.to_radians());
