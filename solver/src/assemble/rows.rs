@@ -241,35 +241,76 @@ struct Setting<'a> {
 
 impl Setting<'_> {
     /// Gives contacts whose key is new those of the same contactors whose key is gone, the nearest first and each once:
-    /// where corners coincide, rounding decides what meets there, and of more than four others may be chosen. Of a face that
-    /// is no larger than before, those that are left share the history of the nearest.
+    /// where corners coincide, rounding decides what meets there, and of more than four others may be chosen. Of a bonded
+    /// face that is no larger than before, those that are left share the history of the nearest.
+    ///
+    /// Only what can act, now or before, counts: what else is listed depends on the alert distance.
     fn renamed(&self, contacts: &[Contact], found: &mut [Option<u32>]) {
         let before = &self.state.contacts;
+        let carried = |k: usize| before[k].bond.is_some() || before[k].impulse != Vec3::zeros();
+        let acted = |k: usize| {
+            let old = &before[k].contact;
+            carried(k) || old.gap <= self.state.laws[old.law as usize].range(self.radius(old))
+        };
         // Two spheres have one contact, always of the same key.
-        let is_new = |&k: &usize| found[k].is_none() && !self.scene.bodies[contacts[k].antagonist as usize].is_sphere();
-        let new: Vec<usize> = (0..contacts.len()).filter(is_new).collect();
+        let is_new = |&k: &usize| {
+            !self.scene.bodies[contacts[k].antagonist as usize].is_sphere()
+                && !found[k].is_some_and(|old| acted(old as usize))
+                && self.in_reach(&contacts[k])
+        };
+        let new: Vec<usize> = (0..contacts.len()).into_par_iter().with_min_len(256).filter(is_new).collect();
         for new in new.chunk_by(|&i, &k| contactors(&contacts[i]) == contactors(&contacts[k])) {
             let pair = contactors(&contacts[new[0]]);
             let now = &contacts[of_pair(contacts, pair, |contact| contact)];
             let old = of_pair(before, pair, |old| &old.contact);
-            let is_gone = |&k: &usize| now.iter().all(|contact| contact.key() != before[k].contact.key());
-            let mut gone: Vec<usize> = old.clone().filter(is_gone).collect();
+            let stays = |k: usize| now.iter().any(|now| now.key() == before[k].contact.key() && self.in_reach(now));
+            let mut gone: Vec<usize> = old.clone().filter(|&k| carried(k) && !stays(k)).collect();
+            let mut left = new.to_vec();
             let ways = |old: usize| new.iter().map(move |&k| (self.moved(&before[old].contact, &contacts[k]), old, k));
-            let mut ways: Vec<(f64, usize, usize)> = old.clone().flat_map(ways).collect();
+            let mut ways: Vec<(f64, usize, usize)> = old.clone().filter(|&k| carried(k)).flat_map(ways).collect();
             ways.sort_by(|a, b| a.0.total_cmp(&b.0));
             for &(_, old, k) in &ways {
-                if found[k].is_none() && gone.contains(&old) {
+                if left.contains(&k) && gone.contains(&old) {
                     found[k] = Some(old as u32);
                     gone.retain(|other| *other != old);
+                    left.retain(|other| *other != k);
                 }
             }
             let area = before[old].iter().map(|old| old.contact.area).sum::<f64>();
-            if area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + TOUCHING) {
-                for (_, old, k) in ways {
-                    found[k].get_or_insert(old as u32);
+            let is_same = area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + TOUCHING);
+            for (_, old, k) in ways.into_iter().filter(|way| is_same && before[way.1].bond.is_some()) {
+                if left.contains(&k) {
+                    found[k] = Some(old as u32);
+                    left.retain(|other| *other != k);
                 }
             }
         }
+    }
+
+    /// Whether a contact can close within the step or is within the range of its law.
+    fn in_reach(&self, contact: &Contact) -> bool {
+        let range = self.state.laws[contact.law as usize].range(self.radius(contact));
+        contact.gap <= self.travel(contact).max(range)
+    }
+
+    /// How far the two bodies may come nearer in the step at the contact, m, past what all have in common.
+    fn travel(&self, contact: &Contact) -> f64 {
+        let Setting { q_c, v_free, w_free, .. } = *self;
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let past = |v: Vec3| (v - q_c.drift).norm();
+        let plate = if self.on_plate(contact) { past(self.plate(contact)) } else { 0.0 };
+        let mut travel = q_c.h * (past(v_free[a]) + plate.max(past(v_free[b])));
+        if self.full {
+            let sides = [a, b].into_iter().zip(arms(contact, &q_c.x));
+            travel += q_c.h * sides.map(|(i, arm)| w_free[i].norm() * arm.norm()).sum::<f64>();
+        }
+        travel
+    }
+
+    /// Velocity of a plate at the contact point, m/s.
+    fn plate(&self, contact: &Contact) -> Vec3 {
+        let b = contact.antagonist as usize;
+        self.v_free[b] + self.w_free[b].cross(&arms(contact, &self.q_c.x)[1])
     }
 
     /// From where the candidate has carried a contact of the last step to this one of the same contactors, m.
@@ -302,7 +343,7 @@ impl Setting<'_> {
 
     /// The row of a contact, with what the last step had of it.
     fn row(&self, contact: &Contact, previous: Option<&SolvedContact>) -> Row {
-        let Setting { state, q_c, v_free, w_free, records, full, .. } = *self;
+        let Setting { state, q_c, records, full, .. } = *self;
         let h = q_c.h;
         let frame = contact.frame();
         let n = frame[0];
@@ -324,18 +365,12 @@ impl Setting<'_> {
         let radii = [records[a].radius, records[b].radius];
         let arm =
             if full { 1.0 } else { 1.0 + contact.gap / if on_plate { 2.0 * radii[0] } else { radii[0] + radii[1] } };
-        let plate = if on_plate { v_free[b] + w_free[b].cross(&arms(contact, &q_c.x)[1]) } else { Vec3::zeros() };
+        let plate = if on_plate { self.plate(contact) } else { Vec3::zeros() };
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
         let w_t = w_n
             + (arm * radii[0]).powi(2) * records[a].inverse_inertia
             + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
         let u_tangent = u_before - n * n.dot(&u_before);
-        let past = |v: Vec3| (v - q_c.drift).norm();
-        let mut travel = h * (past(v_free[a]) + if on_plate { past(plate) } else { 0.0 }.max(past(v_free[b])));
-        if full {
-            let sides = [a, b].into_iter().zip(arms(contact, &q_c.x));
-            travel += h * sides.map(|(i, arm)| w_free[i].norm() * arm.norm()).sum::<f64>();
-        }
         Row {
             bodies,
             normal: n,
@@ -346,7 +381,7 @@ impl Setting<'_> {
             friction: shift.friction,
             impulse_shift: shift.impulse,
             acts,
-            can_close: acts && (contact.gap <= travel || shift.impulse != 0.0),
+            can_close: acts && (contact.gap <= self.travel(contact) || shift.impulse != 0.0),
             start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
             bond: bond.filter(|_| acts),
