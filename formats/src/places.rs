@@ -80,13 +80,13 @@ pub fn setting<'a>(settings: &'a [String], path: &str) -> Option<&'a str> {
     settings.iter().rfind(is_part).map(String::as_str)
 }
 
-/// The last of `settings` that what stands on a line and column of `text`, 1-based, is from, if one is.
+/// The last of `settings` that what stands on a line from a column of `text` on, 1-based, is from, if one is.
 pub fn setting_at<'a>(settings: &'a [String], text: &str, line: usize, column: usize) -> Option<&'a str> {
     let before: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
     let within: usize = text[before..].chars().take(column - 1).map(char::len_utf8).sum();
-    // A reader may point to the blank before a value.
-    let blank = text[before + within..].len() - text[before + within..].trim_start().len();
-    setting(settings, Places::of(text).at(before + within + blank)?)
+    // RON misses some values where the blank before them begins.
+    let byte = text.len() - text[before + within..].trim_start().len();
+    setting(settings, Places::of(text).at(byte)?)
 }
 
 /// The names and 0-based places of a path as people write it, who count places in lists from 1; none of place 0.
@@ -266,6 +266,9 @@ mod tests {
         let of = |path| setting(&settings, path);
         assert_eq!(["list.0.b", "list.0", "a"].map(of), ["list.1=(b: 1)", "list.1=(b: 1)", "a=2"].map(Some));
         assert_eq!([of("list"), of("list.1.b"), of("ab"), of("")], [None; 4]);
+        let text = "(\n  ä: 1,\n  a: x)";
+        let found = [(2, 5), (3, 4), (3, 5), (3, 6)].map(|(line, column)| setting_at(&settings, text, line, column));
+        assert_eq!(found, [None, None, Some("a=2"), Some("a=2")]);
     }
 
     fn set_to(text: &str, setting: &str) -> Result<String, String> {
