@@ -252,9 +252,20 @@ impl Setting<'_> {
             let old = &before[k].contact;
             carried(k) || old.gap <= self.state.laws[old.law as usize].range(self.radius(old))
         };
-        // Two spheres have one contact, always of the same key.
+        // Two spheres have one contact, always of the same key. Of others nearly always nothing is gone, and only bonds are shared.
+        let has_names = |contact: &Contact| !self.scene.bodies[contact.antagonist as usize].is_sphere();
+        let mut is_gone: Vec<bool> =
+            before.iter().zip(0..).map(|(old, k)| has_names(&old.contact) && carried(k)).collect();
+        let stays =
+            |(k, contact): (usize, &Contact)| found[k].filter(|&old| is_gone[old as usize] && self.in_reach(contact));
+        let stay: Vec<u32> = contacts.par_iter().enumerate().with_min_len(256).filter_map(stays).collect();
+        stay.into_iter().for_each(|old| is_gone[old as usize] = false);
+        let is_concerned = |k: &usize| is_gone[*k] || before[*k].bond.is_some() && has_names(&before[*k].contact);
+        let concerned: Vec<Contactors> =
+            (0..before.len()).filter(is_concerned).map(|k| contactors(&before[k].contact)).collect();
         let is_new = |&k: &usize| {
-            !self.scene.bodies[contacts[k].antagonist as usize].is_sphere()
+            has_names(&contacts[k])
+                && concerned.binary_search(&contactors(&contacts[k])).is_ok()
                 && !found[k].is_some_and(|old| acted(old as usize))
                 && self.in_reach(&contacts[k])
         };
@@ -263,8 +274,7 @@ impl Setting<'_> {
             let pair = contactors(&contacts[new[0]]);
             let now = &contacts[of_pair(contacts, pair, |contact| contact)];
             let old = of_pair(before, pair, |old| &old.contact);
-            let stays = |k: usize| now.iter().any(|now| now.key() == before[k].contact.key() && self.in_reach(now));
-            let mut gone: Vec<usize> = old.clone().filter(|&k| carried(k) && !stays(k)).collect();
+            let mut gone: Vec<usize> = old.clone().filter(|&k| is_gone[k]).collect();
             let mut left = new.to_vec();
             let ways = |old: usize| new.iter().map(move |&k| (self.moved(&before[old].contact, &contacts[k]), old, k));
             let mut ways: Vec<(f64, usize, usize)> = old.clone().filter(|&k| carried(k)).flat_map(ways).collect();
