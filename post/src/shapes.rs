@@ -8,7 +8,7 @@ use cd_formats::bodies::{Bodies, Body, Shape};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::groups::Groups;
 use cd_formats::snapshot::{BodyArrays, SHAPE_PARTS};
-use cd_formats::surface::{MassProperties, Surface};
+use cd_formats::surface::Surface;
 use nalgebra::Matrix3;
 
 use crate::frame::Vec3;
@@ -117,11 +117,9 @@ pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
     let given = body.inertia.is_some_and(|moments| moments != [0.0; 3]);
     let simple = lone && !matches!(body.contactors[0].shape, Shape::Polyhedron { .. });
     let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
-    if !simple && (lone || !given) {
-        let of_each = body.contactors.iter().map(|contactor| contactor.mass_properties());
-        let of_each = of_each.collect::<Result<Vec<_>, _>>().map_err(|faults| faults.join("; "))?;
-        let properties = MassProperties::together(&of_each);
-        centre = properties.centre.into();
+    if !simple {
+        let properties = body.mass_properties().map_err(|faults| faults.join("; "))?;
+        centre = body.shift(&properties).into();
         if !given {
             axes = Matrix3::from_rows(&properties.principal().1.map(|axis| Vec3::from(axis).transpose()));
         }

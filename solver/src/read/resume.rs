@@ -91,7 +91,7 @@ const DIGITS: f64 = 1e-6;
 ///
 /// The law of a contact is that of TACT_BEHAV.DAT for its two bodies; without one it is dropped.
 /// Refused are bodies that DATBOX has not and positions other than those of the text files, which
-/// somebody has changed then. Where it knows of no bonds, the first step makes them of all that touches.
+/// somebody has changed then.
 pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults> {
     let snapshot = Snapshot::read(path)?;
     let mut faults = Faults::default();
@@ -125,9 +125,6 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         Some(shapes) => (pairs(scene, shapes, |row| body[row as usize]), shapes.turning.turning_body.clone()),
         None => (Vec::new(), Vec::new()),
     };
-    if snapshot.memory.is_none() {
-        state.bonding = Bonding::All; // a run without bonds does not know which would hold
-    }
     restore(snapshot, &mut started);
     (state.step, state.time, state.h) = (started.step, started.time, started.h);
     for (row, &i) in body.iter().enumerate() {
