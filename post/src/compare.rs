@@ -181,14 +181,16 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
             PLOTS.iter().any(|plot| plot.logarithmic && plot.curves.iter().any(|(curve, _)| *curve == name));
         Axis { quantity: name.into(), unit: unit.into(), logarithmic }
     };
-    let helped = kind.column(name).filter(|(_, _, help)| !help.is_empty());
-    let title = helped.map_or(name.to_string(), |(_, _, help)| {
-        let short = help.split(", ").next().unwrap_or(help);
-        let mut letters = short.chars();
-        letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
-    });
+    // What a column is, in words where it has some, else by its name.
+    let words = |name: &str| {
+        let help = kind.column(name).map_or("", |(_, _, help)| help);
+        help.split(", ").next().filter(|short| !short.is_empty()).unwrap_or(name).to_string()
+    };
+    let mut letters = words(name).chars().collect::<Vec<_>>().into_iter();
+    let title = letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect());
     let curves = runs.iter().zip(&points).map(|(run, points)| Curve::line(&run.name, points.clone())).collect();
-    let figure = Figure { title, x: Axis { logarithmic: false, ..axis(against) }, y: axis(name), curves };
+    let x = Axis { quantity: words(against), logarithmic: false, ..axis(against) };
+    let figure = Figure { title, x, y: axis(name), curves };
     let mut places: Vec<f64> = points.iter().flatten().map(|p| p.0).filter(|x| x.is_finite()).collect();
     places.sort_by(f64::total_cmp);
     places.dedup();

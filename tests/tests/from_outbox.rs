@@ -175,6 +175,28 @@ fn events_that_have_happened_do_not_come_again() {
 }
 
 #[test]
+fn what_events_have_set_holds_in_the_next_run() {
+    let events = r#"events: [
+        (time: 0.5, action: SetFriction("iqsc0", 0.7)),
+        (time: 0.5, action: SetGravity((0.0, 0.0, -0.25))),
+        (time: 0.5, action: SetQuench(0.1)),
+        (time: 0.5, action: SetTorque((0.0, 0.0, 300.0))),
+        (time: 1.75, action: SetFriction("iqsc0", 0.9)),
+    ]"#;
+    let unbroken = Case::of(&spheres("[(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)]", events));
+    let unbroken = unbroken.solved(&["--steps", "6", "--output-every", "1"]);
+    let expected = unbroken.snapshot(6);
+    assert_eq!(expected.meta.laws[0].parameters, [0.7]);
+    let case = next(&unbroken, "(bodies: [(snapshot: 4)])").solved(&["--steps", "2"]);
+    let found = case.last_snapshot();
+    assert_eq!(bits(&found), bits(&expected));
+    assert_eq!((&found.meta.laws, found.meta.parameters.events_done), (&expected.meta.laws, 1));
+    // Before them nothing is set.
+    let start = next(&unbroken, "(bodies: [(snapshot: 1)])").solved(&["--steps", "1"]).last_snapshot();
+    assert_eq!((start.meta.laws[0].parameters[0], start.meta.parameters.quench), (0.3, 0.0));
+}
+
+#[test]
 fn what_moves_as_a_whole_is_solved_as_if_at_rest() {
     let from = collapse().solved(&[]);
     let contacts = |changes: &str| {

@@ -147,12 +147,16 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let cases: Vec<PathBuf> =
         changes.bodies.iter().map(|t| t.case.as_ref().map_or(case.to_path_buf(), |c| folder.join(c))).collect();
     let mut sources = Vec::new();
+    let events_go_on = changes.keep_time && changes.compute.is_none();
     for (taken, case) in changes.bodies.iter().zip(&cases) {
         if let Ok(true) = fs::canonicalize(case).and_then(|from| Ok(from == fs::canonicalize(dir)?)) {
             let expected = "expected another folder than that of a case that is read";
             report.faults.push(Fault::new(dir, None, "folder", "is the case itself", expected));
         }
         sources.extend(report.faults.gather(Source::read(case, taken.snapshot)));
+    }
+    if !events_go_on {
+        sources.iter_mut().for_each(Source::end_events);
     }
     if !report.faults.0.is_empty() {
         return Err(report.faults);
@@ -167,16 +171,10 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
-    let mut options = changes.compute.clone().unwrap_or_else(|| Compute {
-        steps: None,
-        end_time: None,
-        events: Vec::new(),
-        ..sources[0].options.clone()
+    let options = changes.compute.clone().unwrap_or_else(|| {
+        let known = &sources[0].options;
+        Compute { steps: None, end_time: known.end_time.filter(|_| events_go_on), ..known.clone() }
     });
-    if changes.keep_time && changes.compute.is_none() {
-        options.end_time = sources[0].options.end_time;
-        options.events.clone_from(&sources[0].options.events);
-    }
     let new = New::of(&changes, &parts, &options, folder, &mut report);
     let records = records(&parts, &new);
     check_overlaps(&parts, &new, &records, &mut report);

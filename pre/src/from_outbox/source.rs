@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::compute::Compute;
+use cd_formats::compute::{self, Action, Compute, Event};
 use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
@@ -88,6 +88,25 @@ impl Source {
         }
         let shifts = shifts(&datbox.join("BODIES.DAT"), &bodies)?;
         Ok(Source { case: case.to_path_buf(), bodies, shifts, bulk, tact, driven, options, snapshot })
+    }
+
+    /// What events have set up to the snapshot holds from the start on, and no event is to come.
+    pub fn end_events(&mut self) {
+        let meta = &self.snapshot.meta;
+        for law in &mut self.tact.laws {
+            if let Some(now) = meta.laws.iter().find(|now| now.nickname == law.nickname) {
+                law.parameters.clone_from(&now.parameters);
+            }
+        }
+        self.bulk.gravity = meta.parameters.uniform_gravity;
+        let all = compute::schedule(&std::mem::take(&mut self.options.events), meta.time);
+        for event in all.into_iter().take(meta.parameters.events_done as usize) {
+            match event.action {
+                Action::SetQuench(quench) => self.options.quench = quench,
+                Action::SetTorque(_) => self.options.events = vec![Event::once(0.0, event.action)],
+                _ => {}
+            }
+        }
     }
 
     /// Takes bodies out and moves them. Errors: what was found and what was expected.

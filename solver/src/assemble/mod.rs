@@ -1,6 +1,7 @@
 //! Room: forces to free velocities; contacts to the rows of the contact problem.
 
 mod forces;
+mod history;
 mod rows;
 mod stored;
 

@@ -4,16 +4,15 @@
 //! and a row reads and changes those of its two. A law's shift c is put into the records once, so
 //! that the solver works on r̂ = r - c n alone (see [`crate::laws`]).
 
-use std::ops::Range;
-
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+use super::history::warm_start;
 use crate::integrate::Configuration;
-use crate::laws::{Approach, Law, Rolling, Shift, TOUCHING};
-use crate::math::{Quat, Vec3, rotate, to_local, to_world};
+use crate::laws::{Approach, Rolling};
+use crate::math::{Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Scene, Shape};
-use crate::state::{Bonding, Contact, SolvedContact, State, Status, UNKNOWN};
+use crate::state::{Bonding, Contact, SolvedContact, State, Status};
 
 /// What a sweep reads and writes of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -155,9 +154,8 @@ pub fn contact_problem(
         })
         .collect();
 
-    let mut history = history(&state.contacts, contacts);
     let setting = Setting { scene, state, q_c, v_free, w_free, records: &records, full: full.is_some() };
-    setting.renamed(contacts, &mut history);
+    let history = setting.history(contacts);
     let of_contact =
         |(contact, old): (&Contact, &Option<u32>)| setting.row(contact, old.map(|k| &state.contacts[k as usize]));
     let mut rows: Vec<Row> = contacts.par_iter().zip(&history).with_min_len(256).map(of_contact).collect();
@@ -192,47 +190,11 @@ pub fn contact_problem(
     system
 }
 
-/// Contacts that one task looks at.
-const CHUNK: usize = 1024;
-
-/// For each contact the index of the one with its key in the list of the last step; both lists are in the order of their
-/// keys.
-fn history(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<u32>> {
-    let of_some = |contacts: &[Contact]| {
-        let first = contacts[0].key();
-        let mut k = before.partition_point(|old| old.contact.key() < first);
-        contacts
-            .iter()
-            .map(move |contact| {
-                let key = contact.key();
-                while before.get(k).is_some_and(|old| old.contact.key() < key) {
-                    k += 1;
-                }
-                before.get(k).filter(|old| old.contact.key() == key).map(|_| k as u32)
-            })
-            .collect::<Vec<_>>()
-    };
-    contacts.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat()
-}
-
-/// Two contactors by their bodies and ranks.
-type Contactors = (u32, u32, (u16, u16));
-
-fn contactors(contact: &Contact) -> Contactors {
-    (contact.candidate, contact.antagonist, contact.ranks)
-}
-
-/// Where the contacts of two contactors are in a list in the order of the keys.
-fn of_pair<T>(list: &[T], pair: Contactors, contact: impl Fn(&T) -> &Contact) -> Range<usize> {
-    let from = list.partition_point(|item| contactors(contact(item)) < pair);
-    from..from + list[from..].iter().take_while(|item| contactors(contact(item)) == pair).count()
-}
-
 /// What the rows are made from.
-struct Setting<'a> {
-    scene: &'a Scene,
-    state: &'a State,
-    q_c: &'a Configuration,
+pub(super) struct Setting<'a> {
+    pub scene: &'a Scene,
+    pub state: &'a State,
+    pub q_c: &'a Configuration,
     v_free: &'a [Vec3],
     w_free: &'a [Vec3],
     records: &'a [Record],
@@ -240,65 +202,8 @@ struct Setting<'a> {
 }
 
 impl Setting<'_> {
-    /// Gives contacts whose key is new those of the same contactors whose key is gone, the nearest first and each once:
-    /// where corners coincide, rounding decides what meets there, and of more than four others may be chosen. Of a bonded
-    /// face that is no larger than before, those that are left share the history of the nearest.
-    ///
-    /// Only what can act, now or before, counts: what else is listed depends on the alert distance.
-    fn renamed(&self, contacts: &[Contact], found: &mut [Option<u32>]) {
-        let before = &self.state.contacts;
-        let carried = |k: usize| before[k].bond.is_some() || before[k].impulse != Vec3::zeros();
-        let acted = |k: usize| {
-            let old = &before[k].contact;
-            carried(k) || old.gap <= self.state.laws[old.law as usize].range(self.radius(old))
-        };
-        // Two spheres have one contact, always of the same key. Of others nearly always nothing is gone, and only bonds are shared.
-        let has_names = |contact: &Contact| !self.scene.bodies[contact.antagonist as usize].is_sphere();
-        let mut is_gone: Vec<bool> =
-            before.iter().zip(0..).map(|(old, k)| has_names(&old.contact) && carried(k)).collect();
-        let stays =
-            |(k, contact): (usize, &Contact)| found[k].filter(|&old| is_gone[old as usize] && self.in_reach(contact));
-        let stay: Vec<u32> = contacts.par_iter().enumerate().with_min_len(256).filter_map(stays).collect();
-        stay.into_iter().for_each(|old| is_gone[old as usize] = false);
-        let is_concerned = |k: &usize| is_gone[*k] || before[*k].bond.is_some() && has_names(&before[*k].contact);
-        let concerned: Vec<Contactors> =
-            (0..before.len()).filter(is_concerned).map(|k| contactors(&before[k].contact)).collect();
-        let is_new = |&k: &usize| {
-            has_names(&contacts[k])
-                && concerned.binary_search(&contactors(&contacts[k])).is_ok()
-                && !found[k].is_some_and(|old| acted(old as usize))
-                && self.in_reach(&contacts[k])
-        };
-        let new: Vec<usize> = (0..contacts.len()).into_par_iter().with_min_len(256).filter(is_new).collect();
-        for new in new.chunk_by(|&i, &k| contactors(&contacts[i]) == contactors(&contacts[k])) {
-            let pair = contactors(&contacts[new[0]]);
-            let now = &contacts[of_pair(contacts, pair, |contact| contact)];
-            let old = of_pair(before, pair, |old| &old.contact);
-            let mut gone: Vec<usize> = old.clone().filter(|&k| is_gone[k]).collect();
-            let mut left = new.to_vec();
-            let ways = |old: usize| new.iter().map(move |&k| (self.moved(&before[old].contact, &contacts[k]), old, k));
-            let mut ways: Vec<(f64, usize, usize)> = old.clone().filter(|&k| carried(k)).flat_map(ways).collect();
-            ways.sort_by(|a, b| a.0.total_cmp(&b.0));
-            for &(_, old, k) in &ways {
-                if left.contains(&k) && gone.contains(&old) {
-                    found[k] = Some(old as u32);
-                    gone.retain(|other| *other != old);
-                    left.retain(|other| *other != k);
-                }
-            }
-            let area = before[old].iter().map(|old| old.contact.area).sum::<f64>();
-            let is_same = area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + TOUCHING);
-            for (_, old, k) in ways.into_iter().filter(|way| is_same && before[way.1].bond.is_some()) {
-                if left.contains(&k) {
-                    found[k] = Some(old as u32);
-                    left.retain(|other| *other != k);
-                }
-            }
-        }
-    }
-
     /// Whether a contact can close within the step or is within the range of its law.
-    fn in_reach(&self, contact: &Contact) -> bool {
+    pub(super) fn in_reach(&self, contact: &Contact) -> bool {
         let range = self.state.laws[contact.law as usize].range(self.radius(contact));
         contact.gap <= self.travel(contact).max(range)
     }
@@ -321,34 +226,6 @@ impl Setting<'_> {
     fn plate(&self, contact: &Contact) -> Vec3 {
         let b = contact.antagonist as usize;
         self.v_free[b] + self.w_free[b].cross(&arms(contact, &self.q_c.x)[1])
-    }
-
-    /// From where the candidate has carried a contact of the last step to this one of the same contactors, m.
-    fn moved(&self, old: &Contact, contact: &Contact) -> f64 {
-        let (state, a) = (self.state, contact.candidate as usize);
-        let centre = state.x[a] - state.v[a] * (self.scene.options.theta * state.h); // of the last contact configuration
-        let turn = rotate(&Quat::identity(), &(state.w[a] * self.since()));
-        (contact.point - self.q_c.x[a] - turn * (old.point - centre)).norm()
-    }
-
-    /// Time from the last contact configuration to this, s.
-    fn since(&self) -> f64 {
-        let theta = self.scene.options.theta;
-        theta * self.state.h + (1.0 - theta) * self.q_c.h
-    }
-
-    /// Gap of the bond that a contact of the last step hands on, m: its own to what is in its place; elsewhere the gap there,
-    /// if that touches and if the old one would still be in reach.
-    fn bond(&self, old: &SolvedContact, contact: &Contact, law: &Law, radius: f64) -> Option<f64> {
-        let bond = old.bond?;
-        let known = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN;
-        // What counts as touching tells no more apart.
-        let place = || TOUCHING * self.scene.effective_radius(contact.candidate, contact.antagonist);
-        if known || self.moved(&old.contact, contact) <= place() {
-            return Some(bond);
-        }
-        let foreseen = old.contact.gap + old.velocity.x * self.since();
-        law.bond(contact.gap, radius).filter(|_| foreseen <= law.range(radius))
     }
 
     /// The row of a contact, with what the last step had of it.
@@ -415,7 +292,7 @@ impl Setting<'_> {
     }
 
     /// Radius of the contact, m: a stress acts on the area in which faces meet, where there is one.
-    fn radius(&self, contact: &Contact) -> f64 {
+    pub(super) fn radius(&self, contact: &Contact) -> f64 {
         if contact.area > 0.0 {
             (contact.area / std::f64::consts::PI).sqrt()
         } else {
@@ -440,20 +317,6 @@ fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
     };
     let full = || Full { arms: Vec::new(), inverse_inertia: scene.bodies.iter().zip(&q_c.q).map(of).collect() };
     scene.is_general().then(full)
-}
-
-/// r̂ of the last step for the same contact, scaled to the new step length, its tangential part
-/// laid into the new tangent plane, if there is friction.
-fn warm_start(old: &SolvedContact, contact: &Contact, shift: &Shift, scale: f64) -> Vec3 {
-    let [n_old, t_old, s_old] = old.contact.frame();
-    let n = contact.normal;
-    debug_assert!((n_old.norm() - 1.0).abs() < 1e-3);
-    let normal = n * (old.impulse.x * scale - shift.impulse).max(0.0);
-    if shift.friction == 0.0 {
-        return normal;
-    }
-    let tangential = t_old * old.impulse.y + s_old * old.impulse.z;
-    normal + (tangential - n * n.dot(&tangential)) * scale
 }
 
 impl System {

@@ -1,0 +1,176 @@
+//! What contacts have from those of the last step: impulses to start from, friction's memory, bonds.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::rows::Setting;
+use crate::laws::{Law, Shift, TOUCHING};
+use crate::math::{Quat, Vec3, rotate};
+use crate::state::{Contact, SolvedContact, UNKNOWN};
+
+/// Contacts that one task looks at.
+const CHUNK: usize = 1024;
+
+/// For each contact the index of the one with its key in the list of the last step; both lists are in the order of their
+/// keys.
+fn by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<u32>> {
+    let of_some = |contacts: &[Contact]| {
+        let first = contacts[0].key();
+        let mut k = before.partition_point(|old| old.contact.key() < first);
+        contacts
+            .iter()
+            .map(move |contact| {
+                let key = contact.key();
+                while before.get(k).is_some_and(|old| old.contact.key() < key) {
+                    k += 1;
+                }
+                before.get(k).filter(|old| old.contact.key() == key).map(|_| k as u32)
+            })
+            .collect::<Vec<_>>()
+    };
+    contacts.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat()
+}
+
+/// Two contactors by their bodies and ranks.
+type Contactors = (u32, u32, (u16, u16));
+
+fn contactors(contact: &Contact) -> Contactors {
+    (contact.candidate, contact.antagonist, contact.ranks)
+}
+
+/// Where the contacts of two contactors are in a list in the order of the keys.
+fn of_pair<T>(list: &[T], pair: Contactors, contact: impl Fn(&T) -> &Contact) -> Range<usize> {
+    let from = list.partition_point(|item| contactors(contact(item)) < pair);
+    from..from + list[from..].iter().take_while(|item| contactors(contact(item)) == pair).count()
+}
+
+fn carried(old: &SolvedContact) -> bool {
+    old.bond.is_some() || old.impulse != Vec3::zeros()
+}
+
+impl Setting<'_> {
+    /// For each contact the index of the one of the last step whose history goes on in it: the one of its key, or one of
+    /// the same contactors whose key is gone. Where corners coincide, rounding decides what meets there, and of more than
+    /// four others may be chosen.
+    ///
+    /// Only what can act, now or before, counts: what else is listed depends on the alert distance.
+    pub(super) fn history(&self, contacts: &[Contact]) -> Vec<Option<u32>> {
+        let mut found = by_key(&self.state.contacts, contacts);
+        let gone = self.gone(contacts, &found);
+        let new = self.new(contacts, &found, &gone);
+        for new in new.chunk_by(|&i, &k| contactors(&contacts[i]) == contactors(&contacts[k])) {
+            self.hand_on(new, &gone, contacts, &mut found);
+        }
+        found
+    }
+
+    /// Whether a contact can change its key: two spheres have one contact, always of the same.
+    fn has_names(&self, contact: &Contact) -> bool {
+        !self.scene.bodies[contact.antagonist as usize].is_sphere()
+    }
+
+    /// Of each contact of the last step, whether it carried something and acts no more under its key. Nearly always none.
+    fn gone(&self, contacts: &[Contact], found: &[Option<u32>]) -> Vec<bool> {
+        let before = &self.state.contacts;
+        let mut gone: Vec<bool> = before.iter().map(|old| self.has_names(&old.contact) && carried(old)).collect();
+        let stays =
+            |(k, contact): (usize, &Contact)| found[k].filter(|&old| gone[old as usize] && self.in_reach(contact));
+        let stay: Vec<u32> = contacts.par_iter().enumerate().with_min_len(256).filter_map(stays).collect();
+        stay.into_iter().for_each(|old| gone[old as usize] = false);
+        gone
+    }
+
+    /// The contacts that act and have no history, of contactors of which a contact is gone or bonded, in their order.
+    fn new(&self, contacts: &[Contact], found: &[Option<u32>], gone: &[bool]) -> Vec<usize> {
+        let before = &self.state.contacts;
+        let shares = |old: &SolvedContact| old.bond.is_some() && self.has_names(&old.contact);
+        let concerned = before.iter().zip(gone).filter(|(old, gone)| **gone || shares(old));
+        let concerned: Vec<Contactors> = concerned.map(|(old, _)| contactors(&old.contact)).collect();
+        if concerned.is_empty() {
+            return Vec::new();
+        }
+        let acted = |old: &SolvedContact| {
+            let law = &self.state.laws[old.contact.law as usize];
+            carried(old) || old.contact.gap <= law.range(self.radius(&old.contact))
+        };
+        let is_new = |&k: &usize| {
+            self.has_names(&contacts[k])
+                && concerned.binary_search(&contactors(&contacts[k])).is_ok()
+                && !found[k].is_some_and(|old| acted(&before[old as usize]))
+                && self.in_reach(&contacts[k])
+        };
+        (0..contacts.len()).into_par_iter().with_min_len(256).filter(is_new).collect()
+    }
+
+    /// Gives `new` contacts of the same two contactors the histories that are gone, the nearest first and each once. Of a
+    /// bonded face that is no larger than before, those that are left share the history of the nearest.
+    fn hand_on(&self, new: &[usize], gone: &[bool], contacts: &[Contact], found: &mut [Option<u32>]) {
+        let before = &self.state.contacts;
+        let pair = contactors(&contacts[new[0]]);
+        let now = &contacts[of_pair(contacts, pair, |contact| contact)];
+        let old = of_pair(before, pair, |old| &old.contact);
+        let ways = |old: usize| new.iter().map(move |&k| (self.moved(&before[old].contact, &contacts[k]), old, k));
+        let mut ways: Vec<(f64, usize, usize)> = old.clone().filter(|&k| carried(&before[k])).flat_map(ways).collect();
+        ways.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut free: Vec<usize> = old.clone().filter(|&k| gone[k]).collect();
+        let mut left = new.to_vec();
+        for &(_, old, k) in &ways {
+            if left.contains(&k) && free.contains(&old) {
+                found[k] = Some(old as u32);
+                free.retain(|other| *other != old);
+                left.retain(|other| *other != k);
+            }
+        }
+        let area = before[old].iter().map(|old| old.contact.area).sum::<f64>();
+        let is_same = area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + TOUCHING);
+        for (_, old, k) in ways.into_iter().filter(|way| is_same && before[way.1].bond.is_some()) {
+            if left.contains(&k) {
+                found[k] = Some(old as u32);
+                left.retain(|other| *other != k);
+            }
+        }
+    }
+
+    /// From where the candidate has carried a contact of the last step to this one of the same contactors, m.
+    fn moved(&self, old: &Contact, contact: &Contact) -> f64 {
+        let (state, a) = (self.state, contact.candidate as usize);
+        let centre = state.x[a] - state.v[a] * (self.scene.options.theta * state.h); // of the last contact configuration
+        let turn = rotate(&Quat::identity(), &(state.w[a] * self.since()));
+        (contact.point - self.q_c.x[a] - turn * (old.point - centre)).norm()
+    }
+
+    /// Time from the last contact configuration to this, s.
+    fn since(&self) -> f64 {
+        let theta = self.scene.options.theta;
+        theta * self.state.h + (1.0 - theta) * self.q_c.h
+    }
+
+    /// Gap of the bond that a contact of the last step hands on, m: its own to what is in its place; elsewhere the gap there,
+    /// if that touches and if the old one would still be in reach.
+    pub(super) fn bond(&self, old: &SolvedContact, contact: &Contact, law: &Law, radius: f64) -> Option<f64> {
+        let bond = old.bond?;
+        let known = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN;
+        // What counts as touching tells no more apart.
+        let place = || TOUCHING * self.scene.effective_radius(contact.candidate, contact.antagonist);
+        if known || self.moved(&old.contact, contact) <= place() {
+            return Some(bond);
+        }
+        let foreseen = old.contact.gap + old.velocity.x * self.since();
+        law.bond(contact.gap, radius).filter(|_| foreseen <= law.range(radius))
+    }
+}
+
+/// r̂ of the last step for the same contact, scaled to the new step length, its tangential part
+/// laid into the new tangent plane, if there is friction.
+pub(super) fn warm_start(old: &SolvedContact, contact: &Contact, shift: &Shift, scale: f64) -> Vec3 {
+    let [n_old, t_old, s_old] = old.contact.frame();
+    let n = contact.normal;
+    debug_assert!((n_old.norm() - 1.0).abs() < 1e-3);
+    let normal = n * (old.impulse.x * scale - shift.impulse).max(0.0);
+    if shift.friction == 0.0 {
+        return normal;
+    }
+    let tangential = t_old * old.impulse.y + s_old * old.impulse.z;
+    normal + (tangential - n * n.dot(&tangential)) * scale
+}
