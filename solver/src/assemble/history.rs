@@ -92,7 +92,7 @@ impl Setting<'_> {
         }
         let acted = |old: &SolvedContact| {
             let law = &self.state.laws[old.contact.law as usize];
-            carried(old) || old.contact.gap <= law.range(self.radius(&old.contact))
+            carried(old) || old.contact.gap <= law.range(self.effective_radius(&old.contact))
         };
         let is_new = |&k: &usize| {
             self.has_names(&contacts[k])
@@ -148,11 +148,11 @@ impl Setting<'_> {
 
     /// Gap of the bond that a contact of the last step hands on, m: its own to what is in its place; elsewhere the gap there,
     /// if that touches and if the old one would still be in reach.
-    pub(super) fn bond(&self, old: &SolvedContact, contact: &Contact, law: &Law, radius: f64) -> Option<f64> {
-        let bond = old.bond?;
+    pub(super) fn bond(&self, old: &SolvedContact, contact: &Contact, law: &Law) -> Option<f64> {
+        let (bond, radius) = (old.bond?, self.effective_radius(contact));
         let known = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN;
         // What counts as touching tells no more apart.
-        let place = || TOUCHING * self.scene.effective_radius(contact.candidate, contact.antagonist);
+        let place = || TOUCHING * radius;
         if known || self.moved(&old.contact, contact) <= place() {
             return Some(bond);
         }

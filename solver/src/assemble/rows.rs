@@ -204,7 +204,7 @@ pub(super) struct Setting<'a> {
 impl Setting<'_> {
     /// Whether a contact can close within the step or is within the range of its law.
     pub(super) fn in_reach(&self, contact: &Contact) -> bool {
-        let range = self.state.laws[contact.law as usize].range(self.radius(contact));
+        let range = self.state.laws[contact.law as usize].range(self.effective_radius(contact));
         contact.gap <= self.travel(contact).max(range)
     }
 
@@ -239,8 +239,8 @@ impl Setting<'_> {
         let radius = self.radius(contact);
         let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
         let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
-        let bond = previous.and_then(|old| self.bond(old, contact, law, radius));
-        let bond = bond.or(if bonds_now { law.bond(contact.gap, radius) } else { None });
+        let bond = previous.and_then(|old| self.bond(old, contact, law));
+        let bond = bond.or(if bonds_now { law.bond(contact.gap, self.effective_radius(contact)) } else { None });
         let shift = law.shift(&Approach { gap: contact.gap, h, u_n: n.dot(&u_before), radius, slid_before, bond });
         let acts = shift.is_some();
         let shift = shift.unwrap_or_default();
@@ -292,12 +292,13 @@ impl Setting<'_> {
     }
 
     /// Radius of the contact, m: a stress acts on the area in which faces meet, where there is one.
-    pub(super) fn radius(&self, contact: &Contact) -> f64 {
-        if contact.area > 0.0 {
-            (contact.area / std::f64::consts::PI).sqrt()
-        } else {
-            self.scene.effective_radius(contact.candidate, contact.antagonist)
-        }
+    fn radius(&self, contact: &Contact) -> f64 {
+        if contact.area > 0.0 { (contact.area / std::f64::consts::PI).sqrt() } else { self.effective_radius(contact) }
+    }
+
+    /// R of the two bodies, m, of which distances are parts.
+    pub(super) fn effective_radius(&self, contact: &Contact) -> f64 {
+        self.scene.effective_radius(contact.candidate, contact.antagonist)
     }
 
     /// Whether the antagonist is a plate whose motion is in the row's shift.

@@ -92,7 +92,7 @@ pub fn contacts(
                     let range = Range { alert, area: law.range_of_stress(radius) };
                     let image = scene.image(&a.centre, &b.centre);
                     let c = b.centre + image - a.centre;
-                    let mut list = |found: &Manifold| list(a, b, image, found, alert, see.law, &mut listed.contacts);
+                    let mut list = |found: &Manifold| list(a, b, image, found, range, see.law, &mut listed.contacts);
                     touch(a, b, &c, range, narrow, memory, &mut list);
                     listed.ends.push(listed.contacts.len());
                 }
@@ -276,10 +276,11 @@ fn seen_from_sphere(found: &Manifold, c: &Vec3) -> Manifold {
     Manifold { normal: -found.normal, points: found.points.iter().map(turned).collect(), area: found.area }
 }
 
-/// Adds the points of a manifold up to `range`.
-fn list(a: &Place, b: &Place, image: Vec3, manifold: &Manifold, range: f64, law: u8, contacts: &mut Vec<Contact>) {
-    let area = manifold.area / manifold.points.len() as f64;
-    contacts.extend(manifold.points.iter().filter(|point| point.gap <= range).map(|point| Contact {
+/// Adds the points of a manifold up to `range`; those on its area share it.
+fn list(a: &Place, b: &Place, image: Vec3, manifold: &Manifold, range: Range, law: u8, contacts: &mut Vec<Contact>) {
+    let on_area = |point: &Point| point.gap <= range.area;
+    let share = manifold.area / manifold.points.iter().filter(|point| on_area(point)).count() as f64;
+    contacts.extend(manifold.points.iter().filter(|point| point.gap <= range.alert).map(|point| Contact {
         candidate: a.body,
         antagonist: b.body,
         ranks: (a.rank, b.rank),
@@ -288,7 +289,7 @@ fn list(a: &Place, b: &Place, image: Vec3, manifold: &Manifold, range: f64, law:
         image,
         normal: manifold.normal,
         gap: point.gap,
-        area,
+        area: if on_area(point) { share } else { 0.0 },
         law,
     }));
 }

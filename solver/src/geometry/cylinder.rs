@@ -22,7 +22,7 @@ pub const RIM: u32 = 3;
 /// Polyhedron A against a solid cylinder at `c` = x_B - x_A (m) with the orientation `q`, its axis the third, of
 /// `[half height, radius]` (m); `None` where they are farther apart than `range` lists.
 ///
-/// A face of A on an end of B gives the corners of what they share, at most four, and its area; a face or an edge along
+/// A face of A on an end of B gives the corners of what they share, and its area; a face or an edge along
 /// the round side the ends of their common line. The normal is the direction of least distance, or of the least
 /// translation that parts what overlaps. The cylinder's feature is 0 for the side, 1 for the end along its axis, 2 for
 /// the other, more for points on a rim.
@@ -72,7 +72,7 @@ pub fn polyhedron_cylinder(
         corner.gap = if corner.gap <= axis.s + tie { axis.s } else { corner.gap };
     }
     if patch.holds(axis.s, tie) {
-        return patch.manifold(small, range);
+        return patch.manifold(range, tie);
     }
     let point = pair.own_point(&axis);
     Some(Manifold { normal: -patch.normal, points: [point].into_iter().collect(), area: 0.0 })
@@ -269,7 +269,7 @@ impl Pair<'_> {
         let fall = normal.xy() / rise;
         let mut rim: SmallVec<[[f64; 2]; 5]> =
             SmallVec::from_slice(&[[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]);
-        if fall.norm() > 0.0 {
+        if fall.norm() * self.radius > tiny {
             rim.push((fall / fall.norm()).into());
         }
         let offset = normal.dot(&self.vertices[corners[0] as usize]);

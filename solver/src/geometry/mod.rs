@@ -30,6 +30,8 @@ pub use plate::polyhedron_plane;
 pub use polyhedron::{Polyhedron, Posed};
 pub use sphere::polyhedron_sphere;
 
+use smallvec::SmallVec;
+
 use crate::math::Vec3;
 use crate::math::lanes::Width;
 use search::{Axis, Feature, Pair, Start};
@@ -60,39 +62,14 @@ pub const fn face(k: u32) -> u32 {
     2 << 30 | k
 }
 
-/// One to four points; reads as a slice.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Points {
-    count: usize,
-    points: [Point; 4],
-}
+/// At least one.
+pub type Points = SmallVec<[Point; 4]>;
 
-impl std::ops::Deref for Points {
-    type Target = [Point];
-
-    fn deref(&self) -> &[Point] {
-        &self.points[..self.count]
-    }
-}
-
-impl FromIterator<Point> for Points {
-    /// The first four.
-    fn from_iter<I: IntoIterator<Item = Point>>(from: I) -> Self {
-        let none = Point { position: Vec3::zeros(), gap: 0.0, features: (0, 0) };
-        let mut points = Points { count: 0, points: [none; 4] };
-        for point in from.into_iter().take(4) {
-            points.points[points.count] = point;
-            points.count += 1;
-        }
-        points
-    }
-}
-
-/// The contact of two bodies: one normal, one to four points.
+/// The contact of two bodies: one normal, and points.
 ///
-/// One point where a vertex or crossed edges meet, two where an edge lies on a face, more where faces meet; of more
-/// than four, those that keep the deepest and most of the area.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// One point where a vertex or crossed edges meet, two where an edge lies on a face, more where faces meet: the corners
+/// of what they share.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Manifold {
     /// Unit, from B (antagonist) to A (candidate).
     pub normal: Vec3,
@@ -219,7 +196,7 @@ fn contact(pair: &Pair, start: Start, narrow: Narrow, range: Range) -> (Axis, Op
         let mut patch = patch::Patch::default();
         patch.see(pair, &axis, faces, range.area);
         if patch.holds(axis.s, pair.tie()) {
-            return (axis, patch.manifold(pair.small, range));
+            return (axis, patch.manifold(range, pair.tie()));
         }
         if axis.s <= 0.0 {
             // Not at a proven least overlap: the axis's own features are one point of it.
@@ -286,7 +263,7 @@ pub(super) mod tests {
                 [[u64::MAX; 2], [1 << 32 | 999, 0], [3 << 32 | 2, 999 << 32], [4 << 32, 0], [4 << 32 | 0x7fc0_0000, 0]]
             {
                 let again = run(Vec3::new(far, 0.1, 0.2), &mut Memory::from_words(words));
-                let gaps = (first.map(|m| m.gap()), again.map(|m| m.gap()));
+                let gaps = (first.as_ref().map(Manifold::gap), again.as_ref().map(Manifold::gap));
                 assert!(gaps.0 == gaps.1 || (gaps.0.unwrap() - gaps.1.unwrap()).abs() < 1e-14, "{words:?}: {gaps:?}");
             }
         }

@@ -16,8 +16,12 @@ pub(super) const ON_SIDE: f64 = 1e-11;
 pub(super) const SAME: f64 = 1e-9;
 /// Cosine between a face's normal and the direction of view below which it is seen as a line.
 pub(super) const EDGE_ON: f64 = 1e-9;
-/// A corner must be deeper, farther or span more by this, to be preferred to one before it.
-const CLEARLY: f64 = 1e-9;
+/// Distance from the line between its neighbours, over the size of the patch, up to which one of many corners is left out.
+const FLAT: f64 = 1e-2;
+/// A corner that is deeper than its neighbours by so many ties always stays.
+const TIES: f64 = 4.0;
+/// So many corners all count.
+const FEW: usize = 4;
 
 #[derive(Default)]
 pub(super) struct Patch {
@@ -54,25 +58,44 @@ impl Patch {
         self.corners.iter().any(|corner| corner.gap <= s + tie)
     }
 
-    /// The corners that are listed, at most four of them; `small` is the smaller body's circumradius, m.
-    pub fn manifold(&mut self, small: f64, range: Range) -> Option<Manifold> {
+    /// The corners that are listed; gaps are equal up to `tie`, m.
+    pub fn manifold(&mut self, range: Range, tie: f64) -> Option<Manifold> {
         self.corners.retain(|corner| corner.gap <= range.alert);
         let key = |corner: &Corner| u64::from(corner.features.0) << 32 | u64::from(corner.features.1);
         let keys: SmallVec<[u64; 12]> = self.corners.iter().map(key).collect();
-        let order = order(&keys);
+        let mut order = order(&keys);
+        if order.len() > FEW {
+            self.leave_out_flat(&mut order, tie);
+        }
         let point = |k: &u32| {
             let corner = &self.corners[*k as usize];
             Point { position: corner.point.into(), gap: corner.gap, features: corner.features }
         };
-        let points: super::Points = if order.len() > 4 {
-            let sorted: Corners = order.iter().map(|&k| self.corners[k as usize]).collect();
-            let mut kept = reduce(&sorted, small);
-            kept.sort_unstable();
-            kept.iter().map(|&k| point(&order[k])).collect()
-        } else {
-            order.iter().map(point).collect()
-        };
+        let points: super::Points = order.iter().map(point).collect();
         (!points.is_empty()).then_some(Manifold { normal: -self.normal, points, area: self.area })
+    }
+
+    /// Leaves out corners, the first of the order first, without which what is left spans the same: sides that nearly
+    /// coincide cross in the middle, and a corner that is hardly cut off is two. The deepest stays.
+    fn leave_out_flat(&self, order: &mut SmallVec<[u32; 12]>, tie: f64) {
+        let flat = |k: u32| self.corners[k as usize].flat;
+        let between = |a: u32, b: u32| [flat(b)[0] - flat(a)[0], flat(b)[1] - flat(a)[1]];
+        let length = |[x, y]: [f64; 2]| x.hypot(y);
+        let size = order.iter().map(|&k| length(between(order[0], k))).fold(0.0, f64::max);
+        let mut round = round(&self.corners);
+        let gap = |k: u32| self.corners[k as usize].gap;
+        order.retain(|k| {
+            let count = round.len();
+            let Some(at) = round.iter().position(|other| other == k) else { return true };
+            let [before, after] = [count - 1, 1].map(|step| round[(at + step) % count]);
+            let (side, to) = (between(before, after), between(before, *k));
+            let stands_out = (side[0] * to[1] - side[1] * to[0]).abs() > FLAT * size * length(side);
+            let stays = count <= 3 || stands_out || gap(*k) < gap(before).min(gap(after)) - TIES * tie;
+            if !stays {
+                round.remove(at);
+            }
+            stays
+        });
     }
 }
 
@@ -111,13 +134,15 @@ fn order(keys: &[u64]) -> SmallVec<[u32; 12]> {
     order
 }
 
-/// Of the convex polygon of the corners as far as its gap, which is linear on it, is at most `within` (m), m^2.
-fn area(corners: &[Corner], within: f64) -> f64 {
-    if corners.len() < 3 {
-        return 0.0;
-    }
+/// Middle of the corners, m.
+fn mean(corners: &[Corner]) -> [f64; 2] {
     let count = corners.len() as f64;
-    let mean = corners.iter().fold([0.0; 2], |m, c| [m[0] + c.flat[0] / count, m[1] + c.flat[1] / count]);
+    corners.iter().fold([0.0; 2], |m, c| [m[0] + c.flat[0] / count, m[1] + c.flat[1] / count])
+}
+
+/// Corners of a convex polygon one after the other, counter-clockwise.
+fn round(corners: &[Corner]) -> SmallVec<[u32; 12]> {
+    let mean = mean(corners);
     // By a number that grows with the angle.
     let turn = |corner: &Corner| {
         let (x, y) = (corner.flat[0] - mean[0], corner.flat[1] - mean[1]);
@@ -128,11 +153,20 @@ fn area(corners: &[Corner], within: f64) -> f64 {
         (bits ^ (bits >> 63 | i64::MIN)) as u64
     };
     let turns: SmallVec<[u64; 12]> = corners.iter().map(turn).collect();
+    order(&turns)
+}
+
+/// Of the convex polygon of the corners as far as its gap, which is linear on it, is at most `within` (m), m^2.
+fn area(corners: &[Corner], within: f64) -> f64 {
+    if corners.len() < 3 {
+        return 0.0;
+    }
+    let mean = mean(corners);
     let corner = |&k: &u32| {
         let Corner { flat, gap, .. } = corners[k as usize];
         [flat[0] - mean[0], flat[1] - mean[1], gap]
     };
-    let mut polygon: Polygon = order(&turns).iter().map(corner).collect();
+    let mut polygon: Polygon = round(corners).iter().map(corner).collect();
     if polygon.iter().any(|corner| corner[2] > within) {
         polygon = nearer_than(&polygon, within);
     }
@@ -161,35 +195,6 @@ pub(super) fn nearer_than(polygon: &[[f64; 3]], within: f64) -> Polygon {
         }
     }
     nearer
-}
-
-/// Four of many corners: the deepest, the farthest from it, and on each side of their line the one that spans most.
-///
-/// Earlier corners are preferred to others that are not clearly better, so that noise does not change the choice.
-fn reduce(corners: &[Corner], small: f64) -> SmallVec<[usize; 4]> {
-    let best = |value: &dyn Fn(&Corner) -> f64, least: f64| {
-        let (mut best, mut most) = (None, 0.0);
-        for (k, corner) in corners.iter().enumerate() {
-            let value = value(corner);
-            if best.is_none() && value > least || best.is_some() && value > most + least {
-                (best, most) = (Some(k), value);
-            }
-        }
-        best
-    };
-    let (near, span) = (CLEARLY * small, CLEARLY * small * small);
-    let mut kept = SmallVec::new();
-    // Gaps count from the first, so that any number may be the deepest.
-    let deepest = best(&|c| corners[0].gap - c.gap, near).unwrap_or(0);
-    kept.push(deepest);
-    let [x, y] = corners[deepest].flat;
-    let Some(far) = best(&|c| (c.flat[0] - x).powi(2) + (c.flat[1] - y).powi(2), span) else { return kept };
-    kept.push(far);
-    let [u, v] = [corners[far].flat[0] - x, corners[far].flat[1] - y];
-    let spanned = |c: &Corner| u * (c.flat[1] - y) - v * (c.flat[0] - x);
-    kept.extend(best(&spanned, span));
-    kept.extend(best(&|c| -spanned(c), span));
-    kept
 }
 
 #[cfg(test)]

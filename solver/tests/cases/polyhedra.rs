@@ -351,6 +351,77 @@ fn deep_overlaps_at_the_start_are_told() {
     assert_eq!(told(&mut cubes(&[0.0, 0.9939])), None);
 }
 
+/// An upright prism on a regular octagon that reaches 1 m, turned about y by an angle.
+fn tilted_octagon(angle: f64) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+    let corner = |k: u32| {
+        let (sin, cos) = ((f64::from(k % 8) + 0.5) * std::f64::consts::TAU / 8.0).sin_cos();
+        let z = if k < 8 { -0.5 } else { 0.5 };
+        [cos * angle.cos() + z * angle.sin(), sin, z * angle.cos() - cos * angle.sin()]
+    };
+    let fan = |k: u32| [[0, k + 1, k], [8, 8 + k, 9 + k]];
+    let side = |k: u32| [[k, (k + 1) % 8, 8 + k], [(k + 1) % 8, 8 + (k + 1) % 8, 8 + k]];
+    ((0..16).map(corner).collect(), (1..7).flat_map(fan).chain((0..8).flat_map(side)).collect())
+}
+
+/// A plank on the raised edges of two prisms, of whose eight common corners with it two touch on each side.
+#[test]
+fn a_plank_stays_on_edges_whatever_else_is_listed() {
+    for alert in [1e-3, 0.02, 0.1] {
+        let mut case = scene(0.5, [0.0, 0.0, -10.0]);
+        case.options.alert = Some(alert);
+        let plank = case.block([5.0, 2.0, 0.25], [0.3, 0.2, 0.25], [X, Y, Z]);
+        for side in [-1.0, 1.0] {
+            let (vertices, triangles) = tilted_octagon(side * 0.03);
+            let top = vertices.iter().map(|v| v[2]).fold(f64::NEG_INFINITY, f64::max);
+            let pillar = case.polyhedron(&vertices, &triangles, [3.0 * side, 0.0, -top]);
+            case.drive(pillar, [0.0; 6].map(cd_formats::drv_dof::Evolution::constant));
+        }
+        case.dof.truncate(1); // the program finds the axes of the others
+        case.options.tol = Some(1e-9);
+        let end = case.run(500);
+        // The first step falls by half of g h² at most, and nothing creeps after it.
+        near(end.x(plank), [0.3, 0.2, 0.25], 1e-5);
+        near(end.v(plank), [0.0; 3], 1e-7);
+    }
+}
+
+/// A cube that stands on an edge, glued along it: only the points near the plate share the strip of the face that is.
+#[test]
+fn a_bond_on_a_strip_does_not_depend_on_what_is_listed() {
+    for alert in [1e-3, 0.1] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_MOHR_DS_CLB", &[1e3, 1e3, 0.5, 0.5]);
+        let (sin, cos) = 0.01f64.sin_cos();
+        case.plate([3.0, 3.0, 0.5], [0.0, 0.0, -0.5], [X, Y, Z]);
+        let cube = case.block([0.5; 3], [0.0, 0.0, 0.5 * (sin + cos)], [[cos, 0.0, -sin], Y, [sin, 0.0, cos]]);
+        // On the strip the gap is up to 2 R/1000, R that of the ball of equal volume: 1.24e-3 / sin 0.01 wide, 124 N.
+        case.gravity = [0.0, 0.0, 100.0];
+        (case.options.alert, case.options.dt, case.options.tol) = (Some(alert), 1e-4, Some(1e-8));
+        let end = case.run(2);
+        let bonded: Vec<f64> = (end.memory.as_ref().unwrap().contact_bonded.iter().zip(&end.contacts.contact_gap))
+            .filter_map(|(bonded, gap)| (*bonded == 1).then_some(*gap))
+            .collect();
+        assert_eq!(bonded.len(), 2, "{alert}: {bonded:?}");
+        let areas = &end.shapes.as_ref().unwrap().contacts.contact_area;
+        equal(areas.iter().sum::<f64>(), 2e-3 * (0.75 / std::f64::consts::PI).cbrt() / sin, 1e-4);
+        assert!(end.mass(cube) == 1.0);
+    }
+}
+
+/// Faces are bonded up to R/1000, R that of the ball of equal volume, however many points share them.
+#[test]
+fn faces_are_bonded_up_to_a_thousandth_of_the_radius() {
+    let radius = (0.75 / std::f64::consts::PI).cbrt();
+    for (share, bonds) in [(0.9, 4), (1.1, 0)] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_MOHR_DS_CLB", &[1e3, 1e3, 0.5, 0.5]);
+        case.floor();
+        case.block([0.5; 3], [0.0, 0.0, 0.5 + share * 1e-3 * radius], [X, Y, Z]);
+        let bonded = case.run(1).memory.unwrap().contact_bonded;
+        assert_eq!(bonded.iter().filter(|bonded| **bonded == 1).count(), bonds, "{share}");
+    }
+}
+
 /// A prism of 1 m height upright on a regular triangle.
 fn prism(case: &mut Case, x: [f64; 3]) -> usize {
     let corner = |k: u32| {

@@ -165,7 +165,7 @@ fn class(seed: u64, pointed: bool, make: impl Fn(&mut Random) -> Touch, expect: 
             found
         };
         // With nothing remembered the fast search is the other.
-        assert_eq!(fast(&qa, &qb, &c, &mut Memory::default()), Some(first), "case {k}");
+        assert_eq!(fast(&qa, &qb, &c, &mut Memory::default()), Some(first.clone()), "case {k}");
         // From the step before it may stay at another direction in which bodies overlap, and more than in the best; where
         // it finds them apart it has found what is nearest.
         let step = a.shape.inradius().min(b.shape.inradius()) * [1e-6, 1e-4, 1e-2][k % 3];

@@ -35,7 +35,7 @@ pub fn remembered(
 
 /// What holds for every contact, whatever the shapes.
 pub fn check(found: &Manifold, alert: f64, size: f64, what: &dyn Fn() -> String) {
-    assert!((1..=4).contains(&found.points.len()), "{}: {found:?}", what());
+    assert!(!found.points.is_empty(), "{}: {found:?}", what());
     // A few roundings of components up to 1.
     assert!((found.normal.norm() - 1.0).abs() < 1e-14, "{}: {found:?}", what());
     assert!(found.area >= 0.0 && found.area <= 20.0 * size * size, "{}: {found:?}", what());

@@ -15,8 +15,8 @@ pub struct Tally {
     pub crossed_edges: usize,
     /// Vertices or parallel edges apart.
     pub nearest: usize,
-    /// Of one to four points.
-    pub points: [usize; 4],
+    /// Of one to so many points.
+    pub points: [usize; 12],
     /// More faces than one look along the normal alike.
     pub several: usize,
     /// Corners are as near to each other as where they become one, or a face is seen as a line.
@@ -366,33 +366,29 @@ fn same(common: &Common, found: &Manifold, n: &Vec3, alert: f64, [size, small]: 
     if most <= 4 {
         return if (sure..=most).contains(&count) { Ok(()) } else { Err(format!("corners {:?}", shown())) };
     }
-    if four_of(corners, alert, [deep, small]).contains(&count) {
+    // Of more than four those that hardly stand out may be left out; the others span what all do.
+    let kept: Vec<[f64; 2]> = found.points.iter().map(|p| [t.dot(&p.position), s.dot(&p.position)]).collect();
+    let listed = corners.iter().filter(|corner| corner.gap <= alert - deep);
+    let size = corners.iter().map(|c| (c.at[0] - kept[0][0]).hypot(c.at[1] - kept[0][1])).fold(0.0, f64::max);
+    let beyond = listed.map(|corner| outside(&kept, corner.at)).fold(0.0, f64::max);
+    if count <= most && count >= 3 && beyond < 0.04 * size + aside {
         Ok(())
     } else {
-        Err(format!("of {most} corners {:?}", shown()))
+        Err(format!("{beyond} is outside; of {most} corners {:?}", shown()))
     }
 }
 
-/// How many remain of more than four: the deepest, the farthest from it, and the one that spans most on each side of
-/// their line. Of equals any may be taken.
-fn four_of(corners: &[Corner], alert: f64, [deep, small]: [f64; 2]) -> Vec<usize> {
-    let listed: Vec<&Corner> = corners.iter().filter(|corner| corner.gap <= alert).collect();
-    // The shares by which one must be clearly better.
-    let clearly = 2e-9;
-    let least = listed.iter().map(|corner| corner.gap).fold(f64::INFINITY, f64::min);
-    let mut counts = Vec::new();
-    for first in listed.iter().filter(|corner| corner.gap <= least + clearly * small + deep) {
-        let far = |corner: &Corner| (corner.at[0] - first.at[0]).powi(2) + (corner.at[1] - first.at[1]).powi(2);
-        let most = listed.iter().map(|corner| far(corner)).fold(0.0, f64::max);
-        for second in listed.iter().filter(|corner| far(corner) >= most - clearly * small * small) {
-            let (u, v) = (second.at[0] - first.at[0], second.at[1] - first.at[1]);
-            let spans = |sign: f64| {
-                let span =
-                    |corner: &&Corner| sign * (u * (corner.at[1] - first.at[1]) - v * (corner.at[0] - first.at[0]));
-                usize::from(listed.iter().map(span).fold(0.0, f64::max) > clearly * small * small)
-            };
-            counts.push(2 + spans(1.0) + spans(-1.0));
+/// How far a place is outside the convex polygon of some points: beyond the line of two that have all others on one side.
+fn outside(points: &[[f64; 2]], at: [f64; 2]) -> f64 {
+    let mut most = 0f64;
+    for a in points {
+        for b in points {
+            let [u, v] = [b[0] - a[0], b[1] - a[1]];
+            let beyond = |p: &[f64; 2]| (u * (p[1] - a[1]) - v * (p[0] - a[0])) / u.hypot(v);
+            if u.hypot(v) > 0.0 && points.iter().all(|p| beyond(p) <= 0.0) {
+                most = most.max(beyond(&at));
+            }
         }
     }
-    counts
+    most
 }

@@ -153,7 +153,7 @@ fn memory_does_not_change_the_answer() {
         let mut before = memory;
         let warm = remembered(a, &qa, b, &qb, &c, *alert, Narrow::Accurate, &mut memory);
         let cold = contact(a, &qa, b, &qb, &c, *alert);
-        let gap = |found: &Option<Manifold>| found.map_or(*alert, |found| found.gap());
+        let gap = |found: &Option<Manifold>| found.as_ref().map_or(*alert, |found| found.gap());
         assert!((gap(&warm) - gap(&cold)).abs() < 1e-12 * size, "pair {k}: {warm:?} {cold:?}");
         if let (Some(warm), Some(cold)) = (&warm, &cold) {
             // Two directions may be equally good; else all is the same.
@@ -206,8 +206,8 @@ fn exchange_motion_and_scale_carry_over() {
             }
         };
         let places = || found.points.iter().map(|p| p.position);
-        // Of more than four corners that are equally good those with the lesser numbers are kept: A's come before B's, and
-        // faces are numbered by their size, which rounding decides where they are alike.
+        // Of corners that hardly stand out those with the lesser numbers are left out: A's come before B's, and faces are
+        // numbered by their size, which rounding decides where they are alike.
         let as_good = |posed: Posed, other: &Manifold, by: f64, what: &str| {
             agree(&posed, other, &mut Tally::default(), &|| format!("{k} {what}"));
             assert!(
