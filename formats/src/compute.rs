@@ -45,6 +45,14 @@ impl Event {
     }
 }
 
+/// More happenings than this are a slip: each is kept.
+const MOST_EVENTS: f64 = 1e6;
+
+/// The events that would happen more often than can be kept up to `end` (s), with how often.
+pub fn too_frequent(events: &[Event], end: f64) -> impl Iterator<Item = (usize, f64)> {
+    events.iter().map(move |event| event.repeats(end)).enumerate().filter(|(_, repeats)| *repeats > MOST_EVENTS)
+}
+
 /// Each happening an event of its own, in the order of their times and, at one time, of the list; those that are
 /// repeated up to `end`, s. A later end adds only what is later.
 pub fn schedule(events: &[Event], end: f64) -> Vec<Event> {
@@ -378,6 +386,10 @@ impl Compute {
         for (k, field) in self.fields.iter().enumerate() {
             let fault = field.fault();
             expect(fault.is_none(), &format!("fields.{k}"), as_written(field), fault.unwrap_or_default());
+        }
+        let turning = (0..).zip(&self.fields).filter(|(_, field)| matches!(field, Field::RotatingFrame { .. }));
+        for (k, field) in turning.skip(1) {
+            expect(false, &format!("fields.{k}"), as_written(field), "one RotatingFrame");
         }
         expect((0.0..=1.0).contains(&self.quench), "quench", format!("{}", self.quench), "0 to 1");
         expect(self.output_every > 0, "output_every", format!("{}", self.output_every), "at least 1");

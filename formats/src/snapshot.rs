@@ -562,7 +562,7 @@ impl Snapshot {
         };
         let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| refuse(error.to_string()))?;
         let mut entries = Entries { path, archive, faults: Faults::default() };
-        let meta_text: Vec<u8> = entries.take("meta", None).unwrap_or_default();
+        let Some(meta_text): Option<Vec<u8>> = entries.take("meta", None) else { return Err(entries.faults) };
         let version: serde_json::Value =
             serde_json::from_slice(&meta_text).map_err(|e| refuse(format!("meta: {e}")))?;
         if version["format"].as_u64() != Some(FORMAT.into()) {

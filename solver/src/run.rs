@@ -173,9 +173,10 @@ pub fn check(scene: &Scene, state: &State) -> Result<(), Faults> {
         let expected = "expected at least one whose motion is not imposed";
         faults.push(Fault::new(Path::new("DATBOX/BODIES.DAT"), None, "bodies", "none is free to move", expected));
     }
-    if !scene.turning.is_empty() && scene.outside().iter().any(|field| field.rate() != Vec3::zeros()) {
-        let found = "RotatingFrame, with bodies whose moments of inertia differ";
-        faults.push(Fault::new(Path::new("options"), None, "fields", found, "expected spheres alone, or fixed axes"));
+    let (start, end) = (scene.start.1, scene.options.end_time);
+    if let Some(end) = end.filter(|end| scene.options.steps.is_none() && *end < start - scene.options.dt) {
+        let (found, expected) = (format!("{end}"), format!("expected at least {start} s, at which DATBOX stands"));
+        faults.push(Fault::new(Path::new("options"), None, "end_time", found, expected));
     }
     let last = scene.last_step();
     if last < state.step {

@@ -194,6 +194,9 @@ pub struct Scene {
     pub notes: Vec<String>,
     /// Free bodies whose moments of inertia differ, in order: their angular velocity changes without a torque.
     pub turning: Vec<u32>,
+    /// Of each body whether its orientation is followed: that of a sphere matters to moments and turns in its own axes
+    /// alone.
+    pub oriented: Vec<bool>,
     /// Mean radius of the free spheres, m; the length that penetrations are compared with.
     pub mean_radius: f64,
     /// Largest gap (m) at which a pair is listed, over all rows of the visibility table.
@@ -299,6 +302,11 @@ impl Scene {
     /// The fields that act from outside.
     pub fn outside(&self) -> Vec<Outside> {
         self.options.fields.iter().map(|field| field.outside(self.options.gravity_constant)).collect()
+    }
+
+    /// How fast the axes turn from which all is seen, rad/s.
+    pub fn rate(&self) -> Vec3 {
+        self.outside().iter().map(Outside::rate).sum()
     }
 
     /// The models that this scene uses, for the summary.

@@ -356,10 +356,6 @@ fn files(
     }
     start.meta.program = format!("cd-pre {}", env!("CARGO_PKG_VERSION"));
     start.meta.ledger = Default::default();
-    if start.meta.laws.is_empty() {
-        let laws = parts.iter().map(|part| &part.source.snapshot.meta.laws).find(|laws| !laws.is_empty());
-        start.meta.laws = laws.cloned().unwrap_or_default();
-    }
     start.meta.parameters.events_done = 0;
     start.meta.attraction = None;
     let mut origin = String::from("body,case,step,number\n");

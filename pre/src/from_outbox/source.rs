@@ -10,7 +10,7 @@ use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::groups::Groups;
 use cd_formats::snapshot::{
-    self, BodyArrays, ContactPartArrays, MemoryArrays, PairArrays, Shapes, Snapshot, TurningArrays,
+    self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, Shapes, Snapshot, TurningArrays,
 };
 use cd_formats::tact_behav::TactBehav;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
@@ -292,6 +292,16 @@ fn rigid_spin(state: &Snapshot, free: &[usize], com: &Vec3, motion: &[(Vec3, Vec
     inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * momentum)
 }
 
+/// The number of a law of this name and kind in a list, which it joins if it is new.
+fn known_as(law: &LawName, laws: &mut Vec<LawName>) -> u8 {
+    let same = |known: &LawName| (&known.nickname, &known.kind) == (&law.nickname, &law.kind);
+    let number = laws.iter().position(same).unwrap_or_else(|| {
+        laws.push(law.clone());
+        laws.len() - 1
+    });
+    number as u8
+}
+
 impl Part<'_> {
     /// Puts the state behind that of other parts: bodies numbered from `first` (from 0) on, impulses for
     /// the step length of the whole.
@@ -303,7 +313,9 @@ impl Part<'_> {
         bodies.body_material.fill(0);
         let mut contacts = self.state.contacts.clone();
         contacts.contact_body.iter_mut().flatten().for_each(|body| *body += first as u32);
-        contacts.contact_law.fill(0);
+        let own = &self.state.meta.laws;
+        let number: Vec<u8> = own.iter().map(|law| known_as(law, &mut start.meta.laws)).collect();
+        contacts.contact_law.iter_mut().for_each(|law| *law = number[*law as usize]);
         let scale = start.meta.h / self.state.meta.h;
         if scale != 1.0 && scale.is_finite() {
             contacts.contact_impulse.iter_mut().flatten().for_each(|r| *r *= scale);

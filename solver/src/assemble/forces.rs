@@ -154,7 +154,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
         attraction: pull.next,
         impulse: Vec3::zeros(),
         angular_impulse: Vec3::zeros(),
-        loads: loads(scene, state, h),
+        loads: loads(scene, state, q_c),
     };
     for (k, &i) in scene.free.iter().enumerate() {
         let i = i as usize;
@@ -166,6 +166,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
         free.impulse += weight;
         free.angular_impulse += x.cross(&weight);
     }
+    free.potential += centrifugal(scene, &q_c.q);
     for (i, force, moment) in &free.loads {
         let body = &scene.bodies[*i];
         free.v[*i] += force * (h * body.inverse_mass());
@@ -178,7 +179,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
         free.v[i] += force * (h * body.inverse_mass());
         free.w[i] += body.angular_velocity(&q_c.q[i], &(torque * h));
     }
-    coriolis(scene, state, q_c, outside.iter().map(Outside::rate).sum(), &mut free);
+    coriolis(scene, state, q_c, &mut free);
     let end = state.time + h;
     for drive in &scene.drives {
         let value = Vec3::from_fn(|k, _| drive.velocity[k].at(end));
@@ -200,11 +201,22 @@ fn turned(b: &Vec3, k: &Vec3) -> Vec3 {
     (b + k * k.dot(b) - k.cross(b)) / (1.0 + k.norm_squared())
 }
 
-/// Coriolis' force in axes that turn at `rate`, on the velocity weighted over the step as (1-theta) V + theta V+, where
+/// Potential energy of the centrifugal force on the free bodies beyond that at their centres, -W.J W/2 each, J.
+fn centrifugal(scene: &Scene, q: &[Quat]) -> f64 {
+    let rate = scene.rate();
+    if rate == Vec3::zeros() {
+        return 0.0;
+    }
+    let of = |&i: &u32| scene.bodies[i as usize].angular_momentum(&q[i as usize], &rate).dot(&rate);
+    -0.5 * scene.free.iter().map(of).sum::<f64>()
+}
+
+/// Coriolis' force in turning axes, on the velocity weighted over the step as (1-theta) V + theta V+, where
 /// contacts count as in the last step: what lies is not pushed aside by a fall that does not happen, and what is missing
-/// after an impact is made up for in the next step. And what turns the spins of spheres against the axes. Without contacts
-/// and for theta = 1/2 it does no work, exactly.
-fn coriolis(scene: &Scene, state: &State, q_c: &Configuration, rate: Vec3, free: &mut Free) {
+/// after an impact is made up for in the next step. And what turns spins against the axes, where bodies do not
+/// [turn freely](crate::integrate) as it is. Without contacts and for theta = 1/2 it does no work, exactly.
+fn coriolis(scene: &Scene, state: &State, q_c: &Configuration, free: &mut Free) {
+    let rate = scene.rate();
     if rate == Vec3::zeros() {
         return;
     }
@@ -215,7 +227,10 @@ fn coriolis(scene: &Scene, state: &State, q_c: &Configuration, rate: Vec3, free:
         let body = &scene.bodies[i];
         let known = state.v[i] * (1.0 - theta) + pushed[i] * theta;
         let v = turned(&(free.v[i] - rate.cross(&known) * (2.0 * h)), &(rate * (2.0 * theta * h)));
-        let w = turned(&(free.w[i] - rate.cross(&state.w[i]) * ((1.0 - theta) * h)), &(rate * (theta * h)));
+        let w = match body.is_isotropic() {
+            true => turned(&(free.w[i] - rate.cross(&state.w[i]) * ((1.0 - theta) * h)), &(rate * (theta * h))),
+            false => free.w[i],
+        };
         let (impulse, turn) = ((v - free.v[i]) * body.mass, (w - free.w[i]) * body.inertia[0]);
         (free.v[i], free.w[i]) = (v, w);
         free.impulse += impulse;
@@ -390,6 +405,7 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     let (positions, masses) = points(scene, x);
     let outside = scene.outside();
     let outer: f64 = positions.iter().zip(&masses).map(|(x, m)| m * pushed(&outside, state.gravity, x).1).sum();
+    let outer = outer + centrifugal(scene, &state.q);
     if !scene.options.self_gravity {
         return outer;
     }
@@ -401,8 +417,8 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
 }
 
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.
-fn loads(scene: &Scene, state: &State, h: f64) -> Vec<(usize, Vec3, Vec3)> {
-    let theta = scene.options.theta;
+fn loads(scene: &Scene, state: &State, q_c: &Configuration) -> Vec<(usize, Vec3, Vec3)> {
+    let (theta, h) = (scene.options.theta, q_c.h);
     scene
         .loads
         .iter()
@@ -412,7 +428,7 @@ fn loads(scene: &Scene, state: &State, h: f64) -> Vec<(usize, Vec3, Vec3)> {
             vector[load.component % 3] = value;
             match load.component {
                 0..3 => (load.body, vector, Vec3::zeros()),
-                _ => (load.body, Vec3::zeros(), state.q[load.body] * vector),
+                _ => (load.body, Vec3::zeros(), q_c.q[load.body] * vector),
             }
         })
         .collect()

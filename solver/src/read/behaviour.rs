@@ -77,6 +77,9 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
                 None if law.rolling.is_some() && scene.is_general() => {
                     refuse(record.kind.clone(), "expected a scene of spheres and plates for rolling friction".into());
                 }
+                None if scene.laws.len() > u8::MAX.into() => {
+                    refuse("is the 257th that is used".into(), "expected at most 256 in use".into());
+                }
                 None => {
                     number[k] = Some(scene.laws.len() as u8);
                     scene.laws.push(law);
@@ -112,6 +115,18 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
             continue;
         };
         let see = See { law, alert: scene.options.alert.unwrap_or(row.alert) };
+        if let Some(known) = table[a * classes + b].filter(|known| *known != see) {
+            let found = format!("law '{}', alert {}", row.law, row.alert);
+            let object = format!(
+                "{} {} and {} {}",
+                row.candidate.contactor, row.candidate.colour, row.antagonist.contactor, row.antagonist.colour
+            );
+            let expected = format!(
+                "expected law '{}' and alert {}, as before for the same: SPHEb is SPHER",
+                scene.law_names[known.law as usize].nickname, known.alert
+            );
+            faults.push(Fault::new(&file, Some(row.line), object, found, expected));
+        }
         table[a * classes + b] = Some(see);
         table[b * classes + a] = Some(see);
     }
@@ -120,7 +135,26 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
     let range = |see: &See| see.alert.max(scene.laws[see.law as usize].range(largest));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
     scene.visibility = Visibility { classes, table };
+    check_periods(&file, tact, scene, faults);
     scene.notes.extend(unseen(scene));
+}
+
+/// Refuses attraction that reaches farther than to the nearest image.
+fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faults) {
+    let Some(period) = [scene.options.xperiode, scene.options.yperiode].into_iter().flatten().reduce(f64::min) else {
+        return;
+    };
+    let largest = scene.free.iter().map(|&i| scene.bodies[i as usize].radius).fold(0.0, f64::max);
+    for (law, name) in scene.laws.iter().zip(&scene.law_names) {
+        let range = law.range(largest);
+        if range > 0.0 && 2.0 * (2.0 * largest + range) >= period {
+            let line = tact.laws.iter().find(|law| law.nickname == name.nickname).map(|law| law.line);
+            let found =
+                format!("attracts bodies of {largest} m over {range} m in a scene that repeats after {period} m");
+            let expected = "expected twice the radii and the range in less than half of that";
+            faults.push(Fault::new(file, line, format!("law '{}'", name.nickname), found, expected));
+        }
+    }
 }
 
 /// The contactors of a class.

@@ -78,6 +78,9 @@ pub fn scene(
     let free = indices(&|body| !body.driven);
     let spheres = indices(&Body::is_sphere);
     let planes = indices(&|body| matches!(body.shape, Shape::Plane { .. }));
+    let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.sphere_orientation).collect();
+    let with_moment = loads.iter().filter(|load| load.component >= 3).map(|load| load.body);
+    with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body] = true);
     let turning = indices(&|body| !body.driven && !body.is_isotropic());
     let radii: Vec<f64> = free.iter().map(|&i| bodies[i as usize].radius).collect();
     Scene {
@@ -99,6 +102,7 @@ pub fn scene(
         parts,
         notes: notes(&bodies, &frames),
         turning,
+        oriented,
         mean_radius: radii.iter().sum::<f64>() / radii.len().max(1) as f64,
         listing_range: 0.0,
         bodies,

@@ -30,8 +30,8 @@ pub fn last(outbox: &Path, scene: &Scene, state: &mut State) -> Result<Option<u6
     state.pairs = kept;
     if state.step > scene.start.0 {
         state.bonding = Bonding::No;
+        pass_events(scene, state);
     }
-    set_by_events(scene, state);
     Ok(Some(step))
 }
 
@@ -43,8 +43,8 @@ fn set_by_events(scene: &Scene, state: &mut State) {
     }
 }
 
-/// Events that came before the last step of START.npz have happened, whether that run had them or not: what they set
-/// holds, what they add is not added again.
+/// Events that came before the last step have happened, whether that run had them or not: what they set holds, what they
+/// add is not added again.
 pub fn pass_events(scene: &Scene, state: &mut State) {
     // As slack as events themselves; at time 0 none has happened.
     let last = state.time - state.h + 1e-3 * scene.options.dt.min(state.h);
@@ -125,6 +125,7 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         Some(shapes) => (pairs(scene, shapes, |row| body[row as usize]), shapes.turning.turning_body.clone()),
         None => (Vec::new(), Vec::new()),
     };
+    let names = snapshot.meta.laws.clone();
     restore(snapshot, &mut started);
     (state.step, state.time, state.h) = (started.step, started.time, started.h);
     for (row, &i) in body.iter().enumerate() {
@@ -153,10 +154,16 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         let b = scene.class_of(contact.antagonist, contact.ranks.1)?;
         scene.visibility.see(a, b)
     };
-    state.contacts.retain_mut(|solved| see(&solved.contact).map(|see| solved.contact.law = see.law).is_some());
+    state.contacts.retain_mut(|solved| {
+        let Some(see) = see(&solved.contact) else { return false };
+        let kinds = [&names[solved.contact.law as usize], &scene.law_names[see.law as usize]].map(|law| &law.kind);
+        // A liquid bridge is no solid bond.
+        solved.bond = solved.bond.filter(|_| kinds[0] == kinds[1]);
+        solved.contact.law = see.law;
+        true
+    });
     for solved in &mut state.contacts {
         let law = &scene.laws[solved.contact.law as usize];
-        solved.bond = solved.bond.filter(|_| law.bonds());
         solved.moment = if law.rolling.is_some() { solved.moment } else { Vec3::zeros() };
     }
     state.contacts.sort_by_key(|solved| solved.contact.key());

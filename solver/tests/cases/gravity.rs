@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use cd_formats::compute::{Field, GravityMethod};
 use cd_formats::snapshot::Snapshot;
-use nalgebra::Rotation3;
+use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 
 use crate::case::{Case, Figures, Vec3, equal, near, range, shaken_lattice, shown, uniform};
 
@@ -98,6 +98,63 @@ fn turning_axes_show_the_same_motion() {
         assert!((3.6..4.4).contains(&(pair[0] / pair[1])), "{errors:?}"); // second order
     }
     assert!(errors[2] < 1e-4, "{errors:?}");
+}
+
+#[test]
+fn turning_axes_show_the_same_tumbling() {
+    let (rate, spin) = (Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.02, 2.0, 0.01)); // nearly about the middle axis
+    let run = |turning: bool| {
+        let mut case = Case::new();
+        case.options.dt = 0.05;
+        let seen = if turning { rate } else { Vec3::zeros() };
+        if turning {
+            case.options.fields = vec![Field::RotatingFrame { rate: rate.into(), centre: [0.0; 3] }];
+        }
+        let block = case.block([0.5, 0.3, 0.2], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        case.launch(block, [0.0; 3], (spin - seen).into());
+        case.states(400, 100)
+    };
+    let (fixed, seen) = (run(false), run(true));
+    let orientation = |state: &Snapshot| {
+        let [w, x, y, z] = state.bodies.body_q[0];
+        UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z))
+    };
+    let momentum_of = |state: &Snapshot, w: &Vec3| {
+        let (q, inertia) = (orientation(state), Vec3::from(state.bodies.body_inertia[0]));
+        q * (q.inverse() * w).component_mul(&inertia)
+    };
+    let energy = |state: &Snapshot| {
+        0.5 * (state.w(0).dot(&momentum_of(state, &state.w(0))) - rate.dot(&momentum_of(state, &rate)))
+    };
+    for (fixed, seen) in fixed.iter().zip(&seen) {
+        let back = UnitQuaternion::from_scaled_axis(rate * fixed.meta.time);
+        // The same turns but for rounding, which tumbling doubles some ten times in 20 s.
+        assert!((back * orientation(seen)).angle_to(&orientation(fixed)) < 1e-10);
+        near(back * seen.w(0) + rate, fixed.w(0), 1e-10);
+        equal(energy(seen), energy(&run(true)[0]), 1e-13);
+        near(seen.meta.ledger.angular_momentum_expected, seen.angular_momentum(), 1e-13);
+    }
+    assert!(fixed.iter().any(|state| state.bodies.body_w[0][1] < 0.0), "it does not tumble");
+}
+
+#[test]
+fn blocks_press_on_each_other_in_turning_axes_less_what_the_spin_takes() {
+    let (mass, share): (f64, f64) = (8.0 * 0.5 * 0.3 * 0.2, 0.75);
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.5]);
+    (case.options.self_gravity, case.options.gravity_constant, case.options.dt) = (true, 1.0, 1e-3);
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    for side in [-0.5, 0.5] {
+        case.block([0.5, 0.3, 0.2], [side, 0.0, 0.0], axes);
+    }
+    // m W²/2 against G m²/d², d = 1 m.
+    let rate = (2.0 * mass * share).sqrt();
+    case.options.fields = vec![Field::RotatingFrame { rate: [0.0, 0.0, rate], centre: [0.0; 3] }];
+    let end = case.run(1000);
+    let press: f64 = end.contacts.contact_force.iter().map(|force| force[0]).sum();
+    equal(press / (mass * mass), 1.0 - share, (1e-3 * rate).powi(2)); // Coriolis' force makes an error of (h W)²
+    near(end.x(1) - end.x(0), [1.0, 0.0, 0.0], (1e-3 * rate).powi(2));
+    near(end.w(0), [0.0; 3], (1e-3 * rate).powi(2));
 }
 
 #[test]
@@ -252,7 +309,8 @@ fn an_orbit_of_a_thousand_periods_keeps_its_size() {
     // On a circle: v^2 = G M / d = 4.
     case.launch(heavy, [0.0, -0.5, 0.0], [0.0; 3]);
     case.launch(light, [0.0, 1.5, 0.0], [0.0; 3]);
-    let per_period: Vec<u32> = if std::env::var_os("CD_TESTS_LONG").is_some() { vec![25, 50, 100, 200] } else { vec![50] };
+    let per_period: Vec<u32> =
+        if std::env::var_os("CD_TESTS_LONG").is_some() { vec![25, 50, 100, 200] } else { vec![50] };
     let mut worst = 0f64;
     for &steps in &per_period {
         case.options.dt = PI / f64::from(steps);

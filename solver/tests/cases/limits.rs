@@ -249,12 +249,12 @@ fn none_one_and_two_bodies() {
     let mut worst = 0f64;
     for count in [1, 2] {
         case.sphere(0.5, [8.0 * f64::from(count), 0.0, 50.0]);
-        for h in [1e-5, 1e-3, 1e-1] {
+        for h in [1e-5, 1e-3, 1e-1f64] {
             case.options.dt = h;
             let end = case.run(10);
             // G m/d² towards the other, if there is one; on the way w it grows by 4 w/d, of which the way has a sixth.
-            let pull = f64::from(count - 1) * std::f64::consts::PI / 6.0 / 64.0;
-            let way = 0.5 * pull * (10.0 * h).powi(2);
+            let pull: f64 = f64::from(count - 1) * std::f64::consts::PI / 6.0 / 64.0;
+            let way: f64 = 0.5 * pull * (10.0 * h).powi(2);
             let place = Vec3::new(8.0 + way, 0.0, 50.0);
             near(end.x(1), place, 0.1 * way * way + 1e-13); // and rounding of 50 m, ten times
             worst = worst.max((end.x(1) - place).norm());

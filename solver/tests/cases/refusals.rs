@@ -214,6 +214,52 @@ fn laws() {
 }
 
 #[test]
+fn rows_that_contradict_and_laws_that_are_too_many() {
+    let mut case = sound();
+    let mut row = case.tact.visibility[1].clone();
+    (row.candidate.contactor, row.law) = ("SPHEb".into(), "law00".into());
+    case.tact.visibility.push(row);
+    let line = "CASE/DATBOX/TACT_BEHAV.DAT:13: SPHEb GRAIN and PLANx WALLx: law 'law00', alert 0.001; \
+                expected law 'law01' and alert 0.001, as before for the same: SPHEb is SPHER";
+    written_refused(&case, &[], &[line]);
+
+    let mut case = sound();
+    for k in 0..256 {
+        case.law_with("SPHER", "IQS_CLB", &[0.3]);
+        let (row, law) = (case.tact.visibility.last_mut().unwrap(), case.tact.laws.last_mut().unwrap());
+        (row.antagonist.colour, law.nickname) = (format!("C{k:04}"), format!("L{k:04}"));
+        row.law.clone_from(&law.nickname);
+    }
+    case.write();
+    let (code, text) = spawn(&case, &[]);
+    assert!(code == 2 && text.contains("is the 257th that is used; expected at most 256 in use"), "{text}");
+
+    let mut case = sound();
+    case.law("IQS_WET_DS_CLB", &[1.0, 0.0, 0.3, 0.3, 0.3]);
+    case.options.xperiode = Some(2.5);
+    let found = "attracts bodies of 0.5 m over 0.3 m in a scene that repeats after 2.5 m; \
+                 expected twice the radii and the range in less than half of that";
+    let lines = [("2", "law00"), ("6", "law01")]
+        .map(|(line, law)| format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{law}': {found}"));
+    written_refused(&case, &[], &lines.each_ref().map(String::as_str));
+}
+
+#[test]
+fn times_and_events_that_cannot_be() {
+    let case = sound();
+    let event = "[(time: 0.0, every: 0.001, action: SetQuench(0.1))]";
+    let often = "options: event 1: happens 1000000000 times up to the end of the run; expected at most a million";
+    written_refused(&case, &["--end-time", "1e6", "--events", event], &[often]);
+    let twice =
+        "[RotatingFrame(rate: (0, 0, 1), centre: (0, 0, 0)), RotatingFrame(rate: (0, 0, 1), centre: (0, 0, 0))]";
+    let (code, text) = {
+        case.write();
+        spawn(&case, &["--fields", twice])
+    };
+    assert!(code == 2 && text.contains("options: field 2: ") && text.contains("expected one RotatingFrame"), "{text}");
+}
+
+#[test]
 fn values_of_flags() {
     let case = sound();
     let refusals: [(&[&str], &str); 15] = [

@@ -160,6 +160,23 @@ fn a_snapshot_has_the_laws_and_the_gravity_in_force() {
 }
 
 #[test]
+fn a_resumed_run_takes_other_events_by_their_times() {
+    let mut case = Case::new();
+    let ball = case.sphere(0.5, [0.0; 3]);
+    case.options.dt = 0.01;
+    case.event(0.0, Action::AddVelocity([0.0, 1.0, 0.0]));
+    case.run(10);
+    let events = "[(time: 0.0, action: AddVelocity((0.0, 1.0, 0.0))), (time: 0.05, action: AddVelocity((0.0, 0.0, 9.0))), \
+                  (time: 0.15, action: SetGravity((0.0, 0.0, -1.0)))]";
+    for events in [events, "[(time: 0.15, action: SetGravity((0.0, 0.0, -1.0)))]"] {
+        case.run(10);
+        assert_eq!(case.solve(&["--resume", "--steps", "20", "--events", events]), 0);
+        // What would have been before is past, and gravity acts for 5 steps.
+        crate::case::near(case.last().v(ball), [0.0, 1.0, -0.05], 1e-12);
+    }
+}
+
+#[test]
 fn a_resumed_run_extrapolates_gravity_as_the_unbroken_one() {
     let scene = || {
         let mut case = scene(4);

@@ -211,3 +211,31 @@ fn forces_and_moments_accelerate() {
     near(end.v(ball), [0.0, 0.5 / end.mass(ball), 0.0], 1e-12);
     near(end.w(ball), [0.0, 0.0, 0.25 / end.bodies.body_inertia[ball][0]], 1e-11);
 }
+
+/// A moment about a body's own axis while it turns about another, L = T/ω (sin ωt, 1 - cos ωt): of second order, and the
+/// same for a sphere, whether or not its orientation is asked for.
+#[test]
+fn a_moment_turns_with_its_body() {
+    let run = |sphere: bool, orientation: bool, steps: u64| {
+        let mut case = Case::new();
+        case.options.sphere_orientation = orientation;
+        let body = match sphere {
+            true => case.sphere(0.5, [0.0; 3]),
+            false => case.block([0.5; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+        };
+        case.launch(body, [0.0; 3], [0.0, 0.0, 2.0]);
+        case.pull(body, 3, 1e-7);
+        case.options.dt = 1.0 / steps as f64;
+        let w = case.run(steps).w(body);
+        let inertia = if sphere { 0.4 * std::f64::consts::PI / 6.0 * 0.25 } else { 1.0 / 6.0 };
+        let expected = Vec3::new(2f64.sin(), 1.0 - 2f64.cos(), 0.0) * (1e-7 / 2.0 / inertia);
+        (w.xy() - expected.xy()).norm() / expected.norm()
+    };
+    for (sphere, orientation) in [(false, false), (true, true), (true, false)] {
+        let errors = [10, 20, 40].map(|steps| run(sphere, orientation, steps));
+        for pair in errors.windows(2) {
+            assert!((3.6..4.4).contains(&(pair[0] / pair[1])), "{errors:?}"); // second order
+        }
+        assert!(errors[2] < 1e-3, "{errors:?}");
+    }
+}
