@@ -86,6 +86,7 @@ fn what_fields_pull_is_in_the_virial_and_the_energy() {
     let volume = 4.0 / 3.0 * std::f64::consts::PI * (2.0 * radius).powi(3);
     near(last("pressure"), force * 2.0 * radius / (3.0 * volume));
     near(last("pressure_virial"), last("pressure"));
-    near(last("E_fields"), -mass * rate * rate * radius * radius);
+    // Of the centres, and of the balls about them.
+    near(last("E_fields"), -(1.0 + 0.4) * mass * rate * rate * radius * radius);
     near(last("E_total"), last("E_grav") + last("E_fields"));
 }
