@@ -58,7 +58,7 @@ impl Setting<'_> {
     pub(super) fn history(&self, contacts: &[Contact]) -> Vec<Option<u32>> {
         let mut found = by_key(&self.state.contacts, contacts);
         let gone = self.gone(contacts, &found);
-        let new = self.new(contacts, &found, &gone);
+        let new = self.unknown(contacts, &found, &gone);
         for new in new.chunk_by(|&i, &k| contactors(&contacts[i]) == contactors(&contacts[k])) {
             self.hand_on(new, &gone, contacts, &mut found);
         }
@@ -82,7 +82,7 @@ impl Setting<'_> {
     }
 
     /// The contacts that act and have no history, of contactors of which a contact is gone or bonded, in their order.
-    fn new(&self, contacts: &[Contact], found: &[Option<u32>], gone: &[bool]) -> Vec<usize> {
+    fn unknown(&self, contacts: &[Contact], found: &[Option<u32>], gone: &[bool]) -> Vec<usize> {
         let before = &self.state.contacts;
         let shares = |old: &SolvedContact| old.bond.is_some() && self.has_names(&old.contact);
         let concerned = before.iter().zip(gone).filter(|(old, gone)| **gone || shares(old));
