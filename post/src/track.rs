@@ -123,13 +123,14 @@ fn free_fall(frame: &Frame) -> Option<Vec3> {
 }
 
 fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
-    let lowest = |vertices: &mut dyn Iterator<Item = Vec3>| vertices.map(|r| -r.dot(up)).fold(0.0, f64::max);
+    // Of balls about the points.
+    let lowest = |points: &mut dyn Iterator<Item = (Vec3, f64)>| {
+        points.map(|(point, radius)| radius - point.dot(up)).fold(0.0, f64::max)
+    };
     let (side, x, v, reach) = if let Some(k) = frame.grains.iter().position(|grain| grain.id == body) {
         let grain = &frame.grains[k];
-        let reach = match &grain.solid {
-            Some(_) => lowest(&mut grain.vertices().map(|corner| corner - grain.x)),
-            None => grain.radius,
-        };
+        let points = grain.vertices().map(|corner| (corner, 0.0)).chain(grain.balls());
+        let reach = lowest(&mut points.map(|(point, radius)| (point - grain.x, radius)));
         // Its way goes on where that of its image begins anew.
         (Side::Grain(k), grain.x - grain.moved, Some(grain.v), reach)
     } else {
@@ -137,7 +138,11 @@ fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
         let wall = &frame.walls[k];
         let reach = match &wall.shape {
             WallShape::Ball(radius) => *radius,
-            WallShape::Polyhedron(solid) => lowest(&mut solid.vertices.iter().map(|corner| wall.rotation * corner)),
+            WallShape::Polyhedron(solid) => {
+                let points = solid.vertices.iter().map(|corner| (corner, 0.0));
+                let balls = solid.balls.iter().map(|(centre, radius)| (centre, *radius));
+                lowest(&mut points.chain(balls).map(|(point, radius)| (wall.rotation * point, radius)))
+            }
             WallShape::Plate(half) => (0..3).map(|k| half[k] * (wall.rotation.inverse() * up)[k].abs()).sum(),
         };
         (Side::Wall(k), wall.x, None, reach)
