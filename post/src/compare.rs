@@ -98,11 +98,12 @@ pub fn write(cases: &[PathBuf], labels: &[String], compared: &Compared, output: 
         faults.push(option(asking, format!("'{name}'"), expected));
     }
     let known: Vec<&str> = asked.map(|(_, name)| name).filter(|name| kind.column(name).is_some()).collect();
+    let names = names_of(cases);
     let runs: Vec<Run> = cases
         .iter()
         .enumerate()
         .filter_map(|(k, case)| {
-            let name = labels.get(k).cloned().unwrap_or_else(|| name_of(case));
+            let name = labels.get(k).unwrap_or(&names[k]).clone();
             Some(Run { name, columns: faults.gather(read(&place(case, table), &known))? })
         })
         .collect();
@@ -125,10 +126,29 @@ fn place(case: &Path, table: &Path) -> PathBuf {
     states.max().map_or(folder.join("state"), |(_, path)| path).join(rest)
 }
 
-/// The name of a case's folder.
-pub fn name_of(case: &Path) -> String {
-    let whole = std::fs::canonicalize(case).unwrap_or(case.to_path_buf());
-    whole.file_name().map_or(case.display().to_string(), |name| name.to_string_lossy().into_owned())
+/// The names of the cases' folders, each with as many of those above as tell it from the others.
+pub fn names_of(cases: &[PathBuf]) -> Vec<String> {
+    let whole: Vec<PathBuf> =
+        cases.iter().map(|case| std::fs::canonicalize(case).unwrap_or(case.to_path_buf())).collect();
+    let tail = |path: &Path, count: usize| -> PathBuf {
+        path.components().skip(path.components().count().saturating_sub(count)).collect()
+    };
+    let name = |path: &PathBuf| {
+        let told = |count: &usize| whole.iter().all(|other| other == path || tail(other, *count) != tail(path, *count));
+        let count = (1..path.components().count()).find(told).unwrap_or(usize::MAX);
+        tail(path, count).display().to_string()
+    };
+    whole.iter().map(name).collect()
+}
+
+/// Whether a time is another or later; times are sums of steps.
+pub fn reached(time: f64, from: f64) -> bool {
+    time >= from - 1e-6 * from.abs()
+}
+
+/// Whether two times (s) are one but for the rounding of sums of steps.
+pub fn same_time(a: f64, b: f64) -> bool {
+    reached(a, b) && reached(b, a)
 }
 
 /// The columns of a table of numbers, those `needed` among them; empty fields are NaN.
@@ -191,7 +211,13 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
     let curves = runs.iter().zip(&points).map(|(run, points)| Curve::line(&run.name, points.clone())).collect();
     let x = Axis { quantity: words(against), logarithmic: false, ..axis(against) };
     let figure = Figure { title, x, y: axis(name), curves };
-    let mut places: Vec<f64> = points.iter().flatten().map(|p| p.0).filter(|x| x.is_finite()).collect();
+    let same = |a: f64, b: f64| a == b || against == "time" && same_time(a, b);
+    let mut places: Vec<f64> = Vec::new();
+    for points in &points {
+        let others = places.clone();
+        let is_new = |x: &f64| x.is_finite() && !others.iter().any(|other| same(*other, *x));
+        places.extend(points.iter().map(|p| p.0).filter(is_new));
+    }
     places.sort_by(f64::total_cmp);
     places.dedup();
     let mut header = vec![against];
@@ -199,7 +225,10 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
     let names: Vec<String> = runs.iter().map(|run| run.name.replace(',', ";")).collect();
     header.extend(names.iter().map(String::as_str));
     let rows = places.into_iter().map(|x| {
-        let at = |points: &Vec<(f64, f64)>| points.iter().find(|p| p.0 == x).map_or(f64::NAN, |p| p.1);
+        let at = |points: &Vec<(f64, f64)>| {
+            let near = points.iter().filter(|p| same(p.0, x));
+            near.min_by(|a, b| (a.0 - x).abs().total_cmp(&(b.0 - x).abs())).map_or(f64::NAN, |p| p.1)
+        };
         std::iter::once(x).chain(points.iter().map(at)).collect()
     });
     (figure, csv(&header, rows))
@@ -208,6 +237,21 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn times_that_differ_by_rounding_are_one_and_names_tell_folders_apart() {
+        let run = |name: &str, steps: u32, dt: f64| {
+            let times: Vec<f64> = (0..=2).map(|k| (0..k * steps).fold(0.0, |time, _| time + dt)).collect();
+            Run { name: name.into(), columns: [("time".into(), times.clone()), ("Z".into(), times)].into() }
+        };
+        let kind = Kind::of(Path::new("series.csv")).unwrap();
+        let (_, table) = draw(&[run("a", 10, 0.1), run("b", 1000, 0.001)], &kind, "Z", "time");
+        assert_eq!(table.lines().count(), 4, "{table}");
+        assert!(table.lines().skip(1).all(|line| !line.ends_with(',')), "{table}");
+        let names = |cases: &[&str]| names_of(&cases.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(names(&["/no/a/x/run", "/no/b/x/run", "/no/b/other"]), ["a/x/run", "b/x/run", "other"]);
+        assert_eq!(names(&["/no/run", "/no/run"]), ["run"; 2]);
+    }
 
     #[test]
     fn series_of_several_runs_are_aligned_by_their_times() {

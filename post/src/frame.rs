@@ -51,7 +51,7 @@ pub struct Grain {
     pub material: u16,
     /// From the body's frame to the world's.
     pub rotation: UnitQuaternion<f64>,
-    /// None for a sphere.
+    /// None for a sphere about its centre.
     pub solid: Option<Arc<Solid>>,
 }
 
@@ -64,6 +64,13 @@ impl Grain {
     /// Of the ball about the centre of mass that holds the grain, m.
     pub fn reach(&self) -> f64 {
         self.solid.as_ref().map_or(self.radius, |solid| solid.reach())
+    }
+
+    /// Centre where it is and radius of the sphere, or of each that the grain is made of, m.
+    pub fn balls(&self) -> impl Iterator<Item = (Vec3, f64)> {
+        let whole = self.solid.is_none().then_some((self.x, self.radius));
+        let parts = self.solid.iter().flat_map(|solid| &solid.balls);
+        whole.into_iter().chain(parts.map(|(centre, radius)| (self.x + self.rotation * centre, *radius)))
     }
 
     /// The vertices of a polyhedron where they are, m; none of a sphere.
@@ -264,6 +271,18 @@ impl Cell {
     /// Whether it repeats at all.
     pub fn repeats(&self) -> bool {
         self.0 != [None; 2]
+    }
+
+    /// The images of a place in the cell that are in it or up to `room` (m) beside it.
+    pub fn images(&self, x: Vec3, room: f64) -> Vec<Vec3> {
+        let along = |axis: usize| {
+            let Some(period) = self.0[axis] else { return vec![0.0] };
+            let mut shifts = vec![0.0];
+            shifts.extend([-period, period].into_iter().filter(|d| (x[axis] + d).abs() <= 0.5 * period + room));
+            shifts
+        };
+        let (along_x, along_y) = (along(0), along(1));
+        along_x.iter().flat_map(|dx| along_y.iter().map(move |dy| x + Vec3::new(*dx, *dy, 0.0))).collect()
     }
 
     /// The sum of whole periods that is nearest to a vector, m.

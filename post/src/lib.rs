@@ -309,6 +309,8 @@ fn series(options: &Options) -> Result<(Vec<Row>, Vec<Frame>), Faults> {
                 rows.push(row);
             }
         }
+        // What several snapshots lack is told once.
+        faults.0.dedup();
         faults.into_result(())?;
         bar.inc(batch.len() as u64);
     }

@@ -16,17 +16,22 @@ use crate::frame::Vec3;
 /// Normals of triangles of one face differ by less than this; files with eight digits leave about 1e-7.
 const FLAT: f64 = 1e-5;
 
-/// A polyhedron, a cluster of them, or a cylinder, in the body's frame.
+/// A polyhedron, a cylinder, spheres off the centre, or a cluster of these, in the body's frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Solid {
     /// Of all pieces, about the centre of mass, m.
     pub vertices: Vec<Vec3>,
     /// Polygons of vertex numbers, counter-clockwise seen from outside.
     pub faces: Vec<Vec<u32>>,
+    /// Centre and radius of each sphere, m.
+    pub balls: Vec<(Vec3, f64)>,
 }
 
 /// Sides of the prism as which a cylinder is drawn.
 const SIDES: u32 = 64;
+/// Rings of faces, from pole to pole, as which a sphere of a cluster is drawn, and faces in each.
+const RINGS: u32 = 10;
+const SECTORS: u32 = 20;
 
 impl Solid {
     /// A cylinder about the third axis, as a prism whose edges lie on it; `place` puts its points where they are.
@@ -42,9 +47,36 @@ impl Solid {
         self.faces.push((0..SIDES).map(|k| lower(k) + 1).collect());
     }
 
-    /// Distance of the farthest vertex from the centre of mass, m.
+    /// Distance of the farthest point from the centre of mass, m.
     pub fn reach(&self) -> f64 {
-        self.vertices.iter().map(|v| v.norm()).fold(0.0, f64::max)
+        let balls = self.balls.iter().map(|(centre, radius)| centre.norm() + radius);
+        self.vertices.iter().map(|v| v.norm()).chain(balls).fold(0.0, f64::max)
+    }
+
+    /// Vertices and faces with those of its spheres, whose corners lie on them.
+    pub fn drawn(&self) -> (Vec<Vec3>, Vec<Vec<u32>>) {
+        let (mut vertices, mut faces) = (self.vertices.clone(), self.faces.clone());
+        let pi = std::f64::consts::PI;
+        for (centre, radius) in &self.balls {
+            let first = vertices.len() as u32;
+            for (ring, k) in (0..=RINGS).flat_map(|ring| (0..SECTORS).map(move |k| (ring, k))) {
+                let (sin, cos) = (pi * f64::from(ring) / f64::from(RINGS)).sin_cos();
+                let (y, x) = (2.0 * pi * f64::from(k) / f64::from(SECTORS)).sin_cos();
+                vertices.push(centre + Vec3::new(sin * x, sin * y, -cos) * *radius);
+            }
+            let corner = |ring: u32, k: u32| first + ring * SECTORS + k % SECTORS;
+            for (ring, k) in (0..RINGS).flat_map(|ring| (0..SECTORS).map(move |k| (ring, k))) {
+                let mut face = vec![corner(ring, k), corner(ring, k + 1), corner(ring + 1, k + 1), corner(ring + 1, k)];
+                // At a pole two corners are one.
+                if ring == 0 {
+                    face.remove(1);
+                } else if ring == RINGS - 1 {
+                    face.remove(2);
+                }
+                faces.push(face);
+            }
+        }
+        (vertices, faces)
     }
 }
 
@@ -109,11 +141,15 @@ fn read(file: &Path) -> Result<Solids, Faults> {
 /// The polyhedra of a body as cd-solve has them: a lone one about its centre of mass; without I1 I2 I3 all about the
 /// centre of mass of all contactors and in their principal axes; else as they stand.
 pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
-    let is_solid = |shape: &Shape| matches!(shape, Shape::Cylinder { .. } | Shape::Polyhedron { .. });
+    let lone = body.contactors.len() == 1;
+    let is_solid = |shape: &Shape| match shape {
+        Shape::Cylinder { .. } | Shape::Polyhedron { .. } | Shape::OffsetSphere { .. } => true,
+        Shape::Sphere { .. } => !lone,
+        Shape::Plane { .. } | Shape::Point { .. } => false,
+    };
     if !body.contactors.iter().any(|contactor| is_solid(&contactor.shape)) {
         return Ok(None);
     }
-    let lone = body.contactors.len() == 1;
     let given = body.inertia.is_some_and(|moments| moments != [0.0; 3]);
     let simple = lone && !matches!(body.contactors[0].shape, Shape::Polyhedron { .. });
     let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
@@ -141,7 +177,14 @@ pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
                 let moved = |face: Vec<u32>| face.into_iter().map(|k| first + k).collect();
                 solid.faces.extend(faces(&surface).into_iter().map(moved));
             }
-            _ => {}
+            Shape::Sphere { radius } => {
+                let offset = contactor.local_frame.as_ref().map_or(Vec3::zeros(), |frame| frame.offset.into());
+                solid.balls.push((axes * (offset - centre), *radius));
+            }
+            Shape::OffsetSphere { radius, offset } => {
+                solid.balls.push((axes * (Vec3::from(*offset) - centre), *radius));
+            }
+            Shape::Plane { .. } | Shape::Point { .. } => {}
         }
     }
     Ok(Some(solid))
@@ -293,6 +336,36 @@ mod tests {
         let volume: f64 = solid.faces.iter().map(cone).sum();
         assert!((volume - 3.0 * 4.0 * 32.0 * (std::f64::consts::TAU / 64.0).sin()).abs() < 1e-12);
         assert!(solid.faces.iter().all(|face| cone(face) > 0.0));
+    }
+
+    #[test]
+    fn spheres_of_a_cluster_reach_as_far_as_they_do() {
+        // A dumb-bell along y, 6 between its centres, beside the origin.
+        let mut pair = body(0.0, None);
+        let ball = |y: f64| Contactor {
+            colour: "BLUEx".into(),
+            shape: Shape::OffsetSphere { radius: 0.5, offset: [1.0, y, 0.0] },
+            local_frame: None,
+        };
+        pair.contactors = vec![ball(-2.0), ball(4.0)];
+        let found = solid(&pair).unwrap().unwrap();
+        // Its long axis comes first.
+        assert!(found.balls.iter().all(|(centre, _)| (centre.map(f64::abs) - Vec3::x() * 3.0).norm() < 1e-14));
+        assert!((found.reach() - 3.5).abs() < 1e-14);
+        let (vertices, faces) = found.drawn();
+        let cone = |face: &Vec<u32>| -> f64 {
+            let at = |k: u32| vertices[k as usize];
+            face[1..].windows(2).map(|pair| at(face[0]).dot(&at(pair[0]).cross(&at(pair[1]))) / 6.0).sum()
+        };
+        // Inscribed polyhedra of 10 by 20 faces have a few parts in a hundred less than two balls.
+        let share = faces.iter().map(cone).sum::<f64>() / (std::f64::consts::PI / 3.0);
+        assert!((0.93..1.0).contains(&share), "{share}");
+        pair.contactors.pop();
+        assert_eq!(
+            solid(&pair).unwrap().unwrap().balls,
+            [(Vec3::new(1.0, -2.0, 0.0), 0.5)],
+            "a lone one off the centre"
+        );
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub const MOBILISATION: [Column; 2] = [
 pub const EJECTA: [Column; 3] = [
     ("speed", "m/s", "speed relative to the largest remnant"),
     ("speed_over_escape", "1", ""),
-    ("mass_share_faster", "1", "share of the mass that is faster"),
+    ("mass_share_faster", "1", "share of the mass that is as fast or faster"),
 ];
 /// Columns of slopes.csv.
 pub const SLOPES: [Column; 2] =
@@ -143,13 +143,12 @@ fn forces(frame: &Frame) -> Vec<File> {
         let density = densities.iter().map(|bins| bins.get(k).map_or(0.0, |bin| bin.1));
         std::iter::once((k as f64 + 0.5) * BIN).chain(density).collect()
     });
-    let known = |bins: &[(f64, f64)]| bins.iter().copied().filter(|(_, p)| *p > 0.0).collect();
     let carried = ["normal", "tangential", "tension"].into_iter().zip(&densities).filter(|(_, bins)| !bins.is_empty());
     let forces = Figure {
         title: "Forces between grains".into(),
         x: Axis::linear("force / mean", "1"),
         y: Axis::logarithmic("probability density", "1"),
-        curves: carried.map(|(name, bins)| Curve::line(name, known(bins))).collect(),
+        curves: carried.map(|(name, bins)| Curve::line(name, bins.clone())).collect(),
     };
     let friction = Figure {
         title: "Mobilised friction".into(),
@@ -177,6 +176,8 @@ fn fabric_table(frame: &Frame) -> String {
 /// The fragments with their orbits about the largest, and how fast grains leave it.
 fn ejecta(frame: &Frame, fragments: &[Fragment]) -> Vec<File> {
     let constant = self_gravity_constant(frame).unwrap_or(0.0);
+    let cell = frame.cell();
+    let periods = [cell.0[0], cell.0[1], None];
     let largest = &fragments[0].whole;
     let mut orbits = orbits(fragments, constant).into_iter().map(Some).collect::<Vec<_>>();
     orbits.insert(0, None);
@@ -211,15 +212,19 @@ fn ejecta(frame: &Frame, fragments: &[Fragment]) -> Vec<File> {
         let whole = &fragment.whole;
         let (v, w, [a, b, c]) = (whole.velocity(), whole.spin(), whole.semi_axes());
         let mut row = vec![k as f64, fragment.grains.len() as f64, whole.mass];
-        row.extend(whole.x.iter().chain(v.iter()));
-        row.extend([a, b, c, w.x, w.y, w.z, std::f64::consts::TAU / w.norm()]);
+        row.extend(
+            (0..3).map(|axis| if periods[axis].is_some() { f64::NAN } else { whole.x[axis] }).chain(v.iter().copied()),
+        );
+        // In a scene that repeats arms would tell where the border is.
+        let arms = [a, b, c, w.x, w.y, w.z, std::f64::consts::TAU / w.norm(), orbit.map_or(f64::NAN, |o| o.distance)];
+        row.extend(arms.map(|value| if cell.repeats() { f64::NAN } else { value }));
+        row.push(orbit.map_or(f64::NAN, |o| o.speed));
         match orbit.filter(|_| constant > 0.0) {
-            Some(o) => row.extend([o.distance, o.speed, f64::from(u8::from(o.bound())), o.a, o.e]),
-            None => row.extend([f64::NAN; 5]),
-        }
-        match orbit.filter(|_| constant > 0.0) {
-            Some(o) => row.extend([o.inclination, o.pericentre, o.period, o.speed_at_infinity]),
-            None => row.extend([f64::NAN; 4]),
+            Some(o) => {
+                row.extend([f64::from(u8::from(o.bound())), o.a, o.e]);
+                row.extend([o.inclination, o.pericentre, o.period, o.speed_at_infinity]);
+            }
+            None => row.extend([f64::NAN; 7]),
         }
         row
     };
@@ -248,7 +253,7 @@ fn ejecta(frame: &Frame, fragments: &[Fragment]) -> Vec<File> {
     let figure = Figure {
         title: "Grains that have left the largest remnant".into(),
         x: Axis::linear("speed relative to it", "m/s"),
-        y: Axis::linear("share of the mass that is faster", "1"),
+        y: Axis::linear("share of the mass that is as fast or faster", "1"),
         curves: vec![Curve { name: "grains".into(), points: cumulated.clone(), marks: Marks::Dots }],
     };
     vec![text("fragments.csv", groups), text("ejecta.csv", table(&EJECTA, rows)), text("ejecta.svg", figure.svg())]
@@ -293,7 +298,9 @@ fn surface_files(frame: &Frame, largest: &Fragment) -> Vec<File> {
 fn surface_vtp(facets: &[Facet], slopes: &[f64], grid: Grid) -> Vec<u8> {
     let mut number = vec![None; facets.len()];
     let mut kept: Vec<usize> = Vec::new();
-    for k in (0..facets.len()).filter(|&k| facets[k].height.is_finite() && slopes[k].is_finite()) {
+    // Without gravity and spin nothing is level.
+    let level = slopes.iter().any(|slope| slope.is_finite());
+    for k in (0..facets.len()).filter(|&k| facets[k].height.is_finite() && (slopes[k].is_finite() || !level)) {
         number[k] = Some(kept.len() as u64);
         kept.push(k);
     }
@@ -304,11 +311,11 @@ fn surface_vtp(facets: &[Facet], slopes: &[f64], grid: Grid) -> Vec<u8> {
     });
     let of = |value: &dyn Fn(usize) -> f64| kept.iter().map(|&k| value(k)).collect::<Vec<f64>>();
     let vectors_of = |value: &dyn Fn(usize) -> Vec3| kept.iter().map(|&k| value(k)).collect::<Vec<Vec3>>();
-    let point = vec![
-        scalars("height", of(&|k| facets[k].height)),
-        scalars("slope", of(&|k| slopes[k])),
-        vectors("gravity", vectors_of(&|k| facets[k].gravity).into_iter()),
-    ];
+    let mut point = vec![scalars("height", of(&|k| facets[k].height))];
+    if level {
+        point.push(scalars("slope", of(&|k| slopes[k])));
+    }
+    point.push(vectors("gravity", vectors_of(&|k| facets[k].gravity).into_iter()));
     file(PolyDataPiece {
         points: flat(vectors_of(&|k| facets[k].x).into_iter()).into(),
         polys: cells(quads),
@@ -321,6 +328,29 @@ fn surface_vtp(facets: &[Facet], slopes: &[f64], grid: Grid) -> Vec<u8> {
 mod tests {
     use super::*;
     use crate::samples::Scene;
+
+    #[test]
+    fn without_gravity_there_are_heights_distances_and_speeds() {
+        let mut scene = Scene::default();
+        scene.grain([0.0; 3], 1.0);
+        let other = scene.grain([0.0, 0.0, 5.0], 0.5);
+        scene.snapshot.bodies.body_v[other] = [0.0, 2.0, 0.0];
+        let fields = |scene: &Scene| -> Vec<String> {
+            let files = files(&scene.frame());
+            let file = |name: &str| &files.iter().find(|file| file.0 == name).unwrap().1;
+            let surface = String::from_utf8_lossy(file("surface.vtp")).into_owned();
+            assert!(
+                surface.contains("height") && !surface.contains("slope") && !surface.contains("NumberOfPoints=\"0\"")
+            );
+            let table = String::from_utf8_lossy(file("fragments.csv")).into_owned();
+            table.lines().nth(2).unwrap().split(',').map(str::to_string).collect()
+        };
+        // Distance and speed, the rest of the orbit has no meaning.
+        assert_eq!(fields(&scene)[16..], ["5.0", "2.0", "", "", "", "", "", "", ""]);
+        scene.snapshot.meta.parameters.xperiode = Some(8.0);
+        assert_eq!(fields(&scene)[3..6], ["", "0.0", "5.0"]);
+        assert_eq!(fields(&scene)[9..18], ["", "", "", "", "", "", "", "", "2.0"]);
+    }
 
     #[test]
     fn forces_that_pull_have_a_density_of_their_own() {
@@ -341,6 +371,11 @@ mod tests {
         };
         assert_eq!((filled(1), filled(2), filled(3)), (vec![3, 5], vec![], vec![2, 6]), "{table}");
         assert!(file("forces.svg").contains("tension") && !file("forces.svg").contains("tangential"));
+        // Nothing joins what empty bins part.
+        let forces_svg = file("forces.svg");
+        let lines: Vec<&str> = forces_svg.lines().filter(|line| line.contains("<polyline fill")).collect();
+        let joins = |line: &&&str| line.contains("stroke-width=\"4\"") && line.matches(',').count() > 1;
+        assert!(!lines.is_empty() && lines.iter().filter(joins).count() == 0, "{lines:?}");
         let nothing = forces(&Scene::default().frame());
         assert_eq!(nothing[0].1, b"force_over_mean,P_normal,P_tangential,P_tension\n");
     }

@@ -100,14 +100,12 @@ pub fn write(
         let expected = format!("expected {}, one a case", cases.len());
         faults.push(Fault::new(Path::new("options"), None, "groups", format!("{} names", groups.len()), expected));
     }
+    let names = compare::names_of(cases);
     let mut runs = Vec::new();
     for (k, case) in cases.iter().enumerate() {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
-        runs.extend(faults.gather(measured(case, from, until)).map(|values| Run {
-            name: compare::name_of(case),
-            group,
-            values,
-        }));
+        let name = names[k].clone();
+        runs.extend(faults.gather(measured(case, from, until)).map(|values| Run { name, group, values }));
     }
     faults.into_result(())?;
     let mut order: Vec<&str> = Vec::new();
@@ -213,10 +211,9 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
 
     // What a surface takes from the whole goes with the number of grains to the power -1/3.
     let surface = |run: &Run| run.of("n_grains").powf(-1.0 / 3.0);
-    for (name, title, quantity) in [
-        ("Z", "Contacts per grain, at the end", "Z"),
-        ("nu", "Solid fraction of the smallest enclosing ball, at the end", "ν"),
-    ] {
+    for (name, title, quantity) in
+        [("Z", "Neighbours per grain, at the end", "Z"), ("nu", "Solid fraction, at the end", "ν")]
+    {
         let mut curves = Vec::new();
         for group in groups {
             let points = of(group, &surface, &|run| run.of(name));
@@ -287,7 +284,12 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
             Figure { title, x: Axis::logarithmic("N", "1"), y: Axis::logarithmic("time per step", "s"), curves },
         ));
     }
-    let curves = groups.iter().map(|group| Curve::line(group, of(group, &number, &|run| run.of("sweeps")))).collect();
+    let sweeps = |group: &&str| {
+        let mut points = of(group, &number, &|run| run.of("sweeps"));
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Curve::line(group, points)
+    };
+    let curves = groups.iter().map(sweeps).collect();
     let (x, y) = (Axis::logarithmic("N", "1"), Axis::linear("sweeps per step", "1"));
     figures.push(("sweeps".into(), Figure { title: "Sweeps of the contact solver per step".into(), x, y, curves }));
     (figures, fits)
@@ -341,6 +343,11 @@ mod tests {
         ] {
             assert!((slope(start) / exact - 1.0).abs() < 1e-10, "{start}: {fits}");
         }
+        // A line goes from the fewest grains to the most, whatever the order of the runs.
+        let backwards: Vec<Run> = [4000.0, 250.0, 1000.0].map(|n| run("a", n)).into();
+        let (sorted, _) = self::figures(&backwards, &["a"]);
+        let line = &sorted.last().unwrap().1.curves[0];
+        assert!(line.points.is_sorted_by(|a, b| a.0 < b.0), "{line:?}");
         let svg = figures[0].1.svg();
         assert!(svg.contains("6 − 9 N^(-1/3)") && !svg.contains("NaN"), "{svg}");
         let table = table(&runs);

@@ -1,6 +1,6 @@
 //! `cd-post track`: one body in a bed of grains, such as a lander: its way, the force on it, its bounce, its crater.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
@@ -68,11 +68,11 @@ struct Seen {
 pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
     let mut seen = Vec::new();
     let (mut first, mut last) = (None, None);
-    let (mut up, mut gravity) = (Vec3::z(), Vec3::zeros());
+    let (mut up, mut fall) = (Vec3::z(), None);
     let shapes = Shapes::default();
     for (_, path) in select(&dir.join("OUTBOX"), 1)? {
         let frame = Frame::read(&path, &shapes)?;
-        (up, gravity) = (upward(&frame), Vec3::from(frame.meta.parameters.uniform_gravity));
+        (up, fall) = (upward(&frame), free_fall(&frame));
         seen.push(find(&frame, body, &up).ok_or_else(|| {
             let expected = "expected the number of a sphere or polyhedron in BODIES.DAT";
             Fault::new(&path, None, format!("body {body}"), "is not there", expected)
@@ -88,7 +88,7 @@ pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
     let folder = dir.join(format!("POSTPRO/track-{body}"));
     let put = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
     put("track.csv", table(&COLUMNS, rows.clone()))?;
-    put("impact.csv", table(&IMPACT, [bounce(&seen, &rows, &up, &gravity)]))?;
+    put("impact.csv", table(&IMPACT, [bounce(&seen, &rows, &up, &fall)]))?;
     let crater = crater(&first, &last, body, &up, &seen[0].x, level);
     put("crater.csv", table(&CRATER, crater.clone()))?;
     let against_time = |title: &str, column: &str, unit: &str| {
@@ -115,21 +115,34 @@ fn upward(frame: &Frame) -> Vec3 {
     (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0).unwrap_or(Vec3::z())
 }
 
+/// The acceleration of what nothing touches, m/s^2, where it is the same everywhere.
+fn free_fall(frame: &Frame) -> Option<Vec3> {
+    let parameters = &frame.meta.parameters;
+    let uniform = !parameters.self_gravity && parameters.fields.is_empty();
+    uniform.then(|| parameters.uniform_gravity.into())
+}
+
 fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
-    let lowest = |vertices: &mut dyn Iterator<Item = Vec3>| vertices.map(|r| -r.dot(up)).fold(0.0, f64::max);
+    // Of balls about the points.
+    let lowest = |points: &mut dyn Iterator<Item = (Vec3, f64)>| {
+        points.map(|(point, radius)| radius - point.dot(up)).fold(0.0, f64::max)
+    };
     let (side, x, v, reach) = if let Some(k) = frame.grains.iter().position(|grain| grain.id == body) {
         let grain = &frame.grains[k];
-        let reach = match &grain.solid {
-            Some(_) => lowest(&mut grain.vertices().map(|corner| corner - grain.x)),
-            None => grain.radius,
-        };
-        (Side::Grain(k), grain.x, Some(grain.v), reach)
+        let points = grain.vertices().map(|corner| (corner, 0.0)).chain(grain.balls());
+        let reach = lowest(&mut points.map(|(point, radius)| (point - grain.x, radius)));
+        // Its way goes on where that of its image begins anew.
+        (Side::Grain(k), grain.x - grain.moved, Some(grain.v), reach)
     } else {
         let k = frame.walls.iter().position(|wall| wall.id == body)?;
         let wall = &frame.walls[k];
         let reach = match &wall.shape {
             WallShape::Ball(radius) => *radius,
-            WallShape::Polyhedron(solid) => lowest(&mut solid.vertices.iter().map(|corner| wall.rotation * corner)),
+            WallShape::Polyhedron(solid) => {
+                let points = solid.vertices.iter().map(|corner| (corner, 0.0));
+                let balls = solid.balls.iter().map(|(centre, radius)| (centre, *radius));
+                lowest(&mut points.chain(balls).map(|(point, radius)| (wall.rotation * point, radius)))
+            }
             WallShape::Plate(half) => (0..3).map(|k| half[k] * (wall.rotation.inverse() * up)[k].abs()).sum(),
         };
         (Side::Wall(k), wall.x, None, reach)
@@ -154,18 +167,19 @@ fn row(seen: &Seen, up: &Vec3, level: f64) -> Vec<f64> {
     vec![*time, x.x, x.y, x.z, v.x, v.y, v.z, depth, force.x, force.y, force.z, force.dot(up), *contacts as f64]
 }
 
-/// Change of velocity beside that of free fall, over the speed, that tells of a shock between two snapshots.
+/// Change of velocity beside that of free fall, over the larger speed, that tells of a shock between two snapshots.
 const SHOCK: f64 = 0.01;
 
-/// The row of impact.csv; empty where nothing touched it.
-fn bounce(seen: &[Seen], rows: &[Vec<f64>], up: &Vec3, gravity: &Vec3) -> Vec<f64> {
+/// The row of impact.csv; empty where nothing touched it. Where the acceleration of the free fall is not known, contacts
+/// alone tell that it is touched.
+fn bounce(seen: &[Seen], rows: &[Vec<f64>], up: &Vec3, free_fall: &Option<Vec3>) -> Vec<f64> {
     let speed = |s: &Seen| s.v.map_or(f64::NAN, |v| v.dot(up));
     let largest = |k: usize| rows.iter().map(|row| row[k]).fold(f64::NAN, f64::max);
     let final_depth = rows.last().map_or(f64::NAN, |row| row[7]);
-    let struck = |k: usize| match (k.checked_sub(1).and_then(|before| seen[before].v), seen[k].v) {
-        (Some(before), Some(v)) => {
-            let fall = gravity * (seen[k].time - seen[k - 1].time);
-            (v - before - fall).norm() > SHOCK * before.norm()
+    let struck = |k: usize| match (k.checked_sub(1).and_then(|before| seen[before].v), seen[k].v, free_fall) {
+        (Some(before), Some(v), Some(free_fall)) => {
+            let fall = free_fall * (seen[k].time - seen[k - 1].time);
+            (v - before - fall).norm() > SHOCK * before.norm().max(v.norm())
         }
         _ => false,
     };
@@ -196,26 +210,37 @@ fn circle(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
 }
 
 /// Height along `up` of the bed on the vertical through `place`: of the highest sphere there, of polyhedra the sphere of
-/// equal volume; grains that carry no force and the body itself do not count. None where there is nothing.
+/// equal volume, in a scene that repeats of the nearest image. The body itself does not count, nor do grains that carry
+/// no force where others do. None where there is nothing.
 fn surface(frame: &Frame, body: u64, up: &Vec3, place: &Vec3) -> Option<f64> {
     let mut held = vec![false; frame.grains.len()];
     for contact in frame.contacts.iter().filter(|contact| contact.active) {
         contact.sides().filter_map(Side::grain).for_each(|k| held[k] = true);
     }
-    let grains = frame.grains.iter().zip(held).filter(|(grain, held)| *held && grain.id != body);
-    let top = grains.filter_map(|(grain, _)| {
-        let arm = grain.x - place;
+    let others = || frame.grains.iter().zip(&held).filter(|(grain, _)| grain.id != body);
+    let loose = !others().any(|(_, held)| *held);
+    let cell = frame.cell();
+    let top = others().filter(|(_, held)| **held || loose).filter_map(|(grain, _)| {
+        let x = grain.x - cell.nearest(grain.x - place);
+        let arm = x - place;
         let aside = (arm - up * arm.dot(up)).norm_squared();
-        (aside < grain.radius.powi(2)).then(|| grain.x.dot(up) + (grain.radius.powi(2) - aside).sqrt())
+        (aside < grain.radius.powi(2)).then(|| x.dot(up) + (grain.radius.powi(2) - aside).sqrt())
     });
     top.fold(None, |best, height| Some(best.map_or(height, |best: f64| best.max(height))))
 }
 
 /// Rings about the vertical through `axis`: radius, mean height above `level` before and after.
 fn crater(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level: f64) -> Vec<Vec<f64>> {
-    let aside = |x: &Vec3| (x - axis - up * (x - axis).dot(up)).norm();
-    // The farthest grain of a box is in a corner: 1 / sqrt(2) of its distance is to the middle of a side.
-    let widest = first.grains.iter().filter(|grain| grain.id != body).map(|grain| aside(&grain.x)).fold(0.0, f64::max);
+    let cell = first.cell();
+    let aside = |x: &Vec3| {
+        let arm = x - axis - cell.nearest(x - axis);
+        (arm - up * arm.dot(up)).norm()
+    };
+    let farthest =
+        first.grains.iter().filter(|grain| grain.id != body).map(|grain| aside(&grain.x)).fold(0.0, f64::max);
+    // The farthest grain of a box is in a corner: 1 / sqrt(2) of its distance is to the middle of a side. Beyond half a
+    // period a ring would meet itself.
+    let widest = cell.0.iter().flatten().map(|period| 0.5 * period).fold(farthest * FRAC_1_SQRT_2, f64::min);
     let mean = |frame: &Frame, radius: f64| {
         let heights: Vec<f64> =
             circle(axis, up, radius).iter().filter_map(|place| surface(frame, body, up, place)).collect();
@@ -223,7 +248,7 @@ fn crater(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level:
         if heights.len() < PLACES / 2 { f64::NAN } else { heights.iter().sum::<f64>() / heights.len() as f64 - level }
     };
     (0..RINGS)
-        .map(|k| widest * std::f64::consts::FRAC_1_SQRT_2 * (k as f64 + 0.5) / RINGS as f64)
+        .map(|k| widest * (k as f64 + 0.5) / RINGS as f64)
         .map(|radius| vec![radius, mean(first, radius), mean(last, radius)])
         .collect()
 }
@@ -265,8 +290,58 @@ mod tests {
         };
         near(&rows.iter().map(|row| row[7]).collect::<Vec<_>>(), &[-1.5, 0.1, -0.5]);
         near(&rows.iter().map(|row| row[11]).collect::<Vec<_>>(), &[0.0, 3.0, 0.0]);
-        near(&bounce(&seen, &rows, &up, &Vec3::new(0.0, 0.0, -1.0)), &[8.6, 2.0, 0.25, 0.1, 3.0, -0.5]);
+        near(&bounce(&seen, &rows, &up, &Some(Vec3::new(0.0, 0.0, -1.0))), &[8.6, 2.0, 0.25, 0.1, 3.0, -0.5]);
         assert!(find(&frames[0], 99, &up).is_none());
+    }
+
+    #[test]
+    fn depth_and_crater_do_not_depend_on_where_the_border_is() {
+        let up = Vec3::z();
+        // A bed of 8 by 8 of uneven height, seen from the middle of the cell and from its border.
+        let measured = |shift: f64| {
+            let mut scene = Scene::default();
+            (scene.snapshot.meta.parameters.xperiode, scene.snapshot.meta.parameters.yperiode) = (Some(8.0), Some(8.0));
+            for (i, j) in (0..8).flat_map(|i| (0..8).map(move |j| (f64::from(i), f64::from(j)))) {
+                scene.grain([i + shift, j + shift, 0.25 * (i - j).sin()], 0.75);
+            }
+            let lander = scene.grain([4.0 + shift, 4.0 + shift, 3.0], 0.5);
+            let frame = scene.frame();
+            let seen = find(&frame, lander as u64 + 1, &up).unwrap();
+            assert_eq!(seen.x, Vec3::new(4.0 + shift, 4.0 + shift, 3.0), "the way goes on");
+            let level = level(&frame, lander as u64 + 1, &up, &seen);
+            (level, crater(&frame, &frame, lander as u64 + 1, &up, &seen.x, level))
+        };
+        let (level, crater) = measured(-4.0);
+        assert!(level > 0.5 && crater.iter().all(|ring| ring[0] < 4.0 && ring[1].is_finite()), "{crater:?}");
+        let (shifted, around) = measured(4.0);
+        assert!((shifted - level).abs() < 1e-13); // rounding of sums
+        for (ring, other) in crater.iter().flatten().zip(around.iter().flatten()) {
+            assert!((ring - other).abs() < 1e-13, "{crater:?} {around:?}");
+        }
+    }
+
+    #[test]
+    fn only_what_is_more_than_rounding_is_a_shock() {
+        let (up, gravity) = (Vec3::z(), Vec3::new(0.0, 0.0, -0.1));
+        let touched = |gravity: Option<Vec3>, speeds: [f64; 3]| {
+            let frames: Vec<Frame> = speeds.iter().zip([3.0, 2.0, 1.0]).map(|(v, z)| frame(z, *v, false)).collect();
+            let seen: Vec<Seen> = frames.iter().map(|frame| find(frame, 5, &up).unwrap()).collect();
+            let rows: Vec<Vec<f64>> = seen.iter().map(|s| row(s, &up, 1.0)).collect();
+            bounce(&seen, &rows, &up, &gravity)[0]
+        };
+        // From rest, a second apart.
+        assert!(touched(Some(gravity), [0.0, -0.1 * (1.0 + 1e-15), -0.2]).is_nan());
+        assert_eq!(touched(Some(gravity), [0.0, -0.1, 0.0]), 9.0);
+        // Where the free fall is not known contacts alone tell.
+        assert!(touched(None, [0.0, -0.1, 0.0]).is_nan());
+    }
+
+    #[test]
+    fn where_no_grain_carries_force_all_are_the_surface() {
+        let mut scene = Scene::default();
+        scene.grain([0.0; 3], 1.0);
+        let lander = scene.grain([0.0, 0.0, 3.0], 1.0) as u64 + 1;
+        assert_eq!(surface(&scene.frame(), lander, &Vec3::z(), &Vec3::zeros()), Some(1.0));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::Snapshot;
 
-use crate::compare;
+use crate::compare::{self, reached, same_time};
 use crate::derive::Field;
 use crate::snapshots;
 use crate::study::{Line, TIMED};
@@ -17,7 +17,11 @@ use crate::write::figure::{Axis, Curve, Figure, Marks};
 pub const COLUMNS: [(&str, &str, &str); 14] = [
     ("value", "-", "of the option that the run's group is about"),
     ("seconds", "s", "all rooms of all steps, without writing"),
-    ("Z", "1", "median error of the contacts per grain at the snapshots that count, over the median of the finest run"),
+    (
+        "Z",
+        "1",
+        "median error of the neighbours per grain at the snapshots that count, over the median of the finest run",
+    ),
     ("nu", "1", "of the solid fraction"),
     ("pressure", "1", "of the pressure"),
     ("a", "1", "of the longest semi-axis"),
@@ -89,9 +93,10 @@ pub fn write(
             faults.push(Fault::new(Path::new("options"), None, name, format!("{count} of them"), expected));
         }
     }
+    let names = compare::names_of(cases);
     let measured = |(k, case): (usize, &PathBuf)| -> Option<Run> {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
-        faults.gather(measured(case, group, values.get(k).copied().unwrap_or(f64::NAN)))
+        faults.gather(measured(case, names[k].clone(), group, values.get(k).copied().unwrap_or(f64::NAN)))
     };
     let runs: Vec<Run> = cases.iter().enumerate().filter_map(measured).collect();
     faults.into_result(())?;
@@ -113,7 +118,7 @@ fn series_of(case: &Path) -> PathBuf {
     case.join("POSTPRO/series.csv")
 }
 
-fn measured(case: &Path, group: String, value: f64) -> Result<Run, Faults> {
+fn measured(case: &Path, name: String, group: String, value: f64) -> Result<Run, Faults> {
     let energies = ["n_grains", "Ec_mean", "E_grav", "E_uniform", "E_fields"];
     let shown = ["Z", "nu", "pressure", "a", "b", "c"];
     let series = compare::read(&series_of(case), &[&["time"], &shown[..], &energies[..]].concat())?;
@@ -130,7 +135,7 @@ fn measured(case: &Path, group: String, value: f64) -> Result<Run, Faults> {
     let mean_radius = free.iter().map(|&i| last.bodies.body_radius[i]).sum::<f64>() / free.len().max(1) as f64;
     Ok(Run {
         case: case.to_path_buf(),
-        name: compare::name_of(case),
+        name,
         group,
         value,
         accuracy: last.meta.parameters.accuracy,
@@ -182,24 +187,16 @@ fn away((time, a): &Positions, (other, b): &Positions, radius: f64) -> f64 {
     (a.iter().zip(b).map(square).sum::<f64>() / a.len() as f64).sqrt() / radius
 }
 
-/// The middle one, NaN of none or where one is not defined.
+/// The middle one, of an even number the mean of the two; NaN of none or where one is not defined.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
-    if values.iter().any(|value| value.is_nan()) {
-        f64::NAN
-    } else {
-        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    let middle = values.len() / 2;
+    match values.len() {
+        count if count == 0 || values.iter().any(|value| value.is_nan()) => f64::NAN,
+        count if count % 2 == 1 => values[middle],
+        _ => 0.5 * (values[middle - 1] + values[middle]),
     }
-}
-
-/// Whether a time is another or later; times are sums of steps.
-fn reached(time: f64, from: f64) -> bool {
-    time >= from - 1e-6 * from.abs()
-}
-
-fn same_time(a: f64, b: f64) -> bool {
-    reached(a, b) && reached(b, a)
 }
 
 /// What is to be said of a series whose times (s) are not those that were asked for.
@@ -431,6 +428,13 @@ mod tests {
         {
             assert!((found.of(name) - expected).abs() < 1e-12, "{name} {}", found.of(name));
         }
+    }
+
+    #[test]
+    fn a_median_is_in_the_middle() {
+        let of = |values: &[f64]| median(values.iter().copied());
+        assert_eq!((of(&[3.0, 1.0, 2.0]), of(&[4.0, 1.0, 3.0, 2.0])), (2.0, 2.5));
+        assert!(of(&[]).is_nan() && of(&[1.0, f64::NAN]).is_nan());
     }
 
     #[test]

@@ -169,6 +169,19 @@ fn a_damaged_snapshot_is_refused_and_the_series_stays_as_it_was() {
 }
 
 #[test]
+fn what_all_snapshots_lack_is_told_once() {
+    let case = tempfile::tempdir().unwrap();
+    for step in 0..3 {
+        let mut scene = scene(step);
+        scene.cube([0.0, 0.0, 9.0], 1.0);
+        scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), step)).unwrap();
+    }
+    let output = cd_post(&["--threads", "3"], case.path());
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), told.matches("BODIES.DAT").count()), (Some(2), 1), "{told}");
+}
+
+#[test]
 fn a_broken_state_is_refused_row_by_row() {
     let case = case(&[0]);
     let mut broken = scene(0).snapshot;
@@ -519,4 +532,19 @@ fn a_report_is_one_page_that_needs_nothing_else() {
         assert!(page.contains(wanted), "{wanted}");
     }
     assert!(!page.contains("NaN"));
+    // Steps of their own length are counted by steps.csv, where there is one.
+    let path = snapshot::path(&case.path().join("OUTBOX"), 10);
+    let mut last = scene(10).snapshot;
+    (last.meta.parameters.adaptive, last.meta.ledger.sweeps) = (Some(Default::default()), 6);
+    last.write(&path).unwrap();
+    let run = || {
+        assert_eq!(cd_post(&["report"], case.path()).status.code(), Some(0));
+        fs::read_to_string(case.path().join("POSTPRO/report.html")).unwrap()
+    };
+    let page = run();
+    assert!(
+        page.contains("<td>units of dt</td><td>10</td>") && !page.contains("sweeps of the contact solver per step")
+    );
+    fs::write(case.path().join("OUTBOX/steps.csv"), "step\n4\n8\n10\n").unwrap();
+    assert!(run().contains("<td>sweeps of the contact solver per step</td><td>2</td>"));
 }

@@ -24,10 +24,10 @@ impl Ball {
     }
 }
 
-/// The smallest ball that contains all grains: spheres of [`Grain::radius`] and the vertices of polyhedra; NaN
+/// The smallest ball that contains all grains: spheres ([`Grain::balls`]) and the vertices of polyhedra; NaN
 /// without grains.
 pub fn enclosing_ball(grains: &[Grain]) -> Ball {
-    let spheres = grains.iter().filter(|g| g.solid.is_none()).map(|g| Ball { centre: g.x, radius: g.radius });
+    let spheres = grains.iter().flat_map(Grain::balls).map(|(centre, radius)| Ball { centre, radius });
     let vertices = grains.iter().flat_map(Grain::vertices).map(|centre| Ball { centre, radius: 0.0 });
     smallest_enclosing(&spheres.chain(vertices).collect::<Vec<Ball>>())
 }
@@ -36,11 +36,10 @@ pub fn enclosing_ball(grains: &[Grain]) -> Ball {
 pub fn cell_volume(grains: &[Grain], cell: &Cell) -> f64 {
     let periods = [cell.0[0], cell.0[1], None];
     let extent = |axis: usize| {
-        let of_grain = |g: &Grain| match &g.solid {
-            None => [g.x[axis] - g.radius, g.x[axis] + g.radius],
-            Some(_) => g.vertices().map(|v| v[axis]).fold([f64::INFINITY, f64::NEG_INFINITY], spread),
-        };
-        let [low, high] = grains.iter().flat_map(of_grain).fold([f64::INFINITY, f64::NEG_INFINITY], spread);
+        let of_balls =
+            grains.iter().flat_map(Grain::balls).flat_map(|(x, radius)| [x[axis] - radius, x[axis] + radius]);
+        let of_vertices = grains.iter().flat_map(Grain::vertices).map(|v| v[axis]);
+        let [low, high] = of_balls.chain(of_vertices).fold([f64::INFINITY, f64::NEG_INFINITY], spread);
         high - low
     };
     (0..3).map(|axis| periods[axis].unwrap_or_else(|| extent(axis))).product()
@@ -234,6 +233,18 @@ mod tests {
         let middle = (far - 2.0 * 3f64.sqrt()) / 2.0 / 3f64.sqrt();
         let radius = (far + 2.0 * 3f64.sqrt()) / 2.0;
         assert_ball(enclosing_ball(&scene.frame().grains), ball(1.0 + middle, 2.0 + middle, 3.0 + middle, radius));
+    }
+
+    #[test]
+    fn spheres_of_a_cluster_count() {
+        let mut scene = crate::samples::Scene::default();
+        scene.cube([1.0, 2.0, 3.0], 1.0);
+        let mut grains = scene.frame().grains;
+        let cube = grains[0].solid.as_deref().unwrap().clone();
+        let balls = vec![(Vec3::new(0.0, 0.0, 4.0), 2.0), (Vec3::new(0.0, 0.0, -4.0), 2.0)];
+        grains[0].solid = Some(crate::shapes::Solid { balls, ..cube }.into());
+        assert_ball(enclosing_ball(&grains), ball(1.0, 2.0, 3.0, 6.0));
+        assert_eq!(cell_volume(&grains, &Cell([Some(5.0), None])), 5.0 * 4.0 * 12.0);
     }
 
     proptest! {

@@ -3,7 +3,7 @@
 use cd_formats::groups::Groups;
 
 use crate::derive::motion::{Axes, Whole};
-use crate::frame::{Frame, Grain};
+use crate::frame::{Frame, Grain, Vec3};
 
 /// Grains touch if their contact carries force, or if the gap between them is at most this share
 /// of the smaller radius.
@@ -21,8 +21,8 @@ pub struct Fragment {
 /// The groups of touching grains, heaviest first; of equals the one with the first grain.
 ///
 /// Two grains are in one group if a chain of touching grains links them ([`TOUCHING_GAP`]). The gap of spheres is
-/// |x_i - x_j| - R_i - R_j at the snapshot's time, that of polyhedra the smallest of their contacts where these were
-/// looked for. Walls link nothing.
+/// |x_i - x_j| - R_i - R_j at the snapshot's time, x_j of the image that is nearest, that of other grains the smallest of
+/// their contacts where these were looked for. Walls link nothing.
 pub fn fragments(frame: &Frame) -> Vec<Fragment> {
     let grains = &frame.grains;
     let mut groups = Groups::new(grains.len());
@@ -33,17 +33,20 @@ pub fn fragments(frame: &Frame) -> Vec<Fragment> {
             groups.join(i, j);
         }
     }
-    // Sweep along x: a sphere can only touch those whose extent along x overlaps its own.
+    // Sweep along x: a sphere can only touch those whose extent along x overlaps its own; images beside the cell too.
     let reach = |i: usize| grains[i].radius * (1.0 + TOUCHING_GAP);
-    let mut order: Vec<usize> = (0..grains.len()).filter(|&i| grains[i].solid.is_none()).collect();
-    order.sort_by(|&i, &j| (grains[i].x.x - reach(i)).total_cmp(&(grains[j].x.x - reach(j))));
-    for (k, &i) in order.iter().enumerate() {
-        let end = grains[i].x.x + reach(i);
-        for &j in order[k + 1..].iter().take_while(|&&j| grains[j].x.x - reach(j) <= end) {
-            let (a, b) = (&grains[i], &grains[j]);
-            let touching = a.radius + b.radius + touching_gap(frame, i, j);
-            if (a.x - b.x).norm_squared() <= touching * touching {
-                groups.join(i, j);
+    let spheres = || (0..grains.len()).filter(|&i| grains[i].solid.is_none());
+    let (cell, room) = (frame.cell(), 2.0 * spheres().map(reach).fold(0.0, f64::max));
+    let mut places: Vec<(usize, Vec3)> =
+        spheres().flat_map(|i| cell.images(grains[i].x, room).into_iter().map(move |x| (i, x))).collect();
+    let start = |(i, x): &(usize, Vec3)| x.x - reach(*i);
+    places.sort_by(|a, b| start(a).total_cmp(&start(b)));
+    for (k, (i, x)) in places.iter().enumerate() {
+        let end = x.x + reach(*i);
+        for (j, y) in places[k + 1..].iter().take_while(|other| start(other) <= end) {
+            let touching = grains[*i].radius + grains[*j].radius + touching_gap(frame, *i, *j);
+            if (x - y).norm_squared() <= touching * touching {
+                groups.join(*i, *j);
             }
         }
     }
@@ -110,6 +113,26 @@ mod tests {
         assert_eq!(shares(&scene), [0.5, 0.5]);
         scene.push(0, 1, 1.0);
         assert_eq!(shares(&scene), [1.0]);
+    }
+
+    #[test]
+    fn groups_do_not_end_at_the_border() {
+        let mut scene = Scene::default();
+        (scene.snapshot.meta.parameters.xperiode, scene.snapshot.meta.parameters.yperiode) = (Some(8.0), Some(6.0));
+        // Across a corner of the cell, 2 apart, and one by itself.
+        let step = 2f64.sqrt() * (1.0 - 1e-12);
+        scene.grain([3.5, 2.5, 0.0], 1.0);
+        scene.grain([3.5 + step, 2.5 + step, 0.0], 1.0);
+        scene.grain([0.0; 3], 1.0);
+        assert_eq!(shares(&scene), [2.0 / 3.0, 1.0 / 3.0]);
+        let row = crate::derive::Row::of(&scene.frame());
+        assert_eq!((row.n_fragments, row.largest_mass), (2, 2.0 * scene.snapshot.bodies.body_mass[0]));
+        // What the place of the border would decide has no value.
+        let [a, spin, arm, largest] = [row.a, row.spin_z, row.L_z, row.largest_period];
+        assert!([a, spin, arm, largest, row.com_x, row.com_y, row.Ec_rigid_mean].iter().all(|value| value.is_nan()));
+        assert_eq!(row.com_z, 0.0);
+        scene.snapshot.meta.parameters.yperiode = None;
+        assert!(crate::derive::Row::of(&scene.frame()).com_y.is_finite());
     }
 
     #[test]

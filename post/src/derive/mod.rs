@@ -27,7 +27,7 @@ pub mod profile;
 pub mod stress;
 pub mod surface;
 
-use crate::frame::{Frame, Vec3};
+use crate::frame::{Cell, Frame, Vec3};
 use energy::Summation;
 
 /// A value as it stands in `series.csv`.
@@ -87,7 +87,7 @@ columns! {
     Z: f64, "1", "mean number of neighbours that a grain touches with force";
     Z_no_rattlers: f64, "1", "mean number of neighbours without rattlers";
     rattler_fraction: f64, "1", "share of grains held by too few contacts";
-    nu: f64, "1", "solid fraction of the smallest enclosing ball";
+    nu: f64, "1", "solid fraction, of the smallest enclosing ball or of the cell of a scene that repeats";
     R_enclosing: f64, "m", "radius of the smallest enclosing ball";
     pressure: f64, "Pa", "a third of the trace of the mean stress of the contacts, > 0 compression";
     pressure_virial: f64, "Pa", "the pressure that balances the loads at rest";
@@ -192,7 +192,7 @@ impl Row {
         let e_uniform = energy::uniform(grains, Vec3::from(frame.meta.parameters.uniform_gravity));
         let e_fields = energy::in_fields(grains, &energy::outside(frame));
         let ledger = &frame.meta.ledger;
-        Row {
+        let mut row = Row {
             step: frame.meta.step,
             time: frame.meta.time,
             n_contacts: frame.active().count() as u64,
@@ -266,6 +266,25 @@ impl Row {
             E_friction: ledger.friction_work,
             E_shocks: ledger.contact_work - ledger.friction_work,
             E_outside: ledger.outside_work,
+        };
+        row.forget_arms(&cell);
+        row
+    }
+
+    /// Leaves out what arms from a centre would make depend on where the border of the cell is.
+    fn forget_arms(&mut self, cell: &Cell) {
+        if cell.repeats() {
+            let axes = [&mut self.a, &mut self.b, &mut self.c, &mut self.Ec_rigid_mean];
+            let motion = [&mut self.spin_x, &mut self.spin_y, &mut self.spin_z];
+            let momentum = [&mut self.L_x, &mut self.L_y, &mut self.L_z];
+            let largest = [&mut self.largest_a, &mut self.largest_b, &mut self.largest_c];
+            axes.into_iter().chain(motion).chain(momentum).chain(largest).for_each(|value| *value = f64::NAN);
+            (self.largest_spin, self.largest_period) = (f64::NAN, f64::NAN);
+        }
+        for (value, period) in [&mut self.com_x, &mut self.com_y].into_iter().zip(cell.0) {
+            if period.is_some() {
+                *value = f64::NAN;
+            }
         }
     }
 }

@@ -15,8 +15,8 @@ use crate::frame::{Frame, Vec3};
 /// `middle` and `radius` frame the picture: the largest fragment; `reach` holds all grains.
 pub fn json(frame: &Frame) -> String {
     let grains = &frame.grains;
-    let owners: Vec<usize> = (0..grains.len()).filter(|&k| grains[k].solid.is_none()).collect();
-    let of_balls = owners.iter().flat_map(|&k| [grains[k].x.x, grains[k].x.y, grains[k].x.z, grains[k].radius]);
+    let owners: Vec<usize> = (0..grains.len()).flat_map(|k| grains[k].balls().map(move |_| k)).collect();
+    let of_balls = grains.iter().flat_map(|grain| grain.balls()).flat_map(|(x, radius)| [x.x, x.y, x.z, radius]);
     let balls: Vec<f32> = of_balls.map(|value| value as f32).collect();
     // Faces as fans of triangles; a corner has four numbers as a ball has.
     let (mut corners, mut corner_owners) = (Vec::new(), Vec::new());

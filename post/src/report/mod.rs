@@ -17,15 +17,21 @@ use crate::{Options, series, state, write};
 
 /// Figures of the last state, with their captions.
 const STATE_FIGURES: [(&str, &str); 8] = [
-    ("profile_nu.svg", "Share of spherical shells about the centre of mass of the largest remnant that grains fill."),
+    (
+        "profile_nu.svg",
+        "Share of spherical shells about the centre of mass of the largest remnant that grains fill, polyhedra as spheres of equal volume.",
+    ),
     ("profile_Z.svg", "Neighbours that a grain touches with force, by the shell of the grain's centre."),
     (
         "profile_stress.svg",
-        "Stress of the grains by shell: a third of the trace, its radial and its mean tangential component.",
+        "Stress of the grains by shell, polyhedra as spheres of equal volume: a third of the trace, its radial and its mean tangential component.",
     ),
     ("forces.svg", "Distribution of the contact forces between grains, each over its mean."),
     ("mobilisation.svg", "Tangential force of a contact over the largest that friction allows; 1 is sliding."),
-    ("surface_height.svg", "Surface of the largest remnant, averaged over three grain radii around."),
+    (
+        "surface_height.svg",
+        "Surface of the largest remnant, polyhedra as spheres of equal volume, averaged over three grain radii around.",
+    ),
     ("surface_slope.svg", "Angle between the surface and the level of gravity and rotation."),
     ("ejecta.svg", "Speed of the grains that are not part of the largest remnant."),
 ];
@@ -38,9 +44,12 @@ const CAPTIONS: [(&str, &str); 6] = [
     ),
     (
         "coordination.svg",
-        "Mean number of contacts that carry force, of all grains and without those that are not held.",
+        "Mean number of neighbours that a grain touches with force, of all grains and without those that are not held.",
     ),
-    ("solid_fraction.svg", "Volume of the grains over that of the smallest ball around them."),
+    (
+        "solid_fraction.svg",
+        "Volume of the grains over that of the smallest ball around them, or of the cell of a scene that repeats.",
+    ),
     (
         "pressure.svg",
         "Mean pressure from the contact forces and that which the loads ask for at rest; both are equal there.",
@@ -108,7 +117,7 @@ fn page(dir: &Path, rows: &[Row], last: &Frame) -> String {
         // Its gradients have names that only one picture of a page may use.
         put(&figure(
             &write::picture::svg(last, write::picture::Shade::Neighbours),
-            "Grains by their contacts, from the front, a little from the right and above.",
+            "Grains by their neighbours, from the front, a little from the right and above.",
         ));
         put("</div>\n");
     }
@@ -142,9 +151,16 @@ fn run(dir: &Path, last: &Frame) -> String {
     let (meta, ledger) = (&last.meta, &last.meta.ledger);
     let mut rows: Vec<(String, String)> = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.to_string(), value));
-    row("time step", format!("{} s", significant(meta.h)));
-    row("steps", meta.step.to_string());
-    row("sweeps of the contact solver per step", significant(ledger.sweeps as f64 / meta.step.max(1) as f64));
+    // With steps of their own length the number of a step counts units of dt; a row of steps.csv is a step.
+    let adaptive = meta.parameters.adaptive.is_some();
+    let rows_of_steps =
+        || atomic::read_text(&dir.join("OUTBOX/steps.csv")).map(|text| text.lines().skip(1).count() as u64);
+    let steps = if adaptive { rows_of_steps().ok() } else { Some(meta.step) };
+    row(if adaptive { "last time step" } else { "time step" }, format!("{} s", significant(meta.h)));
+    row(if adaptive { "units of dt" } else { "steps" }, meta.step.to_string());
+    if let Some(steps) = steps {
+        row("sweeps of the contact solver per step", significant(ledger.sweeps as f64 / steps.max(1) as f64));
+    }
     let unconverged = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at {step}"));
     row("steps that were not converged", format!("{}{unconverged}", ledger.steps_unconverged));
     row("largest penetration", format!("{} of the mean radius", significant(ledger.penetration_largest)));

@@ -61,8 +61,9 @@ pub fn polyhedra(frame: &Frame) -> Vec<u8> {
     for (row, grain) in frame.grains.iter().enumerate() {
         let Some(solid) = &grain.solid else { continue };
         let first = points.len() as u64;
-        points.extend(grain.vertices());
-        faces.extend(solid.faces.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect::<Vec<u64>>()));
+        let (vertices, polygons) = solid.drawn();
+        points.extend(vertices.iter().map(|v| grain.x + grain.rotation * v));
+        faces.extend(polygons.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect::<Vec<u64>>()));
         rows.resize(faces.len(), row);
     }
     file(PolyDataPiece {
@@ -188,9 +189,10 @@ pub fn walls(frame: &Frame) -> Vec<u8> {
                 face_ids.extend([wall.id; 6]);
             }
             WallShape::Polyhedron(solid) => {
-                points.extend(solid.vertices.iter().map(|v| wall.x + wall.rotation * v));
+                let (vertices, polygons) = solid.drawn();
+                points.extend(vertices.iter().map(|v| wall.x + wall.rotation * v));
                 radii.resize(points.len(), 0.0);
-                faces.extend(solid.faces.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect()));
+                faces.extend(polygons.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect()));
                 face_ids.resize(faces.len(), wall.id);
             }
         }

@@ -4,9 +4,10 @@
 //! write them, and so the room for labels is by estimate.
 
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
+use plotters::element::DynElement;
 use plotters::prelude::*;
 
-use crate::write::scale::{prefixed, significant, superscript};
+use crate::write::scale::{digits, prefixed, rounded, superscript};
 
 /// What an axis shows.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,17 +70,26 @@ pub struct Figure {
 struct Style {
     colour: RGBColor,
     width: u32,
-    /// Dashed, or open dots: a curve had this colour before.
-    again: bool,
+    /// How many curves had this colour before: what they are told apart by is the kind of dashes or dots.
+    again: usize,
 }
 
-/// Length of a dash and of the gap behind it.
-const DASH: u32 = 8;
+/// Length of a dash and of the gap behind it, of curves that take a colour again.
+const DASHES: [(u32, u32); 4] = [(8, 8), (2, 5), (14, 4), (3, 14)];
 const SIZE: (u32, u32) = (800, 450);
+/// Least width of what is beside the legend, and of a letter of the title: the picture gets wider where they ask for it.
+const LEAST: i32 = 400;
+const TITLE_LETTER: i32 = 10;
 /// Of the strip beside the plot, at least; it grows with the names.
 const LEGEND_WIDTH: i32 = 150;
 /// Of a letter in the legend, at most.
 const LETTER: i32 = 7;
+/// Rows of a column of the legend, at most, from where on, and how far they are apart at most.
+const ROWS: usize = 26;
+const FIRST_ROW: i32 = 60;
+const ROW: i32 = 24;
+/// Marks of an axis, at most.
+const MARKS: usize = 7;
 /// Okabe & Ito (2008): told apart by colour-blind eyes too.
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
@@ -104,8 +114,11 @@ impl Figure {
     /// The text of the SVG file.
     pub fn svg(&self) -> String {
         let mut text = String::new();
+        let plot =
+            (SIZE.0 as i32 - self.legend_width()).max(LEAST).max(TITLE_LETTER * self.title.chars().count() as i32);
         {
-            let root = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+            let size = ((plot + self.legend_width()) as u32, SIZE.1);
+            let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
             self.draw(&root).expect("drawing into memory");
             root.present().expect("drawing into memory");
         }
@@ -127,42 +140,47 @@ impl Figure {
                 curve.points.iter().map(scaled).filter(|(x, _)| !x.is_nan()).collect()
             })
             .collect();
-        let longest = self.curves.iter().map(|curve| curve.name.chars().count() as i32).max().unwrap_or(0);
-        let legend_width = (36 + LETTER * longest).clamp(LEGEND_WIDTH, SIZE.0 as i32 / 2);
-        let (left, right) = root.split_horizontally(SIZE.0 as i32 - legend_width);
+        let (left, right) = root.split_horizontally(root.dim_in_pixel().0 as i32 - self.legend_width());
         let all = || curves.iter().flatten();
+        let ticks = |axis: &Axis, values: &mut dyn Iterator<Item = f64>| {
+            Ticks(range(values, axis.logarithmic), axis.logarithmic)
+        };
+        let (x_ticks, y_ticks) = (ticks(&self.x, &mut all().map(|p| p.0)), ticks(&self.y, &mut all().map(|p| p.1)));
+        let (x_offset, y_offset) = (x_ticks.offset(), y_ticks.offset());
         let mut chart = ChartBuilder::on(&left)
             .caption(&self.title, font(20))
             .margin(12)
             .x_label_area_size(48)
             .y_label_area_size(72)
-            .build_cartesian_2d(
-                Ticks(range(all().map(|p| p.0), self.x.logarithmic), self.x.logarithmic),
-                Ticks(range(all().map(|p| p.1), self.y.logarithmic), self.y.logarithmic),
-            )?;
-        let label = |axis: &Axis, unit: &str| match unit {
-            "1" => axis.quantity.clone(),
-            unit => format!("{} ({unit})", axis.quantity),
+            .build_cartesian_2d(x_ticks.clone(), y_ticks.clone())?;
+        let label = |axis: &Axis, unit: &str, offset: f64| {
+            let less = match offset {
+                0.0 => String::new(),
+                _ => format!(" {} {}", if offset < 0.0 { "+" } else { "−" }, rounded(offset.abs(), 17)),
+            };
+            match unit {
+                "1" => axis.quantity.clone() + &less,
+                unit => format!("{}{less} ({unit})", axis.quantity),
+            }
         };
-        let mark = |axis: &Axis, value: f64| if axis.logarithmic { power_of_ten(value) } else { significant(value) };
         chart
             .configure_mesh()
-            .x_desc(label(&self.x, &x_unit))
-            .y_desc(label(&self.y, &y_unit))
+            .x_desc(label(&self.x, &x_unit, x_offset))
+            .y_desc(label(&self.y, &y_unit, y_offset))
             .axis_desc_style(font(15))
             .label_style(font(13))
             .axis_style(INK)
             .bold_line_style(RGBColor(225, 225, 225))
             .light_line_style(TRANSPARENT)
-            .x_labels(7)
-            .y_labels(7)
-            .x_label_formatter(&|x| mark(&self.x, *x))
-            .y_label_formatter(&|y| mark(&self.y, *y))
+            .x_labels(MARKS)
+            .y_labels(MARKS)
+            .x_label_formatter(&|x| x_ticks.label(*x, x_offset))
+            .y_label_formatter(&|y| y_ticks.label(*y, y_offset))
             .draw()?;
         for (k, (curve, points)) in self.curves.iter().zip(&curves).enumerate() {
             let Style { colour, width, again } = self.style(k);
-            let fill = if again { colour.stroke_width(1) } else { colour.filled() };
-            let dot = |point: &(f64, f64)| Circle::new(*point, 2 + width as i32 / 2, fill);
+            let size = 2 + width as i32 / 2;
+            let dot = |point: &(f64, f64)| mark(*point, size, colour, again);
             let defined = points.iter().filter(|(_, y)| !y.is_nan());
             if curve.marks == Marks::Named {
                 // Names in turn above and below, as the dots may be near each other.
@@ -182,17 +200,33 @@ impl Figure {
             // A value that is not defined parts the line.
             for part in points.split(|(_, y)| y.is_nan()).filter(|part| !part.is_empty()) {
                 let (way, stroke) = (part.iter().copied(), colour.stroke_width(width));
-                if again {
-                    chart.draw_series(DashedLineSeries::new(way, DASH, DASH, stroke))?;
-                } else {
-                    chart.draw_series(LineSeries::new(way, stroke))?;
+                match dashes(again) {
+                    Some((dash, gap)) => drop(chart.draw_series(DashedLineSeries::new(way, dash, gap, stroke))?),
+                    None => drop(chart.draw_series(LineSeries::new(way, stroke))?),
                 }
                 if curve.marks == Marks::Line && (part.len() == 1 || points.len() <= MARKED) {
                     chart.draw_series(part.iter().map(dot))?;
                 }
             }
         }
-        self.legend(&right, all().all(|(_, y)| y.is_nan()))
+        self.legend(&right)
+    }
+
+    /// What stands in the legend: the curve's number and name.
+    fn listed(&self) -> Vec<(usize, String)> {
+        let listed = self.curves.iter().enumerate().filter(|(_, curve)| curve.marks != Marks::Named);
+        let name = |(k, curve): (usize, &Curve)| {
+            let seen = |axis: &Axis, value: f64| value.is_finite() && (value > 0.0 || !axis.logarithmic);
+            let valued = curve.points.iter().any(|(x, y)| seen(&self.x, *x) && seen(&self.y, *y));
+            (k, if valued { curve.name.clone() } else { format!("{} (no value)", curve.name) })
+        };
+        listed.map(name).collect()
+    }
+
+    fn legend_width(&self) -> i32 {
+        let listed = self.listed();
+        let longest = listed.iter().map(|(_, name)| name.chars().count() as i32).max().unwrap_or(0);
+        ((36 + LETTER * longest) * listed.len().div_ceil(ROWS) as i32).max(LEGEND_WIDTH)
     }
 
     /// The curves that are drawn first are wider, and where two are equal both are seen.
@@ -203,42 +237,68 @@ impl Figure {
         let of = |number: usize, width| Style {
             colour: COLOURS[number % COLOURS.len()],
             width,
-            again: number / COLOURS.len() % 2 == 1,
+            again: number / COLOURS.len(),
         };
+        // Of many curves wide ones would hide what the others do.
+        let lines = self.curves.iter().filter(|c| c.marks == Marks::Line).count();
+        let widest = if lines < 4 { 6 } else { 3 };
         match self.curves[k].marks {
-            Marks::Expected => Style { colour: GREY, width: 1, again: false },
-            Marks::Named => Style { colour: INK, width: 1, again: false },
+            Marks::Expected => Style { colour: GREY, width: 1, again: 0 },
+            Marks::Named => Style { colour: INK, width: 1, again: 0 },
             Marks::Fit => of(before.saturating_sub(1), 1),
-            Marks::Line | Marks::Dots => of(before, (2 + 2 * after as u32).min(6)),
+            Marks::Line | Marks::Dots => of(before, (2 + 2 * after as u32).min(widest)),
         }
     }
 
     /// Names the curves beside the plot, where no data can be under it.
-    fn legend(&self, area: &Area, empty: bool) -> Drawn {
-        let line = |k: usize| 60 + 24 * k as i32;
-        let listed = self.curves.iter().enumerate().filter(|(_, curve)| curve.marks != Marks::Named);
-        for (row, (k, curve)) in listed.enumerate() {
-            let Style { colour, again, .. } = self.style(k);
-            let stroke = |from: i32, to: i32, width: u32| {
-                area.draw(&PathElement::new([(from, line(row)), (to, line(row))], colour.stroke_width(width)))
+    fn legend(&self, area: &Area) -> Drawn {
+        let listed = self.listed();
+        let columns = listed.len().div_ceil(ROWS).max(1);
+        let rows = listed.len().div_ceil(columns).max(1);
+        let wide = self.legend_width() / columns as i32;
+        let high = ((SIZE.1 as i32 - FIRST_ROW) / rows as i32).min(ROW);
+        for (place, (k, name)) in listed.iter().enumerate() {
+            let (left, y) = (wide * (place / rows) as i32, FIRST_ROW + high * (place % rows) as i32);
+            let (Style { colour, again, .. }, marks) = (self.style(*k), self.curves[*k].marks);
+            let width = if marks == Marks::Line { 3 } else { 1 };
+            let stroke = |from: i32, to: i32| {
+                area.draw(&PathElement::new([(left + from, y), (left + to, y)], colour.stroke_width(width)))
             };
-            let width = if curve.marks == Marks::Line { 3 } else { 1 };
-            match curve.marks {
-                Marks::Named => {}
-                Marks::Dots if again => area.draw(&Circle::new((10, line(row)), 4, colour.stroke_width(1)))?,
-                Marks::Dots => area.draw(&Circle::new((10, line(row)), 4, colour.filled()))?,
-                _ if again => {
-                    stroke(0, 8, width)?;
-                    stroke(12, 20, width)?;
+            match (marks, dashes(again)) {
+                (Marks::Named, _) => {}
+                (Marks::Dots, _) => area.draw(&mark((left + 10, y), 4, colour, again))?,
+                (_, None) => stroke(0, 20)?,
+                (_, Some((dash, gap))) => {
+                    // Half as long, so that two are seen.
+                    let (dash, gap) = (dash as i32, (gap as i32 / 2).max(3));
+                    (0..20).step_by((dash + gap) as usize).try_for_each(|from| stroke(from, (from + dash).min(20)))?;
                 }
-                _ => stroke(0, 20, width)?,
             }
-            area.draw(&Text::new(curve.name.as_str(), (28, line(row) - 7), font(13)))?;
+            area.draw(&Text::new(name.as_str(), (left + 28, y - 7), font(13)))?;
         }
-        if empty {
-            area.draw(&Text::new("no value", (28, line(self.curves.len()) - 7), font(13)))?;
+        if listed.is_empty() && self.curves.is_empty() {
+            area.draw(&Text::new("no value", (28, FIRST_ROW - 7), font(13)))?;
         }
         Ok(())
+    }
+}
+
+fn dashes(again: usize) -> Option<(u32, u32)> {
+    Some(DASHES[again.checked_sub(1)? % DASHES.len()])
+}
+
+/// A dot, full the first time that its colour is taken, then open, then of another form.
+fn mark<'a, Coord: Clone + 'static>(
+    at: Coord,
+    size: i32,
+    colour: RGBColor,
+    again: usize,
+) -> DynElement<'static, SVGBackend<'a>, Coord> {
+    match again % 4 {
+        0 => Circle::new(at, size, colour.filled()).into_dyn(),
+        1 => Circle::new(at, size, colour.stroke_width(1)).into_dyn(),
+        2 => TriangleMarker::new(at, size + 1, colour.filled()).into_dyn(),
+        _ => Cross::new(at, size, colour.stroke_width(1)).into_dyn(),
     }
 }
 
@@ -281,28 +341,68 @@ fn range(values: impl Iterator<Item = f64>, logarithmic: bool) -> std::ops::Rang
         return low..high;
     }
     // Values that are equal within round-off are one value.
-    if high - low <= 1e-9 * low.abs().max(high.abs()) {
-        let room = 0.1 * low.abs();
-        return if room > 0.0 { low - room..high + room } else { -1.0..1.0 };
-    }
-    let room = 0.04 * (high - low);
-    low - room..high + room
+    // By halves: the whole may be more than a number holds.
+    let half = 0.5 * high - 0.5 * low;
+    let room = match low.abs().max(high.abs()) {
+        0.0 => 1.0,
+        equal if half <= 0.5e-9 * equal => 0.1 * equal,
+        _ => 0.08 * half,
+    };
+    (low - room).max(f64::MIN)..(high + room).min(f64::MAX)
 }
 
 /// A linear axis; with `true`, of exponents, marked at whole ones.
+#[derive(Clone)]
 struct Ticks(std::ops::Range<f64>, bool);
+
+impl Ticks {
+    /// Between marks of a linear axis: the least of 1, 2, 5 times a power of ten that makes at most so many.
+    fn step(&self, most: usize) -> f64 {
+        let half = 0.5 * self.0.end - 0.5 * self.0.start;
+        let decade = (half.log10() + (2.0 / (most + 1) as f64).log10()).floor() as i32;
+        let steps = (decade..).flat_map(|decade| [1.0, 2.0, 5.0].map(|m| (m, decade)));
+        // As written in the decimal system, not as a product.
+        let mut steps = steps.map(|(m, decade)| format!("{m}e{decade}").parse().unwrap_or(f64::INFINITY));
+        let few = |step: &f64| (self.0.end / step).floor() - (self.0.start / step).ceil() < most as f64;
+        steps.find(few).unwrap_or(f64::INFINITY)
+    }
+
+    /// What marks are told without: where more than six digits of all are the same, the round number in the middle; else 0.
+    fn offset(&self) -> f64 {
+        let (low, high) = (self.0.start, self.0.end);
+        if self.1 || digits(low.abs().max(high.abs()), self.step(MARKS)) <= 7 {
+            return 0.0;
+        }
+        let decade = 10f64.powi((high - low).log10().ceil() as i32);
+        let middle = 0.5 * low + 0.5 * high;
+        // Without the rounding of a product.
+        rounded(middle, digits(middle.abs(), decade)).parse().unwrap_or(0.0)
+    }
+
+    fn label(&self, value: f64, offset: f64) -> String {
+        if self.1 {
+            return power_of_ten(value);
+        }
+        let step = self.step(MARKS);
+        let value = ((value - offset) / step).round() * step;
+        rounded(value, digits(value.abs(), step).clamp(6, 17))
+    }
+}
 
 impl Ranged for Ticks {
     type FormatOption = DefaultFormatting;
     type ValueType = f64;
 
     fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
-        plotters::coord::types::RangedCoordf64::from(self.0.clone()).map(value, limit)
+        // By halves, as above.
+        plotters::coord::types::RangedCoordf64::from(0.5 * self.0.start..0.5 * self.0.end).map(&(0.5 * value), limit)
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
         if !self.1 {
-            return plotters::coord::types::RangedCoordf64::from(self.0.clone()).key_points(hint);
+            let step = self.step(hint.max_num_points().max(2));
+            let (first, last) = ((self.0.start / step).ceil() as i64, (self.0.end / step).floor() as i64);
+            return (first..=last).map(|k| k as f64 * step).collect();
         }
         let (first, last) = (self.0.start.ceil() as i64, self.0.end.floor() as i64);
         let stride = ((last - first) / hint.max_num_points().clamp(1, 9) as i64 + 1).max(1);
@@ -335,7 +435,7 @@ mod tests {
             vec![(0.0, 4.2), (1.0, 4.2), (2.0, 4.2)],
             vec![(0.0, f64::NAN), (f64::NAN, 1.0)],
             vec![(0.0, 1e-300), (1e-9, f64::INFINITY), (3e9, 1e300)],
-            vec![(5.0, -1.0), (5.0, 0.0)],
+            vec![(5.0, -1.0), (f64::MAX, f64::MAX), (5.0, 0.0)],
         ];
         for points in cases {
             for logarithmic in [false, true] {
@@ -360,12 +460,67 @@ mod tests {
         let mut figure = figure(vec![(0.0, 1.0), (1.0, 2.0)], false);
         figure.curves = vec![figure.curves[0].clone(); COLOURS.len() + 1];
         let lines = |figure: &Figure| figure.svg().matches("<polyline").count();
-        assert!(figure.style(7).again && figure.style(7).colour == figure.style(0).colour);
+        assert!(figure.style(7).again == 1 && figure.style(7).colour == figure.style(0).colour);
         // Each has its line and what stands for it in the legend; the last is in pieces.
         let dashed = lines(&figure);
         figure.curves.pop();
         assert!(dashed > lines(&figure) + 10, "{dashed} {}", lines(&figure));
-        assert!(!figure.style(6).again);
+        assert_eq!(figure.style(6).again, 0);
+    }
+
+    /// The texts of a figure that stand one above the other at the same place of the picture as marks do, from below.
+    fn marks(text: &str, anchor: &str) -> Vec<String> {
+        let mut lines = text.lines().peekable();
+        let mut found = Vec::new();
+        while let Some(line) = lines.next() {
+            if line.starts_with("<text") && line.contains(anchor) {
+                found.extend(lines.peek().map(|text| text.to_string()));
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn marks_tell_values_apart_that_differ_little() {
+        let of = |values: [f64; 2]| {
+            let text = figure(values.iter().enumerate().map(|(k, y)| (k as f64, *y)).collect(), false).svg();
+            (marks(&text, "text-anchor=\"end\""), text)
+        };
+        let (labels, _) = of([200.0, 200.001]);
+        assert!(labels.contains(&"200.0004".to_string()) && labels.contains(&"200".to_string()), "{labels:?}");
+        let (labels, text) = of([200.0, 200.00001]);
+        assert!(labels.contains(&"0".to_string()) && labels.contains(&"4e-6".to_string()), "{labels:?}");
+        assert!(text.contains("Z − 200\n"), "{text}");
+        // A mark at zero, and what is more than a number holds.
+        let (labels, _) = of([-0.3, 0.1]);
+        assert_eq!(labels, ["-0.3", "-0.2", "-0.1", "0", "0.1"]);
+        let (labels, _) = of([-1e308, 1e308]);
+        assert!(labels.len() > 2 && labels.contains(&"5e307".to_string()), "{labels:?}");
+    }
+
+    #[test]
+    fn a_legend_of_many_stays_in_the_picture() {
+        let mut figure = figure(vec![(0.0, 1.0), (1.0, 2.0)], false);
+        let line = figure.curves[0].clone();
+        figure.curves = (0..60).map(|k| Curve { name: format!("run {k} of sixty"), ..line.clone() }).collect();
+        figure.curves.push(Curve::line("last", vec![(0.0, f64::NAN)]));
+        let text = figure.svg();
+        let place = |line: &str, name: &str| -> f64 {
+            line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+        };
+        let width = place(text.lines().next().unwrap(), "width");
+        let lines: Vec<&str> = text.lines().collect();
+        let named: Vec<(f64, f64)> = lines
+            .windows(2)
+            .filter(|pair| pair[1].contains("of sixty") || pair[1].contains("last (no value)"))
+            .map(|pair| (place(pair[0], "x"), place(pair[0], "y")))
+            .collect();
+        assert_eq!(named.len(), 61);
+        assert!(named.iter().all(|(x, y)| x + 16.0 * f64::from(LETTER) <= width && *y < 445.0), "{width} {named:?}");
+        // No two are drawn alike, nor is any wide.
+        let styles: Vec<Style> = (0..28).map(|k| figure.style(k)).collect();
+        let alike = |a: &Style, b: &Style| a.colour == b.colour && dashes(a.again) == dashes(b.again);
+        assert!((0..28).all(|k| (0..k).all(|j| !alike(&styles[j], &styles[k])) && styles[k].width <= 3));
     }
 
     #[test]

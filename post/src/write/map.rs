@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::derive::surface::Grid;
 use crate::write::picture::COLOURS;
-use crate::write::scale::{prefixed, significant};
+use crate::write::scale::{digits, prefixed, rounded};
 
 const CELL: f64 = 10.0;
 const LEFT: f64 = 70.0;
@@ -19,7 +19,10 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], grid: Grid) 
     let (wide, high) = (CELL * grid.longitudes as f64, CELL * grid.latitudes as f64);
     let known = || values.iter().copied().filter(|v| v.is_finite());
     let (low, top) = known().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, top), v| (low.min(v), top.max(v)));
-    let (low, top) = if low < top { (low, top) } else { (low - 0.5, low + 0.5) };
+    // Values that are equal within round-off are one value, in the middle.
+    let equal = low.abs().max(top.abs());
+    let room = if equal > 0.0 { 0.1 * equal } else { 0.5 };
+    let (low, top) = if top - low > 1e-9 * equal { (low, top) } else { (low - room, low + room) };
     let (factor, unit) = if low.is_finite() { prefixed(low.abs().max(top.abs()), unit) } else { (1.0, unit.into()) };
     let (width, height) = (LEFT + wide + RIGHT, TOP + high + BOTTOM);
     let mut text = format!(
@@ -68,7 +71,7 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], grid: Grid) 
     // Without a known value the bar has no numbers.
     for share in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().filter(|_| low.is_finite()) {
         let (y, value) = (TOP + high * (1.0 - share), (low + share * (top - low)) / factor);
-        let label = format!("{value:.2e}").parse().map_or(String::new(), |rounded: f64| significant(rounded));
+        let label = rounded(value, digits(low.abs().max(top.abs()), 0.25 * (top - low)).max(3));
         put(format!("<text x=\"{}\" y=\"{}\" font-size=\"13\">{label}</text>", bar + 24.0, y + 5.0));
     }
     let label = if unit == "1" { quantity.to_string() } else { format!("{quantity} ({unit})") };
@@ -109,6 +112,15 @@ mod tests {
             format!("<rect x=\"{LEFT}\" y=\"{}\" width=\"10\" height=\"10\" fill=\"{}\"/>", TOP + 10.0, ramp(0.0));
         assert!(text.contains(&first), "{text}");
         assert!(text.contains("longitude") && !text.contains("NaN"));
+        // A ball, but for rounding, has one colour.
+        let mut ball = [10.0; 8];
+        ball[3] += 2e-15;
+        let text = svg("Height", "height", "m", &ball, grid);
+        let middle = format!("height=\"10\" fill=\"{}\"", ramp(0.5));
+        assert_eq!(text.matches(&middle).count(), 8, "{text}");
+        assert!(text.contains(">9<") && text.contains(">11<"), "{text}");
+        ball[3] = 10.004;
+        assert!(svg("Height", "height", "m", &ball, grid).contains(">10.003<"));
         for values in [[1.0; 8], [f64::NAN; 8]] {
             assert!(!svg("Slope", "slope", "m", &values, grid).contains("NaN"));
         }

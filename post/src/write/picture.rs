@@ -337,8 +337,10 @@ fn project(frame: &Frame, classes: &[u32]) -> (Vec<Disc>, f64) {
                 }
             }
         }
-        if shapes.is_empty() {
-            shapes.push(Shape { depth: seen.y, class, outline: Outline::Circle { x, y, radius } });
+        for (centre, radius) in grain.balls() {
+            let centre = seen + view * (centre - grain.x);
+            let ([x, y], radius) = (at(&centre), scale * radius);
+            shapes.push(Shape { depth: centre.y, class, outline: Outline::Circle { x, y, radius } });
         }
         Disc { x, y, radius, shapes }
     };

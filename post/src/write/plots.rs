@@ -26,14 +26,14 @@ pub const PLOTS: [Plot; 6] = [
     },
     Plot {
         file: "coordination.svg",
-        title: "Contacts per grain",
+        title: "Neighbours per grain",
         quantity: "Z",
         logarithmic: false,
         curves: &[("Z", "all grains"), ("Z_no_rattlers", "no rattlers")],
     },
     Plot {
         file: "solid_fraction.svg",
-        title: "Solid fraction of the smallest enclosing ball",
+        title: "Solid fraction",
         quantity: "ν",
         logarithmic: false,
         curves: &[("nu", "ν")],

@@ -8,13 +8,14 @@ const PREFIXES: [&str; 9] = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
 /// The factor and the unit with prefix that bring numbers up to `largest` to between 1 and 1000.
 ///
 /// A number without unit ("1") stays as it is, and so do seconds above 1. What no prefix reaches
-/// gets a power of ten before the unit.
+/// gets a power of ten before the unit, and so does a kilogram, which has its prefix.
 ///
 /// ```
 /// # use cd_post::write::scale::prefixed;
 /// assert_eq!(prefixed(2.5e4, "Pa"), (1e3, "kPa".to_string()));
 /// assert_eq!(prefixed(0.0, "m"), (1.0, "m".to_string()));
 /// assert_eq!(prefixed(3e-20, "J"), (1e-21, "10⁻²¹ J".to_string()));
+/// assert_eq!(prefixed(2e7, "kg m/s"), (1e6, "10⁶ kg m/s".to_string()));
 /// ```
 pub fn prefixed(largest: f64, unit: &str) -> (f64, String) {
     if !(largest > 0.0 && largest.is_finite()) || ["1", "°"].contains(&unit) || unit == "s" && largest >= 1.0 {
@@ -22,7 +23,8 @@ pub fn prefixed(largest: f64, unit: &str) -> (f64, String) {
     }
     let triple = (largest.log10() / 3.0).floor() as i32;
     let factor = 10f64.powi(3 * triple);
-    let label = match PREFIXES.get((triple + 4).max(-1) as usize) {
+    let takes = |prefix: &&&str| prefix.is_empty() || !unit.starts_with("kg");
+    let label = match PREFIXES.get((triple + 4).max(-1) as usize).filter(takes) {
         Some(prefix) => format!("{prefix}{unit}"),
         None => format!("10{} {unit}", superscript(3 * triple)),
     };
@@ -44,6 +46,16 @@ pub fn round_below(limit: f64) -> f64 {
     [5.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|length| *length <= limit).unwrap_or(power)
 }
 
+/// Significant digits that tell numbers up to `largest` apart that are `step` (> 0) apart; more than any number has
+/// where `step` is 0.
+///
+/// ```
+/// assert_eq!(cd_post::write::scale::digits(200.0, 0.05), 5);
+/// ```
+pub fn digits(largest: f64, step: f64) -> usize {
+    (largest.log10().floor() - step.log10().floor() + 1.0).max(1.0) as usize
+}
+
 /// Six significant digits, without trailing zeros.
 ///
 /// ```
@@ -53,7 +65,13 @@ pub fn round_below(limit: f64) -> f64 {
 /// assert_eq!(significant(1.0 / 3e7), "3.33333e-8");
 /// ```
 pub fn significant(value: f64) -> String {
-    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    rounded(value, 6)
+}
+
+/// So many significant digits (at least 1), without trailing zeros.
+pub fn rounded(value: f64, digits: usize) -> String {
+    let behind = digits.clamp(1, 17) - 1;
+    let rounded: f64 = format!("{value:.behind$e}").parse().unwrap_or(value);
     if rounded == 0.0 {
         "0".into()
     } else if (1e-4..1e9).contains(&rounded.abs()) {
