@@ -145,7 +145,38 @@ fn decompose(whole: &Surface, most: u32, concavity: f64, vertices: usize) -> Res
             Err(misfit) => return Err(misfit),
         }
     }
-    Ok(pieces)
+    joined(pieces, most as usize, vertices)
+}
+
+/// Two pieces become their common hull, those to which it adds the least volume, until there are at most `most`: the
+/// decomposition halves pieces and so may end with more.
+fn joined(mut all: Vec<Surface>, most: usize, vertices: usize) -> Result<Vec<Surface>, Misfit> {
+    if all.len() <= most {
+        return Ok(all);
+    }
+    let hull = |a: &Surface, b: &Surface| {
+        hull::convex(&[a.vertices(), b.vertices()].concat()).and_then(|hull| fewer(hull, vertices))
+    };
+    // What is left of all, and what each two of it would add, m^3.
+    let (mut left, mut pairs) = (Vec::new(), Vec::<(f64, [usize; 2])>::new());
+    let mut new = 0;
+    loop {
+        for b in new..all.len() {
+            let added = |a: usize| {
+                hull(&all[a], &all[b]).map_or(f64::INFINITY, |hull| hull.volume() - all[a].volume() - all[b].volume())
+            };
+            pairs.extend(left.iter().map(|&a| (added(a), [a, b])));
+            left.push(b);
+        }
+        new = all.len();
+        let least = pairs.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some(&(_, both)) = least.filter(|_| left.len() > most) else {
+            return Ok(left.into_iter().map(|k| all[k].clone()).collect());
+        };
+        all.push(hull(&all[both[0]], &all[both[1]])?);
+        left.retain(|k| !both.contains(k));
+        pairs.retain(|(_, pair)| pair.iter().all(|k| !both.contains(k)));
+    }
 }
 
 /// The hull of the vertices that reach farthest along so many directions, evenly spread, if it has more.
