@@ -356,6 +356,12 @@ fn a_surface_that_is_not_convex_is_a_cluster_with_the_mass_of_the_surface() {
         ),
         "{wrong}"
     );
+    let beside: Vec<[f64; 3]> = cuboid(block).into_iter().map(|[x, y, z]| [x + 5.0, y, z]).collect();
+    std::fs::write(folder.path().join("beside.obj"), obj(&beside, &quads())).unwrap();
+    let files = "Files([\"beam.obj\", \"beside.obj\"])";
+    let wrong = datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\", contact: {files}), {STANDING}"));
+    let expected = "beside.obj: surface: it lies beside the model; expected a piece of the model, in the same axes";
+    assert_eq!(wrong.unwrap_err(), expected);
 }
 
 #[test]

@@ -37,15 +37,18 @@ fn factor(surface: &Surface, scaled: Scaled) -> f64 {
         Scaled::Volume(volume) => libm::cbrt(volume / surface.volume()),
         Scaled::Radius(radius) => radius / Solid::convex(surface).radius(),
         Scaled::Length(length) => {
-            let side = |k: usize| {
-                let of = |start: f64, choose: fn(f64, f64) -> f64| {
-                    surface.vertices().iter().map(|v| v[k]).fold(start, choose)
-                };
-                of(f64::NEG_INFINITY, f64::max) - of(f64::INFINITY, f64::min)
-            };
-            length / side(0).max(side(1)).max(side(2))
+            let [x, y, z] = bounds(surface).map(|[low, high]| high - low);
+            length / x.max(y).max(z)
         }
     }
+}
+
+/// The box around a surface: the ends along each axis, m.
+fn bounds(surface: &Surface) -> [[f64; 2]; 3] {
+    [0, 1, 2].map(|k| {
+        let of = |start: f64, choose: fn(f64, f64) -> f64| surface.vertices().iter().map(|v| v[k]).fold(start, choose);
+        [of(f64::INFINITY, f64::min), of(f64::NEG_INFINITY, f64::max)]
+    })
 }
 
 fn times(surface: &Surface, factor: f64) -> Surface {
@@ -91,11 +94,17 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
         ContactSurface::Files(files) => {
             let mut faults = Faults::default();
             let mut pieces = Vec::new();
+            let model = bounds(&read.surface);
             for file in files {
                 let path = folder.join(file);
                 if let Some(read) = faults.gather(read::surface(&path)) {
                     if !read.surface.is_convex(CONVEX) {
                         faults.push(Fault::new(&path, None, "surface", "it is not convex", "expected convex pieces"));
+                    }
+                    let mut ends = bounds(&read.surface).into_iter().zip(&model);
+                    if ends.any(|([low, high], [least, most])| high <= *least || *most <= low) {
+                        let expected = "expected a piece of the model, in the same axes";
+                        faults.push(Fault::new(&path, None, "surface", "it lies beside the model", expected));
                     }
                     pieces.push(times(&read.surface, factor));
                 }
