@@ -297,7 +297,7 @@ fn a_twin_an_impactor_and_other_laws_come_together() {
             (between: ("REDxx", "IRONx"), law: None),
             (between: ("IRONx", "IRONx"), law: None),
         ],
-        compute: (dt: 0.25, steps: 4, self_gravity: true),
+        compute: (dt: 0.125, steps: 8, self_gravity: true),
     )"#;
     let case = next(&from, changes);
     let bodies = Bodies::read(&case.datbox("BODIES.DAT")).unwrap().0;
@@ -348,7 +348,7 @@ fn new_bodies_meet_old_ones_of_their_colour_and_another_shape() {
     let changes = r#"(
         bodies: [(stop: Motion)],
         grains: [(material: "ROCKx", colour: "BLUEx", shape: Cube, sizes: Single(1.0), standing: Same((axis: (0, 0, 1), angle: 0)),
-            place: List(positions: [(0.0, 0.0, 3.0), (9.0, 0.0, 0.0)]), velocity: (0.0, 0.0, -1.0))],
+            place: List(positions: [(0.125, 0.0, 3.0), (9.0, 0.0, 0.0)]), velocity: (0.0, 0.0, -1.0))],
         compute: (dt: 0.01, steps: 200),
     )"#;
     let case = next(&from, changes);
