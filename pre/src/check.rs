@@ -9,26 +9,29 @@ use crate::scene::{
 };
 use crate::sizes::{MOST_BODIES, normal_share};
 
-/// Numbers in the files of DATBOX have exponents of two digits.
+/// Numbers in the files of DATBOX have exponents of two digits: there is none from this on, and what is smaller than
+/// its inverse becomes 0.
 const LARGEST: f64 = 1e99;
 
-fn finite(x: f64) -> bool {
+pub(crate) fn finite(x: f64) -> bool {
     x.abs() < LARGEST
 }
 
 pub(crate) fn positive(x: f64) -> bool {
-    x > 0.0 && finite(x)
+    x >= 1.0 / LARGEST && finite(x)
 }
 
 /// Takes every fault of `scene` into `report`.
 pub fn check(scene: &Scene, report: &mut Report) {
     three(report, "gravity", "", &scene.gravity, "m/s^2");
     names(report, "materials", scene.materials.iter().map(|material| &material.name));
+    report.expect(!scene.materials.is_empty(), "materials", "an empty list", "at least one");
     for (k, material) in scene.materials.iter().enumerate() {
         let path = format!("materials.{k}.density");
         report.expect(positive(material.density), &path, format!("{:?}", material.density), "a density > 0 kg/m^3");
     }
     names(report, "laws", scene.laws.iter().map(|law| &law.name));
+    report.expect(!scene.laws.is_empty(), "laws", "an empty list", "at least one");
     for (k, law) in scene.laws.iter().enumerate() {
         check_law(report, &format!("laws.{k}.kind"), &law.kind);
     }
@@ -46,7 +49,7 @@ pub fn check(scene: &Scene, report: &mut Report) {
 }
 
 /// Names of one list: one to five printable ASCII characters, each once.
-fn names<'a>(report: &mut Report, list: &str, names: impl Iterator<Item = &'a String>) {
+pub(crate) fn names<'a>(report: &mut Report, list: &str, names: impl Iterator<Item = &'a String>) {
     let mut known: Vec<&str> = Vec::new();
     for (k, name) in names.enumerate() {
         let path = format!("{list}.{k}.name");
@@ -56,7 +59,6 @@ fn names<'a>(report: &mut Report, list: &str, names: impl Iterator<Item = &'a St
         }
         known.push(name);
     }
-    report.expect(!known.is_empty(), list, "an empty list", "at least one");
 }
 
 pub(crate) fn five_characters(report: &mut Report, path: &str, name: &str) {
@@ -171,7 +173,7 @@ fn check_shape(report: &mut Report, path: &str, grains: &Grains) {
             let expected = format!("{} to {}", CORNERS.start(), CORNERS.end() / 2);
             let fits = (*CORNERS.start()..=CORNERS.end() / 2).contains(&sides);
             report.expect(fits, &shape, format!("sides {sides}"), &expected);
-            value(report, &shape, "slenderness", slenderness, slenderness > 0.0, "a number > 0");
+            value(report, &shape, "slenderness", slenderness, positive(slenderness), "a number > 0");
         }
         Shape::Vertices(vertices) => {
             for (k, vertex) in vertices.iter().enumerate() {
@@ -226,7 +228,7 @@ fn check_scaled(report: &mut Report, path: &str, scaled: &Scaled) {
         Scaled::Radius(x) => ("Radius", x, "a radius > 0 m"),
         Scaled::Length(x) => ("Length", x, "a length > 0 m"),
     };
-    value(report, path, &format!("scaled {name}"), x, x > 0.0, expected);
+    value(report, path, &format!("scaled {name}"), x, positive(x), expected);
 }
 
 fn check_sizes(report: &mut Report, path: &str, sizes: &Sizes) {
@@ -241,7 +243,7 @@ fn check_sizes(report: &mut Report, path: &str, sizes: &Sizes) {
         Sizes::LogNormal { median, min, max, .. } => vec![("median", *median), ("min", *min), ("max", *max)],
     };
     for &(name, radius) in &radii {
-        value(report, path, name, radius, radius > 0.0, "a radius > 0 m");
+        value(report, path, name, radius, positive(radius), "a radius > 0 m");
     }
     let (min, max) = sizes.range();
     if min > max {
@@ -383,12 +385,7 @@ pub(crate) fn check_rotation(report: &mut Report, path: &str, rotation: &Rotatio
 
 fn direction(report: &mut Report, path: &str, name: &str, vector: &[f64; 3]) {
     let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
-    report.expect(
-        positive(length) && length > 1e-99,
-        path,
-        format!("{name} {vector:?}"),
-        "a finite vector that is not 0",
-    );
+    report.expect(positive(length), path, format!("{name} {vector:?}"), "a finite vector that is not 0");
 }
 
 fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
@@ -453,6 +450,9 @@ fn colours(scene: &Scene) -> (Vec<&str>, Vec<&str>) {
     (spheres, plates)
 }
 
+/// What a law between walls is told.
+pub(crate) const WALLS: &str = "no law: walls do not touch each other";
+
 fn check_contacts(scene: &Scene, report: &mut Report) {
     let (spheres, plates) = colours(scene);
     let mut all = [spheres.clone(), plates.clone()].concat();
@@ -479,8 +479,12 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
             let path = format!("{path}.law");
             report.fault(&path, format!("'{name}' is not defined"), format!("one of {}", names.join(", ")));
         }
+        let of_walls = |colour: &String| plates.contains(&&colour[..]) && !spheres.contains(&&colour[..]);
+        let walls = contact.law.is_some() && of_walls(a) && of_walls(b);
+        report.expect(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), WALLS);
         if let Some(alert) = contact.alert {
             let path = format!("{path}.alert");
+            report.expect(contact.law.is_some(), &path, "given without a law", "none, or a law");
             report.expect(positive(alert), &path, format!("{alert:?}"), "a distance > 0 m");
             if let Some((name, Some(law))) = law
                 && alert < law.kind.range()

@@ -183,7 +183,10 @@ fn line(name: String, grains: &[&population::Grain]) -> String {
         _ if polyhedra == count => format!("{count} polyhedra ({})", vertices(grains)),
         _ => format!("{} spheres and {polyhedra} polyhedra", count - polyhedra),
     };
-    format!("{name}: {kind}, radius {min:.5} to {max:.5} m (mean {mean:.5} m), mass {mass:.6e} kg")
+    // Five digits of what is small.
+    let digits = |x: f64| if x < 0.01 { format!("{x:.4e}") } else { format!("{x:.5}") };
+    let [min, max, mean] = [min, max, mean].map(digits);
+    format!("{name}: {kind}, radius {min} to {max} m (mean {mean} m), mass {mass:.6e} kg")
 }
 
 /// A line for each body of grains.

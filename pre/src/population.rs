@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use cd_formats::compute::Compute;
 use cd_formats::report::Report;
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,7 +15,7 @@ use crate::shapes::overlap::{Convex, depth};
 use crate::shapes::{Drawn, Polyhedron, Shapes, Wrong};
 use crate::sizes::MOST_BODIES;
 use crate::walls::{Plate, plates};
-use crate::{motion, sizes};
+use crate::{check, motion, sizes, write};
 
 /// Overlaps up to this share of the smaller radius are touching: what 8 digits leave of a contact that
 /// the user has computed by hand.
@@ -99,6 +100,9 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
         let (Ok(mut shapes), Ok(room)) = (shapes, room) else { continue };
         match place::place(grains, &mut shapes, room, scene.seed, group) {
             Ok(placed) => {
+                let alone = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
+                let expected = "several grains, or 0: one alone has no motion about the mean";
+                report.expect(!alone, &format!("grains.{group}.thermal_velocity"), "given for one grain", expected);
                 population.told.push(shapes.told().to_string());
                 population.rooms.push(placed.room.clone());
                 population.grains.extend(in_motion(scene, group, grains, placed));
@@ -108,7 +112,9 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
     }
     let bodies = population.grains.len() + population.plates.len();
     report.expect(bodies <= MOST_BODIES, "grains", format!("{bodies} bodies"), &format!("at most {MOST_BODIES}"));
-    check_extent(scene, &population, report);
+    let balls = population.grains.iter().map(|grain| (grain.position, grain.reach));
+    check_extent(&scene.compute, balls, report);
+    check_numbers(scene, &population, report);
     if report.faults.0.is_empty() {
         check_overlaps(scene, &population, report);
     }
@@ -138,17 +144,72 @@ fn in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed) -> Ve
     placed.grains.into_iter().enumerate().map(grain).collect()
 }
 
-/// All grains of a scene that repeats must find room within a period, so that none overlaps another's image.
-fn check_extent(scene: &Scene, population: &Population, report: &mut Report) {
-    let periods = [("xperiode", scene.compute.xperiode), ("yperiode", scene.compute.yperiode)];
+/// All grains, balls of centre and radius, m, of a scene that repeats must find room within a period, so that none
+/// overlaps another's image.
+pub(crate) fn check_extent(
+    options: &Compute,
+    balls: impl Iterator<Item = (Vector3<f64>, f64)> + Clone,
+    report: &mut Report,
+) {
+    let periods = [("xperiode", options.xperiode), ("yperiode", options.yperiode)];
     for (axis, (name, period)) in periods.into_iter().enumerate() {
-        let reach = |grain: &Grain| [grain.position[axis] - grain.reach, grain.position[axis] + grain.reach];
-        let ends = population.grains.iter().flat_map(reach);
+        let ends = balls.clone().flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
         let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
         if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING)) {
             let found = format!("{period} with grains over {:.6} m", high - low);
             report.fault(&format!("compute.{name}"), found, "at least as much");
         }
+    }
+}
+
+/// By how much to move what stands at the foot of `way`, m, to its images nearest to the tip in a scene that repeats.
+pub(crate) fn images(options: &Compute, way: &Vector3<f64>) -> Vec<Vector3<f64>> {
+    let mut shifts = vec![Vector3::zeros()];
+    for (axis, period) in [options.xperiode, options.yperiode].into_iter().enumerate() {
+        let Some(period) = period else { continue };
+        let moved = |shift: &Vector3<f64>, cells: f64| {
+            let mut shift = *shift;
+            shift[axis] = (libm::round(way[axis] / period) + cells) * period;
+            shift
+        };
+        shifts = shifts.iter().flat_map(|shift| [0.0, 1.0, -1.0].map(|cells| moved(shift, cells))).collect();
+    }
+    shifts
+}
+
+/// What numbers of a scene make together must fit the files, whose exponents have two digits.
+fn check_numbers(scene: &Scene, population: &Population, report: &mut Report) {
+    let grains = &population.grains;
+    let mut told = Vec::new();
+    let mut fault = |path: String, name: &str, x: f64| {
+        if !told.contains(&path) {
+            report.fault(&path, format!("{name} {x:e}"), "numbers below 1e99, and sizes and masses of at least 1e-99");
+            told.push(path);
+        }
+    };
+    for (k, (body, state)) in write::bodies(scene, population).0.iter().zip(write::dof(population).bodies).enumerate() {
+        let path = match grains.get(k) {
+            Some(grain) => format!("grains.{}", grain.group),
+            None => format!("walls.{}", population.plates[k - grains.len()].wall),
+        };
+        let density = scene.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
+        let mass = density * sizes::volume(body.equivalent_radius);
+        let sizes = [("radius", body.equivalent_radius), ("mass", mass)];
+        let inertia = body.inertia.into_iter().flatten().map(|moment| ("inertia", moment));
+        for (name, x) in sizes.into_iter().chain(inertia).filter(|(_, x)| !check::positive(*x)) {
+            fault(path.clone(), name, x);
+        }
+        let position = body.position.map(|x| ("position", x));
+        let velocity = state.velocity.map(|x| ("velocity", x));
+        for (name, x) in position.into_iter().chain(velocity).filter(|(_, x)| !check::finite(*x)) {
+            fault(path.clone(), name, x);
+        }
+    }
+    let alert = write::default_alert(scene, population);
+    let used =
+        !grains.is_empty() && scene.contacts.iter().any(|contact| contact.law.is_some() && contact.alert.is_none());
+    if used && !check::positive(alert) {
+        fault("contacts".to_string(), "alert", alert);
     }
 }
 
@@ -180,11 +241,16 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
         });
         cells.add(grain.position, grain.reach);
         for plate in population.plates.iter().filter(|_| !allowed[grain.group]) {
-            let mut overlap = plate.overlap(&grain.position, grain.reach);
-            if overlap > TOUCHING * grain.radius && grain.polyhedron.is_some() {
-                let solid = Convex::cuboid(plate.centre, &plate.axes, &plate.half_lengths);
-                overlap = deepest(&grain.pieces(), &[solid], TOUCHING * grain.radius);
-            }
+            let of_image = |shift: Vector3<f64>| {
+                let overlap = plate.overlap(&(grain.position - shift), grain.reach);
+                if overlap <= TOUCHING * grain.radius || grain.polyhedron.is_none() {
+                    return overlap;
+                }
+                let solid = Convex::cuboid(plate.centre + shift, &plate.axes, &plate.half_lengths);
+                deepest(&grain.pieces(), &[solid], TOUCHING * grain.radius)
+            };
+            let shifts = images(&scene.compute, &(grain.position - plate.centre));
+            let overlap = shifts.into_iter().map(of_image).fold(f64::NEG_INFINITY, f64::max);
             if overlap > TOUCHING * grain.radius {
                 overlaps.push((k, format!("{} and wall {} overlap by {overlap:.3e} m", name(k), plate.wall + 1)));
             }

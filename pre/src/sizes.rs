@@ -57,6 +57,10 @@ impl Sizes {
             Sizes::Single(_) => 1.0,
             Sizes::Uniform { .. } => (radius - min) / (max - min),
             Sizes::PowerLaw { exponent, .. } => {
+                let fall = |r: f64| -exponent * libm::log(r / min);
+                if nearly_even(*exponent, min, max) {
+                    return libm::expm1(fall(radius)) / libm::expm1(fall(max));
+                }
                 (1.0 - libm::pow(radius / min, -exponent)) / (1.0 - libm::pow(max / min, -exponent))
             }
             Sizes::LogNormal { median, sigma, .. } => {
@@ -73,6 +77,10 @@ impl Sizes {
         match self {
             Sizes::Single(radius) => *radius,
             Sizes::Uniform { .. } => min + u * (max - min),
+            Sizes::PowerLaw { exponent, .. } if nearly_even(*exponent, min, max) => {
+                let fall = libm::expm1(-exponent * libm::log(max / min));
+                min * libm::exp(-libm::log1p(u * fall) / exponent)
+            }
             Sizes::PowerLaw { exponent, .. } => {
                 min * libm::pow(1.0 - u * (1.0 - libm::pow(max / min, -exponent)), -1.0 / exponent)
             }
@@ -130,6 +138,12 @@ impl Sizes {
     }
 }
 
+/// Whether powers of a power law are so near to 1 that their differences from it have lost digits: then its radii are
+/// nearly evenly spread in their logarithm.
+fn nearly_even(exponent: f64, min: f64, max: f64) -> bool {
+    exponent * libm::log(max / min) < 1e-6
+}
+
 /// Share of the standard normal distribution below `z`; keeps relative precision in the lower tail.
 pub fn normal_share(z: f64) -> f64 {
     0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
@@ -167,6 +181,7 @@ mod tests {
             Sizes::Uniform { min: 8.0, max: 12.0 },
             Sizes::PowerLaw { min: 1.0, max: 10.0, exponent: 2.5 },
             Sizes::PowerLaw { min: 1e-3, max: 2e-3, exponent: 0.1 },
+            Sizes::PowerLaw { min: 1.0, max: 10.0, exponent: 1e-17 },
             Sizes::LogNormal { median: 1.0, sigma: 0.5, min: 0.4, max: 3.0 },
             Sizes::LogNormal { median: 1.0, sigma: 0.2, min: 1.5, max: 2.5 },
         ]
@@ -214,7 +229,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn quantile_inverts_the_distribution(u in 0.0..1.0f64, which in 0..5usize) {
+        fn quantile_inverts_the_distribution(u in 0.0..1.0f64, which in 0..6usize) {
             let sizes = &continuous()[which];
             let (min, max) = sizes.range();
             let radius = sizes.quantile(u);

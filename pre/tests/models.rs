@@ -356,6 +356,30 @@ fn a_surface_that_is_not_convex_is_a_cluster_with_the_mass_of_the_surface() {
         ),
         "{wrong}"
     );
+    let beside: Vec<[f64; 3]> = cuboid(block).into_iter().map(|[x, y, z]| [x + 5.0, y, z]).collect();
+    std::fs::write(folder.path().join("beside.obj"), obj(&beside, &quads())).unwrap();
+    let files = "Files([\"beam.obj\", \"beside.obj\"])";
+    let wrong = datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\", contact: {files}), {STANDING}"));
+    let expected = "beside.obj: surface: it lies beside the model; expected a piece of the model, in the same axes";
+    assert_eq!(wrong.unwrap_err(), expected);
+}
+
+#[test]
+fn there_are_never_more_pieces_than_asked_for_at_any_scale() {
+    let (v, f) = angle();
+    let folder = folder(&[("angle.obj", obj(&v, &f).into_bytes())]);
+    for factor in [1.0, 1.1, 3.0] {
+        for most in [1, 3, 4, 5] {
+            let contact = format!("Pieces(most: {most}, concavity: 0.0)");
+            let shape = format!("Model(file: \"angle.obj\", scaled: Factor({factor:?}), contact: {contact})");
+            let (bodies, dof) = datbox(folder.path(), &format!("shape: {shape}, {STANDING}")).unwrap();
+            let pieces = pieces(&bodies.0[0], &dof.bodies[0].axes);
+            assert!((1..=most).contains(&pieces.len()), "{most}: {}", pieces.len());
+            // All of the L is covered, by its hull if there is but one.
+            let sum = pieces.iter().map(Surface::volume).sum::<f64>() / (factor * factor * factor);
+            assert!(sum > 3.6 && sum < 5.1, "{factor}, {most}: {sum}");
+        }
+    }
 }
 
 #[test]

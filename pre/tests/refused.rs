@@ -103,6 +103,17 @@ fn materials_laws_and_colours() {
             "5: contact 2: 'BLUEx' and 'WALLx' are there twice; expected each pair once\nscene.ron:5: contacts: no law between 'BLUEx' and 'BLUEx'; expected one for each pair that can meet (law: None for none)",
         ),
         ("\"iqsc0\"),", "\"iqsc0\", alert: 0.0),", "5: contact 1, alert: 0.0; expected a distance > 0 m"),
+        (
+            "\"WALLx\"), law: \"iqsc0\")",
+            "\"WALLx\"), law: None, alert: 0.1)",
+            "5: contact 2, alert: given without a law; expected none, or a law",
+        ),
+        (
+            "\"WALLx\"), law: \"iqsc0\")",
+            "\"WALLx\"), law: None), (between: (\"WALLx\", \"WALLx\"), law: \"iqsc0\")",
+            "5: contact 3: a law between the walls 'WALLx' and 'WALLx'; expected no law: walls do not touch each other",
+        ),
+        ("2700.0", "1e-120", "3: material 1, density: 1e-120; expected a density > 0 kg/m^3"),
     ]);
     // A law that reaches further than contacts are listed.
     let cohesive = "IQS_WET_DS_CLB(cohesion: 1.0, range: 0.2, dynamic_friction: 0.1, static_friction: 0.1)";
@@ -282,4 +293,76 @@ fn shapes_and_how_they_stand() {
         "sizes: Single(1), shape: Cube, standing: List([(axis: (0, 0, 0), angle: 1)]),",
         "9: grains 1, standing 1: axis [0.0, 0.0, 0.0]; expected a finite vector that is not 0\nscene.ron:9: grains 1, standing: 1 turns for 0 listed positions; expected one for each listed position",
     );
+}
+
+/// What cd-pre says of one sphere with a floor; `fields` of the grains, half length `half` of the floor, m, and `options`.
+fn of_one(fields: &str, half: f64, options: &str) -> String {
+    let scene = format!(
+        r#"(
+            materials: [(name: "ROCKx", density: 2700.0)],
+            laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+            contacts: [(between: ("BLUEx", "BLUEx"), law: None), (between: ("BLUEx", "WALLx"), law: "iqsc0")],
+            grains: [(material: "ROCKx", colour: "BLUEx", {fields})],
+            walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (-9.5, 0, 0), half_lengths: (0.5, {half:?}, 2))],
+            compute: (dt: 1.0e-3, {options}),
+        )"#
+    );
+    cd_pre::read(Path::new("scene.ron"), &scene, &[])
+        .map_or_else(|faults| faults.to_string(), |_| String::from("nothing"))
+}
+
+#[test]
+fn numbers_that_the_files_cannot_hold() {
+    let place = "place: List(positions: [(0, 0, 0)])";
+    assert_eq!(of_one(&format!("sizes: Single(1), {place}"), 2.0, ""), "nothing");
+    let expected = "numbers below 1e99, and sizes and masses of at least 1e-99";
+    for (fields, half, found) in [
+        ("sizes: Single(1e21), place: List(positions: [(1e25, 0, 0)])".to_string(), 2.0, "grains 1: inertia "),
+        (format!("sizes: Single(1e-120), {place}"), 2.0, "grains 1, sizes: radius 1e-120; expected a radius > 0 m"),
+        (format!("sizes: Single(1e-40), {place}"), 2.0, "grains 1: mass "),
+        (format!("sizes: Single(1), {place}"), 1e40, "wall 1: inertia "),
+        (
+            "sizes: Single(1), place: List(positions: [(0, 1e50, 0), (9, 0, 0)]), spin: (0, 0, 1e60)".to_string(),
+            2.0,
+            "grains 1: velocity ",
+        ),
+    ] {
+        let said = of_one(&fields, half, "");
+        assert!(said.contains(found), "{fields}: {said}");
+        assert!(found.contains("expected") || said.contains(expected), "{said}");
+    }
+}
+
+#[test]
+fn one_grain_has_no_thermal_velocity() {
+    let said = of_one("sizes: Single(1), place: List(positions: [(0, 0, 0)]), thermal_velocity: 1", 2.0, "");
+    assert!(said.ends_with("grains 1, thermal_velocity: given for one grain; expected several grains, or 0: one alone has no motion about the mean"), "{said}");
+}
+
+#[test]
+fn walls_that_repeat_are_not_overlapped() {
+    for shape in ["Sphere", "Box(lengths: (2, 2, 2)), standing: Same((axis: (0, 0, 1), angle: 0))"] {
+        let sizes = if shape == "Sphere" { "sizes: Single(1), " } else { "" };
+        let fields = |x: f64| format!("{sizes}shape: {shape}, place: List(positions: [({x}, 0, 0)])");
+        // The floor reaches from -10 to -9 and so, in a scene that repeats after 20 m, from 10 to 11.
+        for (x, options, found) in [
+            (9.9, "", "nothing"),
+            (8.9, "xperiode: 20.0", "nothing"),
+            (9.9, "xperiode: 20.0", "grain 1 of grains 1 and wall 1 overlap by 9.000e-1 m"),
+            (29.9, "xperiode: 20.0", "grain 1 of grains 1 and wall 1 overlap by 9.000e-1 m"),
+        ] {
+            let said = of_one(&fields(x), 2.0, options);
+            assert!(said.contains(found), "{shape} {x} {options}: {said}");
+        }
+    }
+}
+
+#[test]
+fn small_radii_are_told_with_five_digits() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.ron");
+    let [from, to] = ["min: 0.5, max: 1.0", "min: 1.2345678e-5, max: 1.2345678e-5"];
+    std::fs::write(&file, GOOD.replace(from, to)).unwrap();
+    let said = cd_pre::write_datbox(&file, &[], &folder.path().join("DATBOX")).unwrap();
+    assert!(said.contains("radius 1.2346e-5 to 1.2346e-5 m (mean 1.2346e-5 m)"), "{said}");
 }

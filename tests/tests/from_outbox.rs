@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use cd_formats::bodies::{Bodies, Shape};
+use cd_formats::compute::Compute;
 use cd_formats::snapshot::Snapshot;
 use cd_formats::tact_behav::TactBehav;
 use cd_tests::case::{Case, cloud, files, from_outbox, surfaces_of_an_l};
@@ -296,7 +297,7 @@ fn a_twin_an_impactor_and_other_laws_come_together() {
             (between: ("REDxx", "IRONx"), law: None),
             (between: ("IRONx", "IRONx"), law: None),
         ],
-        compute: (dt: 0.25, steps: 4, self_gravity: true),
+        compute: (dt: 0.125, steps: 8, self_gravity: true),
     )"#;
     let case = next(&from, changes);
     let bodies = Bodies::read(&case.datbox("BODIES.DAT")).unwrap().0;
@@ -339,6 +340,26 @@ fn a_sampler_moves_as_it_is_told() {
     assert!(last.bodies.body_x[0][2] < -0.2, "{:?}", last.bodies.body_x[0]);
     let both = format!("velocity: (0.0, 0.0, 1.0), {down}");
     refused(from.path(), &sampler(&both));
+}
+
+#[test]
+fn new_bodies_meet_old_ones_of_their_colour_and_another_shape() {
+    let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "")).solved(&[]);
+    let changes = r#"(
+        bodies: [(stop: Motion)],
+        grains: [(material: "ROCKx", colour: "BLUEx", shape: Cube, sizes: Single(1.0), standing: Same((axis: (0, 0, 1), angle: 0)),
+            place: List(positions: [(0.125, 0.0, 3.0), (9.0, 0.0, 0.0)]), velocity: (0.0, 0.0, -1.0))],
+        compute: (dt: 0.01, steps: 200),
+    )"#;
+    let case = next(&from, changes);
+    let rows = TactBehav::read(&case.datbox("TACT_BEHAV.DAT")).unwrap().visibility;
+    let names: Vec<_> =
+        rows.iter().map(|row| [&row.candidate, &row.antagonist].map(|side| &side.contactor[..])).collect();
+    assert_eq!(names, [["SPHER", "SPHER"], ["POLYR", "POLYR"], ["SPHER", "POLYR"]]);
+    assert!(rows.iter().all(|row| (&row.law, row.alert) == (&rows[0].law, rows[0].alert)), "{rows:?}");
+    // As heavy as the sphere, half of its side 0.81 m: they meet after 1.2 s, and both go on at half the speed.
+    let speeds = case.solved(&[]).last_snapshot().bodies.body_v;
+    assert!((speeds[0][2] + 0.5).abs() < 1e-6 && (speeds[1][2] + 0.5).abs() < 1e-6, "{speeds:?}");
 }
 
 #[test]
@@ -388,6 +409,91 @@ fn walls_stay_where_they_are_with_their_motion() {
     assert!(!files(&without.path().join("DATBOX")).iter().any(|name| name.starts_with("evolution")));
 }
 
+#[test]
+fn a_drum_holds_new_grains() {
+    let scene = spheres("[(0.0, 0.0, 0.0)]", "")
+        .replace("law: \"iqsc0\")]", "law: \"iqsc0\"), (between: (\"BLUEx\", \"DRUMx\"), law: \"iqsc0\")]")
+        .replace("compute:", "walls: [Plate(material: \"ROCKx\", colour: \"DRUMx\", centre: (0, 0, -20), half_lengths: (1, 1, 1))], compute:");
+    let from = Case::of(&scene);
+    let mut bodies = Bodies::read(&from.datbox("BODIES.DAT")).unwrap();
+    let drum = &mut bodies.0[1];
+    drum.contactors[0].shape = Shape::Cylinder { half_height: 4.0, radius: 3.0, hollow: true };
+    (drum.position, drum.equivalent_radius, drum.inertia) = ([0.0; 3], 0.0, None);
+    fs::write(from.datbox("BODIES.DAT"), bodies.to_text()).unwrap();
+    let tact = fs::read_to_string(from.datbox("TACT_BEHAV.DAT")).unwrap();
+    fs::write(from.datbox("TACT_BEHAV.DAT"), tact.replace("PLANx", "DNLYC")).unwrap();
+    let from = from.solved(&[]);
+    let grain = |place: &str| {
+        format!(
+            "(grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.5), place: List(positions: [{place}]))])"
+        )
+    };
+    next(&from, &grain("(2.4, 0.0, 0.0)")).solved(&["--steps", "1"]);
+    refused(from.path(), &grain("(0.0, 2.6, 0.0)"));
+    refused(from.path(), &grain("(0.0, 0.0, -3.6)"));
+}
+
+#[test]
+fn images_of_a_scene_that_repeats_are_not_overlapped() {
+    let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "xperiode: 20.0")).solved(&[]);
+    let grain = |x: f64| {
+        format!(
+            "(grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(1.0), place: List(positions: [({x}, 0.0, 0.0)]))])"
+        )
+    };
+    next(&from, &grain(10.0));
+    refused(from.path(), &grain(19.0));
+    refused(from.path(), &grain(-41.0));
+    // A period that its own bodies have not had.
+    let pair = pair_and_one();
+    refused(pair.path(), "(compute: (dt: 0.25, steps: 1, xperiode: 50.0))");
+    next(&pair, "(compute: (dt: 0.25, steps: 1, xperiode: 110.0))");
+}
+
+#[test]
+fn motion_is_taken_away_with_the_new_masses() {
+    let one = "material: \"ROCKx\",\n                colour: \"BLUEx\",";
+    let scene = spheres("[(0.0, 0.0, 0.0)]", "")
+        .replace("density: 3000.0)", "density: 3000.0), (name: \"IRONx\", density: 3000.0)")
+        .replace("spin: (0.0, 0.0, 1.0e-4),\n            )", "), (material: \"IRONx\", colour: \"BLUEx\", sizes: Single(1.0), place: List(positions: [(0.0, 9.0, 0.0)]))");
+    assert!(scene.contains(one) && scene.contains("9.0"), "{scene}");
+    let from = Case::of(&scene).solved(&[]);
+    let case = next(&from, "(bodies: [(stop: Drift)], materials: [(name: \"IRONx\", density: 9000.0)])");
+    let start = Snapshot::read(&case.datbox("START.npz")).unwrap().bodies;
+    let last = case.solved(&[]).last_snapshot().bodies;
+    // One part of four moves at 1/2 m/s.
+    for bodies in [start, last] {
+        assert!((bodies.body_v[0][0] - 0.375).abs() < 1e-15 && (bodies.body_v[1][0] + 0.125).abs() < 1e-15);
+        assert!((bodies.body_mass[1] / bodies.body_mass[0] - 3.0).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn options_that_are_set_leave_the_others() {
+    let from = pair_and_one();
+    let case = Case::empty();
+    let set = ["compute.dt=0.125".to_string(), "compute.steps=7".to_string()];
+    cd_pre::from_outbox::write_datbox(from.path(), None, &set, case.path()).unwrap();
+    let options = Compute::read(&case.datbox("COMPUTE.RON")).unwrap();
+    assert_eq!((options.dt, options.steps, options.self_gravity), (0.125, Some(7), true));
+    let wrong = cd_pre::from_outbox::write_datbox(from.path(), None, &["compute.dt=-1".to_string()], case.path());
+    assert!(wrong.unwrap_err().to_string().contains("set compute.dt=-1"));
+}
+
+#[test]
+fn new_bodies_count_for_the_alert() {
+    let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "")).solved(&[]);
+    let changes = r#"(
+        bodies: [(stop: Motion)],
+        grains: [(material: "ROCKx", colour: "REDxx", sizes: Single(1.0), place: List(positions: [(0.0, 0.0, 9.0)]), velocity: (0.0, 0.0, -8.0))],
+        contacts: [(between: ("BLUEx", "REDxx"), law: "iqsc0"), (between: ("REDxx", "REDxx"), law: None)],
+    )"#;
+    let rows = TactBehav::read(&next(&from, changes).datbox("TACT_BEHAV.DAT")).unwrap().visibility;
+    // Twice 4 m/s from the mean, for 1/4 s.
+    assert!(rows.iter().any(|row| row.alert == 2.0), "{rows:?}");
+    refused(from.path(), &changes.replace("law: None", "law: None, alert: 0.1"));
+}
+
 /// Exit status 2, and no DATBOX.
 fn refused(from: &Path, changes: &str) {
     let case = Case::empty();
@@ -412,6 +518,9 @@ fn what_cannot_be_is_refused_and_nothing_written() {
     refused(from.path(), &grain("ROCKx", "(1.0, 0.5, 0.0)")); // in another
     refused(from.path(), "(contacts: [(between: (\"BLUEx\", \"BLUEx\"), law: \"other\")])");
     refused(from.path(), "(compute: (dt: -1.0))");
+    refused(from.path(), "(materials: [(name: \"ROCKx\", density: 1.0), (name: \"ROCKx\", density: 2.0)])");
+    let law = "(name: \"other\", kind: IQS_CLB(friction: 0.3))";
+    refused(from.path(), &format!("(laws: [{law}, {law}])"));
     // Into the case itself.
     assert_eq!(from_outbox(from.path(), from.path(), ""), 2);
 }

@@ -23,12 +23,12 @@ use cd_formats::places;
 use cd_formats::report::Report;
 use cd_formats::snapshot::{START, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector2, Vector3};
 use serde::Deserialize;
 
 use crate::check::three;
 use crate::place::cells::Cells;
-use crate::population::{Population, populate};
+use crate::population::{Population, check_extent, images, populate};
 use crate::scene::{Contact, Grains, Law, Material, Rotation, Scene};
 use crate::write;
 use source::{Part, Source, quaternion};
@@ -135,9 +135,18 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         Some(file) => (file, atomic::read_text(file)?),
         None => (Path::new("changes"), "()".to_string()),
     };
-    let text = places::set(&text, settings)?;
-    let expected = "changes as described in docs/from-outbox.md";
-    let mut changes: Changes = crate::parsed(file, &text, settings, "changes", expected)?;
+    let parsed = |text: &str, settings: &[String]| -> Result<(Changes, String), Faults> {
+        let text = places::set(text, settings)?;
+        let expected = "changes as described in docs/from-outbox.md";
+        Ok((crate::parsed(file, &text, settings, "changes", expected)?, text))
+    };
+    // Options that are set where the file has none are for those of the first case.
+    let (of_run, others): (Vec<String>, Vec<String>) =
+        settings.iter().cloned().partition(|setting| setting.trim_start().starts_with("compute."));
+    let (mut changes, mut text) = parsed(&text, &others)?;
+    if changes.compute.is_some() {
+        (changes, text) = parsed(&text, &of_run)?;
+    }
     if changes.bodies.is_empty() {
         changes.bodies.push(Taken::default());
     }
@@ -158,6 +167,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     if !events_go_on {
         sources.iter_mut().for_each(Source::end_events);
     }
+    sources.iter_mut().for_each(|source| source.set_densities(&changes.materials));
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
@@ -171,14 +181,22 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
-    let options = changes.compute.clone().unwrap_or_else(|| {
+    let mut options = changes.compute.clone().unwrap_or_else(|| {
         let known = &sources[0].options;
         Compute { steps: None, end_time: known.end_time.filter(|_| events_go_on), ..known.clone() }
     });
+    if let (None, false) = (&changes.compute, of_run.is_empty()) {
+        let (set, _) = parsed(&format!("(compute: {})", options.to_text()), &of_run)?;
+        options = set.compute.unwrap_or(options);
+        options.check_in(&mut report, "compute.");
+        if !report.faults.0.is_empty() {
+            return Err(report.faults);
+        }
+    }
     let new = New::of(&changes, &parts, &options, folder, &mut report);
     let records = records(&parts, &new);
-    check_overlaps(&parts, &new, &records, &mut report);
-    let tables = Tables::merged(&changes, &parts, &records, &options, &mut report);
+    check_overlaps(&changes, &parts, &new, &records, &options, &mut report);
+    let tables = Tables::merged(&changes, &parts, &new.population.grains, &records, &options, &mut report);
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
@@ -227,14 +245,14 @@ fn check(changes: &Changes, report: &mut Report) {
         crate::check::five_characters(report, &format!("{path}.colour"), &grains.colour);
         crate::check::check_grains(report, &path, grains);
     }
+    crate::check::names(report, "materials", changes.materials.iter().map(|material| &material.name));
     for (k, material) in changes.materials.iter().enumerate() {
-        crate::check::five_characters(report, &format!("materials.{k}.name"), &material.name);
         let found = format!("{:?}", material.density);
         let path = format!("materials.{k}.density");
         report.expect(crate::check::positive(material.density), &path, found, "a density > 0 kg/m^3");
     }
+    crate::check::names(report, "laws", changes.laws.iter().map(|law| &law.name));
     for (k, law) in changes.laws.iter().enumerate() {
-        crate::check::five_characters(report, &format!("laws.{k}.name"), &law.name);
         crate::check::check_law(report, &format!("laws.{k}.kind"), &law.kind);
     }
     if let Some(compute) = &changes.compute {
@@ -275,9 +293,73 @@ fn records(parts: &[Part], new: &New) -> Bodies {
     Bodies(parts.iter().flat_map(|part| part.records.iter().cloned()).chain(new).collect())
 }
 
-/// Bodies of different parts may touch but not overlap; a body that is no sphere and no plate counts
-/// as the ball about it. The new ones among themselves have been checked.
-fn check_overlaps(parts: &[Part], new: &New, records: &Bodies, report: &mut Report) {
+/// A plate or cylinder where it stands.
+struct Wall<'a> {
+    body: usize,
+    shape: &'a Shape,
+    centre: Vector3<f64>,
+    turn: UnitQuaternion<f64>,
+}
+
+impl Wall<'_> {
+    /// How deep a ball reaches into it, m; negative when apart. A centre within a solid one counts as at its surface.
+    fn overlap(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
+        let local = self.turn.inverse() * (centre - self.centre);
+        match *self.shape {
+            Shape::Plane { half_lengths } => {
+                radius - (local.abs() - Vector3::from(half_lengths)).sup(&Vector3::zeros()).norm()
+            }
+            Shape::Cylinder { half_height, radius: wide, hollow } => {
+                let beyond = Vector2::new(local.xy().norm() - wide, local.z.abs() - half_height);
+                if !hollow {
+                    radius - beyond.sup(&Vector2::zeros()).norm()
+                } else if local.norm() - radius < wide.hypot(half_height) {
+                    radius + beyond.max()
+                } else {
+                    f64::NEG_INFINITY // it is not near
+                }
+            }
+            _ => f64::NEG_INFINITY,
+        }
+    }
+}
+
+/// The plates and cylinders of a part, its bodies numbered from `first` on.
+fn walls<'a>(part: &'a Part, first: usize) -> impl Iterator<Item = Wall<'a>> {
+    let of_body = move |(k, record): (usize, &'a Body)| {
+        let (x, q) = (Vector3::from(part.state.bodies.body_x[k]), quaternion(part.state.bodies.body_q[k]));
+        let chosen = record.contactors.iter().filter(|contactor| is_wall(&contactor.shape));
+        chosen.map(move |contactor| {
+            let (mut centre, mut turn) = (x, q);
+            // The centre and the axes of a lone one are those of its body.
+            if record.contactors.len() > 1 {
+                let frame = contactor.local_frame.as_ref();
+                let offset = frame.map_or(Vector3::zeros(), |frame| frame.offset.into());
+                let columns = frame.map_or(Matrix3::identity(), |f| Matrix3::from_columns(&f.axes.map(Vector3::from)));
+                let own = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
+                centre += q * (offset - part.source.shifts[part.rows[k]]);
+                turn *= UnitQuaternion::from_rotation_matrix(&own);
+            }
+            Wall { body: first + k, shape: &contactor.shape, centre, turn }
+        })
+    };
+    part.records.iter().enumerate().flat_map(of_body)
+}
+
+fn is_wall(shape: &Shape) -> bool {
+    matches!(shape, Shape::Plane { .. } | Shape::Cylinder { .. })
+}
+
+/// Bodies of different parts, and their images in a scene that repeats, may touch but not overlap; a body that is no
+/// sphere, plate or cylinder counts as the ball about it. The new ones among themselves have been checked.
+fn check_overlaps(
+    changes: &Changes,
+    parts: &[Part],
+    new: &New,
+    records: &Bodies,
+    options: &Compute,
+    report: &mut Report,
+) {
     const TOUCHING: f64 = 1e-6;
     let mut owner = Vec::new();
     for (k, part) in parts.iter().enumerate() {
@@ -292,18 +374,16 @@ fn check_overlaps(parts: &[Part], new: &New, records: &Bodies, report: &mut Repo
     let known = parts.iter().flat_map(|part| part.state.bodies.body_x.iter().copied());
     let centres: Vec<Vector3<f64>> =
         known.chain(records.0[old..].iter().map(|body| body.position)).map(Vector3::from).collect();
-    let place = |k: usize| centres[k];
     let radius = |(body, centre): (&Body, &Vector3<f64>)| {
         let shift = centre - Vector3::from(body.position);
         let from_centre = |point: &[f64; 3]| (Vector3::from(*point) - shift).norm();
         let reach = |contactor: &Contactor| match &contactor.shape {
-            Shape::Sphere { radius } => Some(*radius),
-            Shape::OffsetSphere { radius, offset } => Some(from_centre(offset) + radius),
-            Shape::Plane { .. } => None,
-            Shape::Polyhedron { vertices, .. } => Some(vertices.iter().map(from_centre).fold(0.0, f64::max)),
-            Shape::Cylinder { .. } | Shape::Point { .. } => Some(body.equivalent_radius),
+            Shape::Sphere { radius } => *radius,
+            Shape::OffsetSphere { radius, offset } => from_centre(offset) + radius,
+            Shape::Polyhedron { vertices, .. } => vertices.iter().map(from_centre).fold(0.0, f64::max),
+            _ => body.equivalent_radius,
         };
-        body.contactors.iter().map(reach).try_fold(0.0, |most: f64, reach| Some(most.max(reach?)))
+        body.contactors.iter().filter(|contactor| !is_wall(&contactor.shape)).map(reach).reduce(f64::max)
     };
     let of_each = records.0.iter().zip(&centres).map(radius).enumerate();
     let mut balls: Vec<(usize, f64)> = of_each.filter_map(|(k, radius)| Some((k, radius?))).collect();
@@ -314,25 +394,30 @@ fn check_overlaps(parts: &[Part], new: &New, records: &Bodies, report: &mut Repo
             deepest = Some((overlap, a.min(b), a.max(b)));
         }
     };
-    let mut cells = Cells::new(balls.first().map_or(1.0, |ball| ball.1));
-    for &(k, radius) in &balls {
-        cells.overlaps(&place(k), radius, |number, overlap| meet(overlap, k, balls[number].0, radius));
-        cells.add(place(k), radius);
-    }
-    let (mut first, mut plates) = (0, Vec::new());
-    for part in parts {
-        for (k, body) in part.records.iter().enumerate() {
-            if let Shape::Plane { half_lengths } = body.contactors[0].shape {
-                plates.push((first + k, quaternion(part.state.bodies.body_q[k]), Vector3::from(half_lengths)));
+    let mut first = 0;
+    for (k, (part, taken)) in parts.iter().zip(&changes.bodies).enumerate() {
+        let known = &part.source.options;
+        if taken.turn.angle != 0.0 || (known.xperiode, known.yperiode) != (options.xperiode, options.yperiode) {
+            let own = balls.iter().filter(|(body, _)| owner[*body] == k).map(|&(body, radius)| (centres[body], radius));
+            check_extent(options, own, report);
+        }
+        for wall in walls(part, first) {
+            for &(k, radius) in &balls {
+                for shift in images(options, &(centres[k] - wall.centre)) {
+                    meet(wall.overlap(&(centres[k] - shift), radius), k, wall.body, radius);
+                }
             }
         }
         first += part.rows.len();
     }
-    for (plate, turn, half) in plates {
-        for &(k, radius) in &balls {
-            let outside = ((turn.inverse() * (place(k) - place(plate))).abs() - half).sup(&Vector3::zeros());
-            meet(radius - outside.norm(), k, plate, radius);
+    let mut cells = Cells::new(balls.first().map_or(1.0, |ball| ball.1));
+    for &(k, radius) in &balls {
+        // In the one cell about the origin: what is near lies there or in one beside it.
+        let here = centres[k] - images(options, &centres[k])[0];
+        for shift in images(options, &Vector3::zeros()) {
+            cells.overlaps(&(here + shift), radius, |number, overlap| meet(overlap, k, balls[number].0, radius));
         }
+        cells.add(here, radius);
     }
     if let Some((overlap, a, b)) = deepest {
         let found = format!("new bodies {} and {} overlap by {overlap:.3e} m, the deepest of all", a + 1, b + 1);
@@ -431,4 +516,31 @@ fn driven(parts: &[Part], new: &New) -> DrvDof {
     }
     all.sort_by_key(|row| row.body);
     DrvDof(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn balls_in_drums_and_beside_pillars() {
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -1.1, 0.7));
+        let centre = Vector3::new(5.0, -2.0, 1.0);
+        let overlap = |hollow: bool, local: [f64; 3]| {
+            let shape = Shape::Cylinder { half_height: 4.0, radius: 3.0, hollow };
+            Wall { body: 0, shape: &shape, centre, turn }.overlap(&(centre + turn * Vector3::from(local)), 0.5)
+        };
+        for (hollow, local, expected) in [
+            (true, [0.0, 2.0, 1.0], -0.5),
+            (true, [2.4, 1.8, 0.0], 0.5),
+            (true, [0.0, 1.0, -3.75], 0.25),
+            (true, [0.0, 9.0, 0.0], f64::NEG_INFINITY),
+            (false, [0.0, 3.25, 1.0], 0.25),
+            (false, [0.0, 3.3, 4.4], 0.0), // 3-4-5 from the rim
+            (false, [0.0, 1.0, 5.0], -0.5),
+        ] {
+            let found = overlap(hollow, local);
+            assert!(found == expected || (found - expected).abs() < 1e-14, "{hollow} {local:?}: {found}");
+        }
+    }
 }

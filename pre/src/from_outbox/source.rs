@@ -17,6 +17,7 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 use super::{Keep, Stop, Taken};
 use crate::place::rotation;
+use crate::scene::Material;
 
 type Vec3 = Vector3<f64>;
 
@@ -106,6 +107,27 @@ impl Source {
                 Action::SetTorque(_) => self.options.events = vec![Event::once(0.0, event.action)],
                 _ => {}
             }
+        }
+    }
+
+    /// Masses, moments and shares of motion are those of these densities, kg/m^3.
+    pub fn set_densities(&mut self, materials: &[Material]) {
+        let density = |name: &str| self.bulk.materials.iter().find(|material| material.name == name).map(|m| m.density);
+        let factor = |body: &Body| {
+            let new = materials.iter().find(|material| material.name == body.material);
+            new.zip(density(&body.material)).map_or(1.0, |(new, old)| new.density / old)
+        };
+        let factors: Vec<f64> = self.bodies.0.iter().map(factor).collect();
+        let bodies = &mut self.snapshot.bodies;
+        for (factor, (mass, inertia)) in factors.iter().zip(bodies.body_mass.iter_mut().zip(&mut bodies.body_inertia)) {
+            *mass *= factor;
+            inertia.iter_mut().for_each(|moment| *moment *= factor);
+        }
+        // Their angular velocity goes on, not their angular momentum.
+        if let Some(shapes) = &mut self.snapshot.shapes {
+            let as_before = |body: u32| Some(body).filter(|&body| factors[body as usize] == 1.0);
+            let (kept, turning_body) = renumbered(&shapes.turning.turning_body, as_before);
+            shapes.turning = TurningArrays { turning_body, ..shapes.turning.rows(&kept) };
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use cd_formats::bodies::Bodies;
+use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::compute::Compute;
 use cd_formats::report::Report;
@@ -11,6 +11,8 @@ use nalgebra::Vector3;
 
 use super::Changes;
 use super::source::Part;
+use crate::check;
+use crate::population::Grain;
 
 pub struct Tables {
     pub bulk: BulkBehav,
@@ -22,13 +24,14 @@ impl Tables {
     pub fn merged(
         changes: &Changes,
         parts: &[Part],
+        grains: &[Grain],
         records: &Bodies,
         options: &Compute,
         report: &mut Report,
     ) -> Tables {
         let bulk = materials(changes, parts, records, report);
         let laws = laws(changes, parts, report);
-        let visibility = visibility(changes, parts, records, &laws, options, report);
+        let visibility = visibility(changes, parts, grains, records, &laws, options, report);
         Tables { bulk, tact: TactBehav { laws, visibility } }
     }
 }
@@ -101,9 +104,51 @@ fn range(law: &Law) -> f64 {
     place.and_then(|k| law.parameters.get(k)).copied().unwrap_or(0.0)
 }
 
-/// Candidate and antagonist are told apart by the shapes, as in LMGC90: spheres before polyhedra before plates.
+/// Candidate and antagonist are told apart by the shapes, as in LMGC90: spheres before polyhedra before walls.
 fn rank(contactor: &str) -> usize {
-    ["SPHER", "POLYR", "PLANx"].iter().position(|known| *known == contactor).unwrap_or(1)
+    match contactor {
+        "SPHER" | "SPHEb" => 0,
+        "POLYR" => 1,
+        _ => WALL,
+    }
+}
+
+/// The rank of what no other wall touches.
+const WALL: usize = 2;
+
+/// Colour and contactor.
+type Worn<'a> = BTreeSet<(&'a str, &'a str)>;
+
+fn worn(records: &[Body]) -> Worn<'_> {
+    records.iter().flat_map(|body| body.contactors.iter().map(|c| (c.colour.as_str(), c.shape.name()))).collect()
+}
+
+/// Candidate and antagonist of each pair of contactors that can meet, the one of colour `a`, the other of `b`.
+fn meetings(worn: &Worn, (a, b): (&str, &str)) -> Vec<[Side; 2]> {
+    let of = |colour: &str| -> Vec<Side> {
+        let side = |&(colour, contactor): &(&str, &str)| Side {
+            body: "RBDY3".into(),
+            contactor: contactor.into(),
+            colour: colour.into(),
+        };
+        worn.iter().filter(|(known, _)| *known == colour).map(side).collect()
+    };
+    let mut all = Vec::new();
+    for x in of(a) {
+        for y in of(b) {
+            let twice = a == b && x.contactor > y.contactor;
+            let mut sides = [x.clone(), y];
+            sides.sort_by_key(|side| rank(&side.contactor));
+            if !twice && rank(&sides[0].contactor) < WALL {
+                all.push(sides);
+            }
+        }
+    }
+    all
+}
+
+fn row([candidate, antagonist]: [Side; 2], law: &str, alert: f64) -> See {
+    See { line: 0, candidate, law: law.into(), antagonist, alert }
 }
 
 fn pair<'a>(a: &'a str, b: &'a str) -> (&'a str, &'a str) {
@@ -117,13 +162,13 @@ fn colours(row: &See) -> (&str, &str) {
 fn visibility(
     changes: &Changes,
     parts: &[Part],
+    grains: &[Grain],
     records: &Bodies,
     laws: &[Law],
     options: &Compute,
     report: &mut Report,
 ) -> Vec<See> {
-    let worn: BTreeSet<(&str, &str)> =
-        records.0.iter().flat_map(|body| body.contactors.iter().map(|c| (c.colour.as_str(), c.shape.name()))).collect();
+    let all = worn(&records.0);
     let named: Vec<(&str, &str)> = changes.contacts.iter().map(|c| pair(&c.between.0, &c.between.1)).collect();
     let mut rows: Vec<See> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
@@ -147,48 +192,62 @@ fn visibility(
         }
     }
     rows.retain(|row| !named.contains(&colours(row)));
+    rows.extend(rows_of_new_shapes(parts, &all, &rows, report));
     for (k, contact) in changes.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
         let (a, b) = named[k];
         for colour in [a, b] {
-            if worn.iter().all(|(known, _)| *known != colour) {
+            if all.iter().all(|(known, _)| *known != colour) {
                 report.fault(&path, format!("no body has the colour '{colour}'"), "a colour of the bodies");
             }
         }
         if named[..k].contains(&named[k]) {
             report.fault(&path, format!("'{a}' and '{b}' are there twice"), "each pair once");
         }
-        let Some(name) = &contact.law else { continue };
+        let Some(name) = &contact.law else {
+            let found = "given without a law";
+            report.expect(contact.alert.is_none(), &format!("{path}.alert"), found, "none, or a law");
+            continue;
+        };
         let Some(law) = laws.iter().find(|law| law.nickname == *name) else {
             let names: Vec<&str> = laws.iter().map(|law| law.nickname.as_str()).collect();
             let found = format!("'{name}' is not defined");
             report.fault(&format!("{path}.law"), found, format!("one of {}", names.join(", ")));
             continue;
         };
-        let alert = contact.alert.unwrap_or_else(|| default_alert(parts, records, options).max(range(law)));
-        let holds = alert > 0.0 && alert.is_finite() && alert >= range(law);
+        let alert = contact.alert.unwrap_or_else(|| default_alert(parts, grains, options).max(range(law)));
+        let holds = check::positive(alert) && alert >= range(law);
         let expected = "a distance > 0 m, at least the range of the law";
         report.expect(holds, &format!("{path}.alert"), format!("{alert:?}"), expected);
-        let side = |colour: &str, contactor: &str| Side {
-            body: "RBDY3".into(),
-            contactor: contactor.into(),
-            colour: colour.into(),
-        };
-        for &(_, x) in worn.iter().filter(|(colour, _)| *colour == a) {
-            for &(_, y) in worn.iter().filter(|(colour, _)| *colour == b) {
-                let mut sides = [side(a, x), side(b, y)];
-                sides.sort_by_key(|side| rank(&side.contactor));
-                let [candidate, antagonist] = sides;
-                let plates = candidate.contactor == "PLANx";
-                let twice = a == b && x > y;
-                if !plates && !twice {
-                    rows.push(See { line: 0, candidate, law: name.clone(), antagonist, alert });
-                }
-            }
-        }
+        let met = meetings(&all, named[k]);
+        let walls = met.is_empty() && [a, b].iter().all(|colour| all.iter().any(|(known, _)| known == colour));
+        report.expect(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), check::WALLS);
+        rows.extend(met.into_iter().map(|sides| row(sides, name, alert)));
     }
     expect_all_pairs(changes, parts, &rows, &named, report);
     rows
+}
+
+/// Of colours that have a law, the rows of contactors that have not been together in one case: the same law.
+fn rows_of_new_shapes(parts: &[Part], all: &Worn, rows: &[See], report: &mut Report) -> Vec<See> {
+    let known: Vec<Worn> = parts.iter().map(|part| worn(&part.records)).collect();
+    let have_met = |sides: &[Side; 2]| {
+        let is_in = |known: &Worn| sides.iter().all(|side| known.contains(&(&side.colour[..], &side.contactor[..])));
+        known.iter().any(is_in)
+    };
+    let mut new = Vec::new();
+    for pair in rows.iter().map(colours).collect::<BTreeSet<_>>() {
+        let mut theirs = rows.iter().filter(|row| colours(row) == pair);
+        let Some(first) = theirs.next() else { continue };
+        let sides: Vec<[Side; 2]> = meetings(all, pair).into_iter().filter(|sides| !have_met(sides)).collect();
+        if let (false, Some(other)) = (sides.is_empty(), theirs.clone().find(|row| row.law != first.law)) {
+            let found = format!("laws '{}' and '{}' between '{}' and '{}'", first.law, other.law, pair.0, pair.1);
+            report.fault("contacts", found, "one, for they have new shapes");
+        }
+        let alert = theirs.map(|row| row.alert).fold(first.alert, f64::max);
+        new.extend(sides.into_iter().map(|sides| row(sides, &first.law, alert)));
+    }
+    new
 }
 
 /// Colours that have not met in one case before must be named: nothing passes through anything by oversight.
@@ -231,7 +290,7 @@ fn expect_all_pairs(changes: &Changes, parts: &[Part], rows: &[See], named: &[(&
 
 /// As for a scene: a tenth of the mean radius, and at least what two bodies at the greatest speed, from the mean velocity,
 /// approach each other in a step, m.
-fn default_alert(parts: &[Part], records: &Bodies, options: &Compute) -> f64 {
+fn default_alert(parts: &[Part], grains: &[Grain], options: &Compute) -> f64 {
     let radii: Vec<f64> = parts
         .iter()
         .flat_map(|part| {
@@ -239,12 +298,12 @@ fn default_alert(parts: &[Part], records: &Bodies, options: &Compute) -> f64 {
             bodies.body_radius.iter().zip(&bodies.body_driven).filter(|(_, d)| **d == 0).map(|(r, _)| *r)
         })
         .collect();
-    let count = parts.iter().map(|part| part.rows.len()).sum::<usize>();
-    let new: Vec<f64> = records.0[count..].iter().map(|body| body.equivalent_radius).collect();
-    let mean = radii.iter().chain(&new).sum::<f64>() / (radii.len() + new.len()) as f64;
-    let velocities = || parts.iter().flat_map(|part| part.state.bodies.body_v.iter().map(|v| Vector3::from(*v)));
-    let drift = velocities().sum::<Vector3<f64>>() / count as f64;
-    let fastest = velocities().map(|v| (v - drift).norm()).fold(0.0, f64::max);
+    let new = grains.iter().map(|grain| &grain.radius);
+    let mean = radii.iter().chain(new).sum::<f64>() / (radii.len() + grains.len()) as f64;
+    let known = parts.iter().flat_map(|part| part.state.bodies.body_v.iter().map(|v| Vector3::from(*v)));
+    let velocities: Vec<Vector3<f64>> = known.chain(grains.iter().map(|grain| grain.velocity)).collect();
+    let drift = velocities.iter().sum::<Vector3<f64>>() / velocities.len() as f64;
+    let fastest = velocities.iter().map(|v| (v - drift).norm()).fold(0.0, f64::max);
     (0.1 * mean).max(2.0 * options.dt * fastest)
 }
 

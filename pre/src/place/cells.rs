@@ -30,9 +30,10 @@ impl Cells {
     /// overlaps the ball.
     pub fn overlaps(&self, centre: &Vector3<f64>, radius: f64, mut meet: impl FnMut(usize, f64)) {
         for octave in 0..self.octaves {
-            let [x, y, z] = self.cell(octave, centre);
-            for (dx, dy, dz) in (0..27).map(|k| (k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1)) {
-                for &number in self.cells.get(&(octave, [x + dx, y + dy, z + dz])).into_iter().flatten() {
+            let cell = self.cell(octave, centre);
+            for beside in (0..27).map(|k| [k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1]) {
+                let cell = [0, 1, 2].map(|k| cell[k].saturating_add(beside[k]));
+                for &number in self.cells.get(&(octave, cell)).into_iter().flatten() {
                     let (other, other_radius) = &self.spheres[number as usize];
                     let overlap = radius + other_radius - (centre - other).norm();
                     if overlap > 0.0 {

@@ -70,6 +70,7 @@ pub fn fragments(
     random: &mut Random,
 ) -> Result<Vec<Surface>, String> {
     let extent = solid.vertices().iter().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
+    let halves = solid.vertices().iter().fold(Vector3::zeros(), |halves, &v| Vector3::from(v).abs().sup(&halves));
     let planes: Vec<Plane> = solid
         .triangles()
         .iter()
@@ -82,8 +83,10 @@ pub fn fragments(
     let inside = |p: &Vector3<f64>| planes.iter().all(|plane| plane.above(p) < 0.0);
     let mut seeds = Vec::with_capacity(number);
     for _ in 0..number {
+        // Of thin bodies hardly a point of the cube lies inside.
         let seed = (0..ATTEMPTS).map(|_| extent * random.in_cube()).find(inside);
-        seeds.push(seed.ok_or("a body in which a million points at random find no place")?);
+        let seed = seed.or_else(|| (0..ATTEMPTS).map(|_| halves.component_mul(&random.in_cube())).find(inside));
+        seeds.push(seed.ok_or_else(|| format!("a body in which {ATTEMPTS} points at random find no place"))?);
     }
     for _ in 0..relaxation {
         let cells = cells(&planes, extent, &seeds)?;
@@ -285,6 +288,13 @@ mod tests {
         assert!((cells[0].volume() - 4.8).abs() < 1e-14 && (cells[1].volume() - 3.2).abs() < 1e-14);
         assert!((cells[0].mass_properties().centre[0] + 0.4).abs() < 1e-15);
         assert!((solid.volume() - 8.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_needle_breaks_too() {
+        let (solid, fragments) = broken(&Room::Ellipsoid([1000.0, 1.0, 1.0]), 5, 0, 1);
+        let sum: f64 = fragments.iter().map(Surface::volume).sum();
+        assert!((sum / solid.volume() - 1.0).abs() < 1e-9, "{sum} {}", solid.volume());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Convex hulls by parry, each one checked.
 
 use cd_formats::surface::Surface;
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, SymmetricEigen, Vector3};
 use parry3d_f64::math::Vector as Point;
 use parry3d_f64::transformation::try_convex_hull;
 use rustc_hash::FxHashMap;
@@ -9,11 +9,15 @@ use rustc_hash::FxHashMap;
 /// Points may lie outside a face by this share of the extent: roundings, and what the hull leaves of points in a plane.
 const OUTSIDE: f64 = 1e-9;
 
-/// Volume over that of the box around the points, below which they lie in a plane.
+/// Volume over that of the cube around the points, or thickness over length, below which they lie in a plane.
 const FLAT: f64 = 1e-9;
 
 /// How often the points are turned anew where no sound hull is found.
 const TURNS: usize = 20;
+
+/// Points of size 1 are moved outward by this times the square of their distance: what lies in faces and edges falls
+/// behind the corners.
+const BULGE: f64 = 1e-10;
 
 /// Why points have no hull.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -36,7 +40,8 @@ impl std::fmt::Display for Misfit {
 /// The convex hull of `points`; its vertices are among them, to the last bit.
 ///
 /// The points are brought to size 1 about their middle. parry loses its way now and then where many points lie in one
-/// plane: then the same points are turned and it tries again. Points inside faces and edges may become vertices or not.
+/// plane: then the same points are turned and it tries again, and at last with what lies in faces and edges put behind
+/// the corners. Points inside faces and edges may become vertices or not.
 ///
 /// Errors: too few points, points in a plane, or no hull that holds them all.
 pub fn convex(points: &[[f64; 3]]) -> Result<Surface, Misfit> {
@@ -51,21 +56,41 @@ pub fn convex(points: &[[f64; 3]]) -> Result<Surface, Misfit> {
         return Err(Misfit::Flat);
     }
     let unit: Vec<Vector3<f64>> = points.iter().map(|&p| (Vector3::from(p) - middle) / size).collect();
+    search(points, &unit, 0.0).or_else(|_| search(points, &even(&unit)?, BULGE))
+}
+
+/// The hull in the first turn in which it is sound; `unit` are the points in a frame in which they have size 1.
+fn search(points: &[[f64; 3]], unit: &[Vector3<f64>], bulge: f64) -> Result<Surface, Misfit> {
     let mut reason = Misfit::Flat;
     for turn in 0..TURNS {
-        match attempt(&unit, turn) {
-            Ok(triangles) => return compact(points, &triangles),
+        match attempt(unit, bulge, turn).and_then(|triangles| compact(points, &triangles)) {
+            Ok(surface) => return Ok(surface),
             Err(found) => reason = found,
         }
     }
     Err(reason)
 }
 
-/// Triangles of the hull by numbers of `points`, which have size 1.
-fn attempt(points: &[Vector3<f64>], turn: usize) -> Result<Vec<[u32; 3]>, Misfit> {
+/// The points along their principal axes, stretched so that they reach equally far along each.
+///
+/// Errors: they lie in a plane.
+fn even(points: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, Misfit> {
+    let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    let spread: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
+    let axes = SymmetricEigen::new(spread).eigenvectors.transpose();
+    let along: Vec<Vector3<f64>> = points.iter().map(|p| axes * (p - mean)).collect();
+    let reach = along.iter().fold(Vector3::zeros(), |reach, p| p.abs().sup(&reach));
+    if reach.min() < FLAT * reach.max() {
+        return Err(Misfit::Flat);
+    }
+    Ok(along.iter().map(|p| p.component_div(&reach)).collect())
+}
+
+/// Triangles of the hull by numbers of `points`, which have size 1 and are moved outward by `bulge`, see [`BULGE`].
+fn attempt(points: &[Vector3<f64>], bulge: f64, turn: usize) -> Result<Vec<[u32; 3]>, Misfit> {
     // Any directions that are not round.
     let rotation = Rotation3::from_scaled_axis(Vector3::new(0.31, -0.72, 0.53) * turn as f64);
-    let turned: Vec<Vector3<f64>> = points.iter().map(|p| rotation * p).collect();
+    let turned: Vec<Vector3<f64>> = points.iter().map(|p| rotation * (p * (1.0 + bulge * p.norm_squared()))).collect();
     let given: Vec<Point> = turned.iter().map(|p| Point::new(p.x, p.y, p.z)).collect();
     let (vertices, triangles) = try_convex_hull(&given).map_err(|error| Misfit::Unsound(error.to_string()))?;
     let place: FxHashMap<[u64; 3], u32> =
@@ -118,4 +143,47 @@ fn compact(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surface, Misfi
     let triangles: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(number)).collect();
     let vertices: Vec<[f64; 3]> = used.iter().map(|&k| points[k as usize]).collect();
     Surface::new(&vertices, &triangles).map_err(|faults| Misfit::Unsound(faults.join("; ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Shape;
+    use crate::shapes::regular;
+
+    /// The hull in several turns has the volume, m^3.
+    fn expect(points: &[[f64; 3]], volume: f64) {
+        for k in 0..10 {
+            let turn = Rotation3::from_scaled_axis(Vector3::new(0.4, 0.9, -0.2) * k as f64);
+            let turned: Vec<[f64; 3]> = points.iter().map(|&p| (turn * Vector3::from(p)).into()).collect();
+            let found = convex(&turned).unwrap_or_else(|misfit| panic!("{misfit}")).volume();
+            // Rounding of the turned points, which moves a face of a body by eps over its thinness.
+            assert!((found / volume - 1.0).abs() < 1e-9, "{found} {volume}");
+        }
+    }
+
+    #[test]
+    fn cuboids_full_of_points_have_hulls_whatever_their_size_and_thinness() {
+        for n in [2usize, 5, 9] {
+            let count = n + 1;
+            let all = (0..count.pow(3)).map(|k| [k % count, k / count % count, k / count / count]);
+            let grid: Vec<[usize; 3]> = all.filter(|c| c.contains(&0) || c.contains(&n)).collect();
+            for lengths in [[1.0; 3], [3.0; 3], [1e-3, 2e-3, 1e-3], [1.0, 2.0, 1e-3], [1e-4, 1e-4, 1.0]] {
+                let point = |c: &[usize; 3]| [0, 1, 2].map(|k| lengths[k] * c[k] as f64 / n as f64);
+                expect(&grid.iter().map(point).collect::<Vec<_>>(), lengths.iter().product());
+            }
+        }
+    }
+
+    #[test]
+    fn plates_and_needles_have_hulls() {
+        for lengths in [[1.0, 2.0, 1e-3], [5e-4, 5e-4, 1.0], [1.0, 1.0, 1e-6]] {
+            expect(&regular::vertices(&Shape::Box { lengths }), lengths.iter().product());
+        }
+        let slenderness = 2e4;
+        let prism = regular::vertices(&Shape::Prism { sides: 6, slenderness });
+        expect(&prism, 1.5 * 3f64.sqrt() * 2.0 * slenderness);
+        let flat: Vec<[f64; 3]> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 0.7]].map(|[x, y]| [x, y, 0.3 * x]).into();
+        assert_eq!(convex(&flat), Err(Misfit::Flat));
+    }
 }

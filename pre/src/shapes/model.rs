@@ -37,15 +37,18 @@ fn factor(surface: &Surface, scaled: Scaled) -> f64 {
         Scaled::Volume(volume) => libm::cbrt(volume / surface.volume()),
         Scaled::Radius(radius) => radius / Solid::convex(surface).radius(),
         Scaled::Length(length) => {
-            let side = |k: usize| {
-                let of = |start: f64, choose: fn(f64, f64) -> f64| {
-                    surface.vertices().iter().map(|v| v[k]).fold(start, choose)
-                };
-                of(f64::NEG_INFINITY, f64::max) - of(f64::INFINITY, f64::min)
-            };
-            length / side(0).max(side(1)).max(side(2))
+            let [x, y, z] = bounds(surface).map(|[low, high]| high - low);
+            length / x.max(y).max(z)
         }
     }
+}
+
+/// The box around a surface: the ends along each axis, m.
+fn bounds(surface: &Surface) -> [[f64; 2]; 3] {
+    [0, 1, 2].map(|k| {
+        let of = |start: f64, choose: fn(f64, f64) -> f64| surface.vertices().iter().map(|v| v[k]).fold(start, choose);
+        [of(f64::INFINITY, f64::min), of(f64::NEG_INFINITY, f64::max)]
+    })
 }
 
 fn times(surface: &Surface, factor: f64) -> Surface {
@@ -91,11 +94,17 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
         ContactSurface::Files(files) => {
             let mut faults = Faults::default();
             let mut pieces = Vec::new();
+            let model = bounds(&read.surface);
             for file in files {
                 let path = folder.join(file);
                 if let Some(read) = faults.gather(read::surface(&path)) {
                     if !read.surface.is_convex(CONVEX) {
                         faults.push(Fault::new(&path, None, "surface", "it is not convex", "expected convex pieces"));
+                    }
+                    let mut ends = bounds(&read.surface).into_iter().zip(&model);
+                    if ends.any(|([low, high], [least, most])| high <= *least || *most <= low) {
+                        let expected = "expected a piece of the model, in the same axes";
+                        faults.push(Fault::new(&path, None, "surface", "it lies beside the model", expected));
                     }
                     pieces.push(times(&read.surface, factor));
                 }
@@ -145,7 +154,38 @@ fn decompose(whole: &Surface, most: u32, concavity: f64, vertices: usize) -> Res
             Err(misfit) => return Err(misfit),
         }
     }
-    Ok(pieces)
+    joined(pieces, most as usize, vertices)
+}
+
+/// Two pieces become their common hull, those to which it adds the least volume, until there are at most `most`: the
+/// decomposition halves pieces and so may end with more.
+fn joined(mut all: Vec<Surface>, most: usize, vertices: usize) -> Result<Vec<Surface>, Misfit> {
+    if all.len() <= most {
+        return Ok(all);
+    }
+    let hull = |a: &Surface, b: &Surface| {
+        hull::convex(&[a.vertices(), b.vertices()].concat()).and_then(|hull| fewer(hull, vertices))
+    };
+    // What is left of all, and what each two of it would add, m^3.
+    let (mut left, mut pairs) = (Vec::new(), Vec::<(f64, [usize; 2])>::new());
+    let mut new = 0;
+    loop {
+        for b in new..all.len() {
+            let added = |a: usize| {
+                hull(&all[a], &all[b]).map_or(f64::INFINITY, |hull| hull.volume() - all[a].volume() - all[b].volume())
+            };
+            pairs.extend(left.iter().map(|&a| (added(a), [a, b])));
+            left.push(b);
+        }
+        new = all.len();
+        let least = pairs.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some(&(_, both)) = least.filter(|_| left.len() > most) else {
+            return Ok(left.into_iter().map(|k| all[k].clone()).collect());
+        };
+        all.push(hull(&all[both[0]], &all[both[1]])?);
+        left.retain(|k| !both.contains(k));
+        pairs.retain(|(_, pair)| pair.iter().all(|k| !both.contains(k)));
+    }
 }
 
 /// The hull of the vertices that reach farthest along so many directions, evenly spread, if it has more.
