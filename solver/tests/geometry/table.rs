@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, SQRT_2};
 use cd_solve::geometry::{Manifold, Memory, Narrow, Range, polyhedron_polyhedron};
 use cd_solve::math::{Quat, Vec3};
 
-use crate::oracle::{Solid, common_area, hull, separation};
+use crate::oracle::{Solid, common_area, separation};
 use crate::shapes::{Random, cuboid, on_vertex, prism, regular};
 use crate::{check, contact};
 
