@@ -19,10 +19,13 @@ use crate::solve::residual::{Judge, Motion, Residual};
 /// Largest share of the last change that is carried on where there is friction, by the place of the
 /// sweep in a round of [`ROUND`]. Uncapped momentum bounces on dense frictional packings, 0.7 to 0.85 are
 /// alike. A few problems run in circles with any momentum, others come down with it alone: so
-/// after a while less of it, then none, and again. Without friction the problem is convex and needs no cap, and
-/// with it as long as nothing slides and E falls.
+/// where sweeps run in circles, or after a while, less of it, then none, and again. Without friction the problem is
+/// convex and needs no cap, and with it as long as nothing slides and E falls.
 const FRICTIONAL_CAPS: [(u64, f64); 3] = [(600, 0.8), (800, 0.5), (ROUND, 0.0)];
 pub(super) const ROUND: u64 = 1000;
+
+/// Sweeps run in circles where so many change as much as the so many before them, under the same cap.
+const WINDOW: u64 = 16;
 
 /// Impulses r̂ of all rows (world frame, N s), the velocities they lead to, and how good they are.
 pub struct Solution {
@@ -125,7 +128,7 @@ fn sweep_until(
     let mut patience = 0;
     loop {
         let sums = problem.sweep(judge.width, momentum.beta);
-        momentum.after(sums.is_uphill(), *sweeps);
+        momentum.after(sums.is_uphill(), sums.change());
         *sweeps += 1;
         patience += 1;
         let due = match check_every {
@@ -167,26 +170,49 @@ pub(super) struct Momentum {
     pub(super) beta: f64,
     /// Whether it is capped.
     frictional: bool,
+    /// Of the sweep in the round, and in its part.
+    place: u64,
+    since: u64,
+    /// Sum of the changes in this window, and in the one before it under the same cap.
+    changes: f64,
+    before: Option<f64>,
 }
 
 impl Momentum {
     pub(super) fn new(frictional: bool) -> Self {
-        Momentum { t: 1.0, beta: 0.0, frictional }
+        Momentum { t: 1.0, beta: 0.0, frictional, place: 0, since: 0, changes: 0.0, before: None }
     }
 
-    pub(super) fn after(&mut self, uphill: bool, sweeps: u64) {
+    /// What comes after a sweep that has made a `change` of this size.
+    pub(super) fn after(&mut self, uphill: bool, change: f64) {
         if uphill {
             (self.t, self.beta) = (1.0, 0.0);
         } else {
             let t = 0.5 * (1.0 + (1.0 + 4.0 * self.t * self.t).sqrt());
-            self.beta = ((self.t - 1.0) / t).min(self.cap(sweeps));
+            self.beta = ((self.t - 1.0) / t).min(self.cap());
             self.t = t;
+        }
+        let (end, _) = self.part();
+        self.place += 1;
+        self.since += 1;
+        self.changes += change;
+        if self.since.is_multiple_of(WINDOW) {
+            let circles = self.frictional && self.before.is_some_and(|before| self.changes >= before);
+            self.place = if circles { end } else { self.place };
+            self.before = Some(std::mem::take(&mut self.changes));
+        }
+        if self.place == end {
+            (self.place, self.since, self.changes, self.before) = (end % ROUND, 0, 0.0, None);
         }
     }
 
-    fn cap(&self, sweeps: u64) -> f64 {
-        let cap = FRICTIONAL_CAPS.iter().find(|(until, _)| sweeps % ROUND < *until).map_or(0.0, |(_, cap)| *cap);
-        if self.frictional { cap } else { 1.0 }
+    /// Where this part of the round ends, and its cap.
+    fn part(&self) -> (u64, f64) {
+        FRICTIONAL_CAPS.into_iter().find(|(end, _)| self.place < *end).unwrap_or((ROUND, 0.0))
+    }
+
+    fn cap(&self) -> f64 {
+        if self.frictional { self.part().1 } else { 1.0 }
     }
 }
 
@@ -199,4 +225,35 @@ pub(super) fn closing_outside(system: &System, active: &[u32], records: &[Record
         row.acts && row.normal.dot(&system.velocity(k as usize, records)) < 0.0
     };
     outside.into_par_iter().with_min_len(1024).filter(closes).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The momentum of each of so many sweeps, whose changes are these.
+    fn carried(frictional: bool, sweeps: u64, change: impl Fn(u64) -> f64) -> Vec<f64> {
+        let mut momentum = Momentum::new(frictional);
+        (0..sweeps)
+            .map(|k| {
+                momentum.after(false, change(k));
+                momentum.beta
+            })
+            .collect()
+    }
+
+    #[test]
+    fn sweeps_in_circles_lose_their_momentum_and_others_keep_it() {
+        let falls = carried(true, 2000, |k| 0.999f64.powi(k as i32));
+        let circles = carried(true, 200, |k| 1.0 + (k % 4) as f64);
+        let ends: Vec<usize> = (1..200).filter(|&k| circles[k] != circles[k - 1] && k > 20).collect();
+        assert_eq!(falls[599..=600], [0.8, 0.5]);
+        assert_eq!(falls[799..=800], [0.5, 0.0]);
+        assert_eq!(falls[999..=1000], [0.0, 0.8]);
+        // Two windows tell; then the same with less.
+        assert_eq!(ends, [32, 64, 96, 128, 160, 192]);
+        assert_eq!([32, 64, 96].map(|k| circles[k]), [0.5, 0.0, 0.8]);
+        // Without friction there is no cap that could make them.
+        assert!(carried(false, 200, |_| 1.0)[199] > 0.98);
+    }
 }

@@ -68,8 +68,8 @@ fn sweep_until(sweeper: &mut Sweeper, judge: &Judge, active: &[u32], until: Unti
                 break;
             }
         }
-        let uphill = sweeper.sweep(active, momentum.beta);
-        momentum.after(uphill, *sweeps);
+        let (uphill, change) = sweeper.sweep(active, momentum.beta);
+        momentum.after(uphill, change);
         *sweeps += 1;
     }
     let (residual, r, m) = best.unwrap_or((Residual { value: f64::INFINITY, worst: None }, vec![], vec![]));
@@ -122,8 +122,8 @@ impl<'a> Sweeper<'a> {
         self.before = (self.r.clone(), self.m.clone());
     }
 
-    /// Sweeps the rows `active` from y = r + beta (r - r_before); whether the change points uphill.
-    fn sweep(&mut self, active: &[u32], beta: f64) -> bool {
+    /// Sweeps the rows `active` from y = r + beta (r - r_before); whether the change points uphill, and its size, N s.
+    fn sweep(&mut self, active: &[u32], beta: f64) -> (bool, f64) {
         let Sweeper { system, rolls, r, m, before, records, records_before } = self;
         for (record, before) in records.iter_mut().zip(records_before) {
             let now = *record;
@@ -131,7 +131,7 @@ impl<'a> Sweeper<'a> {
             record.w += (now.w - before.w) * beta;
             *before = now;
         }
-        let mut uphill = 0.0;
+        let (mut uphill, mut change2) = (0.0, 0.0);
         for &k in active {
             let (row, k) = (&system.rows[k as usize], k as usize);
             let y = r[k] + (r[k] - before.0[k]) * beta;
@@ -141,6 +141,7 @@ impl<'a> Sweeper<'a> {
             let new = Vec3::from(new);
             row.apply(records, &(new - y));
             uphill -= row.w_n * (new - y).dot(&(new - r[k]));
+            change2 += (new - y).norm_squared();
             (before.0[k], r[k]) = (r[k], new);
             let Some(place) = rolls[k] else { continue };
             let roll = &system.rolls[place];
@@ -149,7 +150,7 @@ impl<'a> Sweeper<'a> {
             roll.apply(system, records, &(new - y));
             (before.1[place], m[place]) = (m[place], new);
         }
-        uphill > 0.0
+        (uphill > 0.0, change2.sqrt())
     }
 }
 
