@@ -1,6 +1,6 @@
 # What goes round, or has left, the largest remnant at the end, by orbits of two bodies:
 #   awk -v csv=secondaries.csv -f secondaries.awk left-f0/POSTPRO/state-020000/fragments.csv ...
-# A row a group of two grains or more; distances over the remnant's radius (a b c)^(1/3), angles in degrees, periods in hours.
+# A row a group of two grains or more, or a grain that is bound; distances over the remnant's radius (a b c)^(1/3), angles in degrees, periods in hours.
 # Columns go by their names.
 
 BEGIN {
@@ -16,7 +16,7 @@ FNR == 1 {
 }
 FNR == 2 { mass = $column["mass"]; radius = ($column["a"] * $column["b"] * $column["c"]) ^ (1 / 3); next }
 
-$column["grains"] + 0 >= LEAST {
+$column["grains"] + 0 >= LEAST || $column["bound"] + 0 {
     share = $column["mass"] / mass
     a = $column["orbit_a"] / radius; e = $column["orbit_e"]; tilt = $column["inclination"] * 180 / PI
     near = $column["pericentre"] / radius; period = $column["orbit_period"] == "" ? "" : $column["orbit_period"] / 3600

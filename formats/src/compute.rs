@@ -46,7 +46,7 @@ impl Event {
 }
 
 /// More happenings than this are a slip: each is kept.
-const MOST_EVENTS: f64 = 1e6;
+pub const MOST_EVENTS: f64 = 1e6;
 
 /// The events that would happen more often than can be kept up to `end` (s), with how often.
 pub fn too_frequent(events: &[Event], end: f64) -> impl Iterator<Item = (usize, f64)> {

@@ -58,6 +58,15 @@ impl Outside {
         }
     }
 
+    /// What the potential energy of a body has beyond its mass times the potential at its centre, J: in axes that turn
+    /// the share of its extent, -W.(J W)/2, where `turns` gives J W (kg m^2/s) in fixed axes; of a primary nothing counts.
+    pub fn of_extent(&self, turns: impl Fn(&Vec3) -> Vec3) -> f64 {
+        match self {
+            Outside::Turning { rate, .. } => -0.5 * turns(rate).dot(rate),
+            Outside::Primary { .. } => 0.0,
+        }
+    }
+
     /// How fast the axes turn, rad/s.
     pub fn rate(&self) -> Vec3 {
         match *self {

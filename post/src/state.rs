@@ -83,17 +83,23 @@ pub fn write(dir: &Path, step: Option<u64>) -> Result<(PathBuf, Vec<String>), Fa
     for (name, bytes) in files(&frame) {
         atomic::write(&folder.join(name), &bytes)?;
     }
-    Ok((folder, Vec::new()))
+    let notes = match frame.cell().repeats() {
+        true => vec!["the scene repeats and has no centre: no profile, no surface".to_string()],
+        false => Vec::new(),
+    };
+    Ok((folder, notes))
 }
 
 /// All files of a frame that holds grains.
 pub fn files(frame: &Frame) -> Vec<File> {
     let fragments = fragments(frame);
-    let mut files = profiles(frame, &fragments[0]);
-    files.extend(forces(frame));
+    let mut files = forces(frame);
     files.push(("fabric.csv", fabric_table(frame).into_bytes()));
     files.extend(ejecta(frame, &fragments));
-    files.extend(surface_files(frame, &fragments[0]));
+    if !frame.cell().repeats() {
+        files.extend(profiles(frame, &fragments[0]));
+        files.extend(surface_files(frame, &fragments[0]));
+    }
     files
 }
 
@@ -335,14 +341,14 @@ mod tests {
         scene.grain([0.0; 3], 1.0);
         let other = scene.grain([0.0, 0.0, 5.0], 0.5);
         scene.snapshot.bodies.body_v[other] = [0.0, 2.0, 0.0];
+        let file = |scene: &Scene, name: &str| -> Option<String> {
+            let found = files(&scene.frame()).into_iter().find(|file| file.0 == name)?;
+            Some(String::from_utf8(found.1).unwrap())
+        };
+        let surface = file(&scene, "surface.vtp").unwrap();
+        assert!(surface.contains("height") && !surface.contains("slope") && !surface.contains("NumberOfPoints=\"0\""));
         let fields = |scene: &Scene| -> Vec<String> {
-            let files = files(&scene.frame());
-            let file = |name: &str| &files.iter().find(|file| file.0 == name).unwrap().1;
-            let surface = String::from_utf8_lossy(file("surface.vtp")).into_owned();
-            assert!(
-                surface.contains("height") && !surface.contains("slope") && !surface.contains("NumberOfPoints=\"0\"")
-            );
-            let table = String::from_utf8_lossy(file("fragments.csv")).into_owned();
+            let table = file(scene, "fragments.csv").unwrap();
             table.lines().nth(2).unwrap().split(',').map(str::to_string).collect()
         };
         // Distance and speed, the rest of the orbit has no meaning.
@@ -350,6 +356,8 @@ mod tests {
         scene.snapshot.meta.parameters.xperiode = Some(8.0);
         assert_eq!(fields(&scene)[3..6], ["", "0.0", "5.0"]);
         assert_eq!(fields(&scene)[9..18], ["", "", "", "", "", "", "", "", "2.0"]);
+        // There is no centre, from which a profile or a surface could be measured.
+        assert!(["surface.csv", "slopes.csv", "profile.csv"].iter().all(|name| file(&scene, name).is_none()));
     }
 
     #[test]

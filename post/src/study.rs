@@ -138,7 +138,8 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     }
     let mean = |name: &str| {
         let column = series.get(name).map_or(&[][..], |column| column);
-        taken.iter().map(|&k| column.get(k).copied().unwrap_or(f64::NAN)).sum::<f64>() / taken.len() as f64
+        let known: Vec<f64> = taken.iter().filter_map(|&k| column.get(k).copied()).filter(|x| x.is_finite()).collect();
+        known.iter().sum::<f64>() / known.len() as f64
     };
     let mut values: Vec<f64> = Row::COLUMNS.iter().map(|(name, _, _)| mean(name)).collect();
 

@@ -30,13 +30,12 @@ pub fn outside(frame: &Frame) -> Vec<Outside> {
     parameters.fields.iter().map(|field| field.outside(parameters.gravity_constant)).collect()
 }
 
-/// Potential energy in such fields, J: sum m_i phi(x_i), [`Outside::at`], and in axes that turn at W that of the
-/// centrifugal force on extended grains, - W.(I_i W) / 2.
+/// Potential energy in such fields, J: sum m_i phi(x_i), [`Outside::at`], and what the grains' extent adds,
+/// [`Outside::of_extent`].
 pub fn in_fields(grains: &[Grain], fields: &[Outside]) -> f64 {
-    let rate: Vec3 = fields.iter().map(Outside::rate).sum();
-    let at_centre = |g: &Grain| fields.iter().map(|field| g.mass * field.at(&g.x).1).sum::<f64>();
+    let of = |g: &Grain, field: &Outside| g.mass * field.at(&g.x).1 + field.of_extent(|rate| g.inertia * rate);
     // 0 without fields, not the -0 of an empty sum.
-    grains.iter().fold(0.0, |sum, g| sum + at_centre(g) - 0.5 * rate.dot(&(g.inertia * rate)))
+    grains.iter().flat_map(|g| fields.iter().map(move |field| of(g, field))).fold(0.0, |sum, energy| sum + energy)
 }
 
 /// How potential energies are summed.

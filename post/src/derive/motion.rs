@@ -44,14 +44,24 @@ pub struct Whole {
     pub inertia: Mat3,
 }
 
+/// Angular momentum below this share of its terms is none: some units in the last place of each.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
 impl Whole {
     pub fn of(grains: &[Grain]) -> Whole {
         let mass: f64 = grains.iter().map(|g| g.mass).sum();
         let x = grains.iter().map(|g| g.mass * g.x).sum::<Vec3>() / mass;
         let momentum: Vec3 = grains.iter().map(|g| g.mass * g.v).sum();
         let velocity = momentum / mass;
-        let angular_momentum =
+        let angular_momentum: Vec3 =
             grains.iter().map(|g| g.mass * (g.x - x).cross(&(g.v - velocity)) + g.inertia * g.w).sum();
+        // What rounding makes of no turn at all would have an axis, any one.
+        let rounding = |g: &Grain| {
+            let (arm, speed) = ((g.x - x).norm(), (g.v - velocity).norm());
+            g.mass * (arm * (g.v.norm() + velocity.norm()) + speed * (g.x.norm() + x.norm()))
+        };
+        let turns = angular_momentum.norm() > ROUNDING * grains.iter().map(rounding).sum::<f64>();
+        let angular_momentum = if turns { angular_momentum } else { Vec3::zeros() };
         let inertia = grains.iter().map(|g| g.inertia + point_inertia(g.mass, g.x - x)).sum();
         Whole { mass, x, momentum, angular_momentum, inertia }
     }

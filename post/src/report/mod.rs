@@ -13,7 +13,10 @@ use crate::derive::Row;
 use crate::frame::Frame;
 use crate::write::plots::PLOTS;
 use crate::write::scale::significant;
-use crate::{Options, series, state, write};
+use crate::{Options, compare, series, state, write};
+
+/// Columns of TIMER.csv besides the step.
+const ROOMS: [&str; 6] = ["gravity", "detection", "assembly", "solve", "integration", "writing"];
 
 /// Figures of the last state, with their captions.
 const STATE_FIGURES: [(&str, &str); 8] = [
@@ -63,8 +66,9 @@ pub fn write(dir: &Path, every: u32) -> Result<PathBuf, Faults> {
     let options = Options { dir: dir.to_path_buf(), every, no_plots: true, no_vtk: true, ..Options::default() };
     let (rows, frames) = series(&options)?;
     let last = frames.last().expect("the last snapshot is taken");
+    let seconds = seconds(&dir.join("TIMER.csv"))?;
     let path = dir.join("POSTPRO/report.html");
-    atomic::write(&path, page(dir, &rows, last).as_bytes())?;
+    atomic::write(&path, page(dir, &rows, last, &seconds).as_bytes())?;
     Ok(path)
 }
 
@@ -73,7 +77,7 @@ fn escaped(text: &str) -> String {
 }
 
 /// The text of the page; `rows` hold at least that of `last`.
-fn page(dir: &Path, rows: &[Row], last: &Frame) -> String {
+fn page(dir: &Path, rows: &[Row], last: &Frame, seconds: &[(&str, f64)]) -> String {
     let whole = std::fs::canonicalize(dir).unwrap_or(dir.to_path_buf());
     let name = escaped(&whole.file_name().map_or("case".into(), |name| name.to_string_lossy().into_owned()));
     let meta = &last.meta;
@@ -112,7 +116,9 @@ fn page(dir: &Path, rows: &[Row], last: &Frame) -> String {
         put("<h2>In depth, at the end</h2>\n<div class=\"figures\">\n");
         let files: BTreeMap<&str, Vec<u8>> = state::files(last).into_iter().collect();
         for (file, caption) in STATE_FIGURES {
-            put(&figure(&String::from_utf8_lossy(&files[file]), caption));
+            if let Some(svg) = files.get(file) {
+                put(&figure(&String::from_utf8_lossy(svg), caption));
+            }
         }
         // Its gradients have names that only one picture of a page may use.
         put(&figure(
@@ -122,7 +128,7 @@ fn page(dir: &Path, rows: &[Row], last: &Frame) -> String {
         put("</div>\n");
     }
     put("<h2>The run</h2>\n");
-    put(&run(dir, last));
+    put(&run(dir, last, seconds));
     put("</body></html>\n");
     page
 }
@@ -147,7 +153,7 @@ fn numbers(row: &Row) -> String {
 }
 
 /// Parameters, laws, cost and errors of the run.
-fn run(dir: &Path, last: &Frame) -> String {
+fn run(dir: &Path, last: &Frame, seconds: &[(&str, f64)]) -> String {
     let (meta, ledger) = (&last.meta, &last.meta.ledger);
     let mut rows: Vec<(String, String)> = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.to_string(), value));
@@ -171,10 +177,8 @@ fn run(dir: &Path, last: &Frame) -> String {
     for material in &meta.materials {
         row(&format!("material {}", material.name), format!("{} kg/m³", significant(material.density)));
     }
-    if let Some(seconds) = seconds(&dir.join("TIMER.csv")) {
-        for (room, time) in seconds {
-            row(&format!("seconds, {room}"), significant(time));
-        }
+    for (room, time) in seconds {
+        row(&format!("seconds, {room}"), significant(*time));
     }
     let mut text = String::from("<table>\n");
     for (name, value) in rows {
@@ -189,15 +193,11 @@ fn run(dir: &Path, last: &Frame) -> String {
     text
 }
 
-/// Sums of the columns of TIMER.csv but the step; none if it is not there or not as expected.
-fn seconds(path: &Path) -> Option<Vec<(String, f64)>> {
-    let text = std::fs::read_to_string(path).ok()?;
-    let mut lines = text.lines();
-    let mut sums: Vec<(String, f64)> = lines.next()?.split(',').skip(1).map(|name| (name.to_string(), 0.0)).collect();
-    for line in lines {
-        for (sum, field) in sums.iter_mut().zip(line.split(',').skip(1)) {
-            sum.1 += field.parse().unwrap_or(0.0);
-        }
+/// Seconds spent in each room, the sums of the columns of TIMER.csv; none where there is no such file.
+fn seconds(path: &Path) -> Result<Vec<(&'static str, f64)>, Faults> {
+    if !path.exists() {
+        return Ok(Vec::new());
     }
-    Some(sums)
+    let table = compare::read(path, &ROOMS)?;
+    Ok(ROOMS.iter().map(|room| (*room, table[*room].iter().sum())).collect())
 }

@@ -25,9 +25,10 @@ const SHAVING: f64 = 1e-6;
 
 /// The surface of a file at its size. Errors: those of [`read::surface`].
 pub fn surface(folder: &Path, file: &str, scaled: Scaled) -> Result<Read, Faults> {
-    let Read { surface, turned } = read::surface(&folder.join(file))?;
+    let path = folder.join(file);
+    let Read { surface, turned } = read::surface(&path)?;
     let factor = factor(&surface, scaled);
-    Ok(Read { surface: times(&surface, factor), turned })
+    Ok(Read { surface: times(&path, &surface, factor)?, turned })
 }
 
 /// How many times as large as in the file.
@@ -51,12 +52,16 @@ fn bounds(surface: &Surface) -> [[f64; 2]; 3] {
     })
 }
 
-fn times(surface: &Surface, factor: f64) -> Surface {
+/// The surface of the file `path`, so many times as large.
+fn times(path: &Path, surface: &Surface, factor: f64) -> Result<Surface, Faults> {
     if factor == 1.0 {
-        return surface.clone();
+        return Ok(surface.clone());
     }
     let vertices: Vec<[f64; 3]> = surface.vertices().iter().map(|v| v.map(|x| factor * x)).collect();
-    Surface::new(&vertices, surface.triangles()).expect("a sound surface stays so at another size")
+    Surface::new(&vertices, surface.triangles()).map_err(|_| {
+        let found = format!("{factor:e} times as large it is no surface of finite volume");
+        Fault::new(path, None, "surface", found, "expected a size whose volume is a number").into()
+    })
 }
 
 /// The solid of a model, and what is to be told about it.
@@ -66,7 +71,7 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
         |object: &str, found: String, expected: &str| Faults::from(Fault::new(&path, None, object, found, expected));
     let read = read::surface(&path)?;
     let factor = factor(&read.surface, scaled);
-    let whole = times(&read.surface, factor);
+    let whole = times(&path, &read.surface, factor)?;
     let mut told = told(file, &whole, read.turned);
     let solid = match contact {
         ContactSurface::Whole => {
@@ -106,7 +111,7 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
                         let expected = "expected a piece of the model, in the same axes";
                         faults.push(Fault::new(&path, None, "surface", "it lies beside the model", expected));
                     }
-                    pieces.push(times(&read.surface, factor));
+                    pieces.extend(faults.gather(times(&path, &read.surface, factor)));
                 }
             }
             faults.into_result(())?;

@@ -204,7 +204,8 @@ fn cells(numbers: Option<VertexNumbers>) -> Result<Vec<Vec<usize>>, String> {
         None => {}
         Some(VertexNumbers::XML { connectivity, offsets }) => {
             let mut begin = 0;
-            for end in offsets {
+            // Legacy files from version 5 on begin with that of the first cell, 0.
+            for &end in offsets.strip_prefix(&[0]).unwrap_or(&offsets) {
                 let corners = connectivity.get(begin..end as usize).ok_or_else(wrong)?;
                 found.push(corners.iter().map(|&k| k as usize).collect());
                 begin = end as usize;

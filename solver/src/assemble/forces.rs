@@ -166,7 +166,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
         free.impulse += weight;
         free.angular_impulse += x.cross(&weight);
     }
-    free.potential += centrifugal(scene, &q_c.q);
+    free.potential += of_extent(scene, &outside, &q_c.q);
     for (i, force, moment) in &free.loads {
         let body = &scene.bodies[*i];
         free.v[*i] += force * (h * body.inverse_mass());
@@ -201,14 +201,12 @@ fn turned(b: &Vec3, k: &Vec3) -> Vec3 {
     (b + k * k.dot(b) - k.cross(b)) / (1.0 + k.norm_squared())
 }
 
-/// Potential energy of the centrifugal force on the free bodies beyond that at their centres, -W.J W/2 each, J.
-fn centrifugal(scene: &Scene, q: &[Quat]) -> f64 {
-    let rate = scene.rate();
-    if rate == Vec3::zeros() {
-        return 0.0;
-    }
-    let of = |&i: &u32| scene.bodies[i as usize].angular_momentum(&q[i as usize], &rate).dot(&rate);
-    -0.5 * scene.free.iter().map(of).sum::<f64>()
+/// What the free bodies' extent adds to their potential energy in outer fields, J.
+fn of_extent(scene: &Scene, outside: &[Outside], q: &[Quat]) -> f64 {
+    let of = |i: usize| {
+        outside.iter().map(|field| field.of_extent(|rate| scene.bodies[i].angular_momentum(&q[i], rate))).sum::<f64>()
+    };
+    scene.free.iter().map(|&i| of(i as usize)).sum()
 }
 
 /// Coriolis' force in turning axes, on the velocity weighted over the step as (1-theta) V + theta V+, where
@@ -405,7 +403,7 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     let (positions, masses) = points(scene, x);
     let outside = scene.outside();
     let outer: f64 = positions.iter().zip(&masses).map(|(x, m)| m * pushed(&outside, state.gravity, x).1).sum();
-    let outer = outer + centrifugal(scene, &state.q);
+    let outer = outer + of_extent(scene, &outside, &state.q);
     if !scene.options.self_gravity {
         return outer;
     }

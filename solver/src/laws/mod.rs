@@ -183,7 +183,10 @@ impl Law {
         let moments = [("rolling friction", rolling), ("spinning friction", spinning)];
         let mut least_zero = friction.into_iter().chain(cohesion).chain(moments);
         let outside = restitution.into_iter().find(|(_, e)| !(0.0..=1.0).contains(e));
-        outside.or(least_zero.find(|(_, x)| !(*x >= 0.0 && x.is_finite())))
+        let excess = self.friction_dynamic > self.friction_static;
+        outside
+            .or(least_zero.find(|(_, x)| !(*x >= 0.0 && x.is_finite())))
+            .or(excess.then_some(("dynamic friction", self.friction_dynamic)))
     }
 
     /// The law's shifts for a contact; none when it does not act in this step.
@@ -356,6 +359,8 @@ mod tests {
         assert_eq!(Law::new("RST_CLB", &[1.5, 0.0, 0.3]).unwrap().fault(), Some(("normal restitution", 1.5)));
         assert_eq!(Law::new("IQS_CLB", &[-0.1]).unwrap().fault(), Some(("static friction", -0.1)));
         assert_eq!(Law::new("IQS_CLB", &[0.0]).unwrap().fault(), None);
+        let sliding = Law::new("IQS_DS_CLB", &[0.5, 0.3]).unwrap().fault();
+        assert_eq!(sliding, Some(("dynamic friction", 0.5)));
         let bond = |normal, tangential| Law::new("IQS_MOHR_DS_CLB", &[normal, tangential, 0.2, 0.3]).unwrap().fault();
         assert!(bond(0.0, 1.0).is_some() && bond(1.0, -1.0).is_some());
         assert_eq!((bond(0.0, 0.0), bond(1.0, 0.0)), (None, None));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use cd_formats::compute::{Action, ContactSolver};
+use cd_formats::compute::{Action, ContactSolver, MOST_EVENTS, too_frequent};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::LawName;
 use cd_formats::tact_behav::{Side, TactBehav};
@@ -65,9 +65,10 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
                 format!("computed are {}", KINDS.join(", ")),
             ),
             Some(law) => match law.fault() {
-                Some((name, value)) => {
-                    refuse(format!("{name} {value}"), "expected restitutions from 0 to 1, others >= 0".into())
-                }
+                Some((name, value)) => refuse(
+                    format!("{name} {value}"),
+                    "expected restitutions from 0 to 1, others >= 0, dynamic friction <= static".into(),
+                ),
                 None if law.rolling.is_some()
                     && !matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs) =>
                 {
@@ -213,9 +214,7 @@ pub fn check_text(scene: &mut Scene) {
 pub fn check_events(scene: &Scene, faults: &mut Faults) {
     for (k, event) in scene.options.events.iter().enumerate() {
         let (Action::SetFriction(name, _) | Action::SetCohesion(name, _)) = &event.action else { continue };
-        let mut refuse = |found: String, expected: String| {
-            faults.push(Fault::new("options".as_ref(), None, format!("event {}", k + 1), found, expected));
-        };
+        let mut refuse = |found, expected| faults.push(of_event(k, found, expected));
         match scene.law_names.iter().position(|law| law.nickname == *name) {
             None => {
                 let known: Vec<&str> = scene.law_names.iter().map(|law| law.nickname.as_str()).collect();
@@ -229,6 +228,18 @@ pub fn check_events(scene: &Scene, faults: &mut Faults) {
             Some(_) => {}
         }
     }
+}
+
+/// Refuses events that happen too often up to the end of the run.
+pub fn check_happenings(scene: &Scene, faults: &mut Faults) {
+    for (k, repeats) in too_frequent(&scene.options.events, scene.end_time()) {
+        let found = format!("happens {repeats:.0} times up to the end of the run");
+        faults.push(of_event(k, found, format!("expected at most {MOST_EVENTS:.0}")));
+    }
+}
+
+fn of_event(k: usize, found: String, expected: String) -> Fault {
+    Fault::new("options".as_ref(), None, format!("event {}", k + 1), found, expected)
 }
 
 /// The contacts of Vloc_Rloc.INI that this scene can have, to start the first step from; what it cannot have is told.

@@ -10,10 +10,10 @@ use std::path::Path;
 
 use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::compute::{Compute, Flags, schedule, too_frequent};
+use cd_formats::compute::{Compute, Flags, schedule};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
-use cd_formats::error::{Fault, Faults};
+use cd_formats::error::Faults;
 use cd_formats::snapshot::{Fallback, Ledger, START};
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
@@ -81,16 +81,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         faults.gather(resume::start(&start, &scene, &mut state));
         scene.start = (state.step, state.time);
     }
-    for (k, repeats) in too_frequent(&scene.options.events, scene.end_time()) {
-        let found = format!("happens {repeats:.0} times up to the end of the run");
-        faults.push(Fault::new(
-            "options".as_ref(),
-            None,
-            format!("event {}", k + 1),
-            found,
-            "expected at most a million",
-        ));
-    }
+    behaviour::check_happenings(&scene, &mut faults);
     if !faults.0.is_empty() {
         return Err(faults);
     }

@@ -173,6 +173,9 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
 
 /// Self-gravity as it was last evaluated.
 fn attraction(scene: &Scene, snapshot: &Snapshot) -> Option<Attraction> {
+    if snapshot.meta.parameters.gravity_constant != scene.options.gravity_constant {
+        return None; // What is extrapolated would be of the other.
+    }
     let (record, gravity) = (snapshot.meta.attraction.clone()?, snapshot.gravity.as_ref()?);
     let of_free = |rows: &[[f64; 3]]| scene.free.iter().map(|&i| Vec3::from(rows[i as usize])).collect();
     Some(Attraction { record, last: of_free(&gravity.gravity_last), before: of_free(&gravity.gravity_before) })

@@ -139,7 +139,8 @@ fn sweep_until(
             problem.read_back(&mut trial);
             let motions = judge.motions(&trial);
             let residual = judge.residual_at(&trial, &motions);
-            capped |= frictional && (residual.value >= best.0.value || slides(system, active, &trial));
+            momentum.sliding = frictional && slides(system, active, &trial);
+            capped |= momentum.sliding || frictional && residual.value >= best.0.value;
             momentum.frictional = capped;
             scale = Some(sums.change() / residual.value);
             patience = 0;
@@ -170,6 +171,8 @@ pub(super) struct Momentum {
     pub(super) beta: f64,
     /// Whether it is capped.
     frictional: bool,
+    /// Whether something slides, without which nothing runs in circles, however slowly it goes on.
+    sliding: bool,
     /// Of the sweep in the round, and in its part.
     place: u64,
     since: u64,
@@ -180,7 +183,7 @@ pub(super) struct Momentum {
 
 impl Momentum {
     pub(super) fn new(frictional: bool) -> Self {
-        Momentum { t: 1.0, beta: 0.0, frictional, place: 0, since: 0, changes: 0.0, before: None }
+        Momentum { t: 1.0, beta: 0.0, frictional, sliding: frictional, place: 0, since: 0, changes: 0.0, before: None }
     }
 
     /// What comes after a sweep that has made a `change` of this size.
@@ -197,7 +200,7 @@ impl Momentum {
         self.since += 1;
         self.changes += change;
         if self.since.is_multiple_of(WINDOW) {
-            let circles = self.frictional && self.before.is_some_and(|before| self.changes >= before);
+            let circles = self.sliding && self.before.is_some_and(|before| self.changes >= before);
             self.place = if circles { end } else { self.place };
             self.before = Some(std::mem::take(&mut self.changes));
         }

@@ -15,8 +15,8 @@ use crate::assemble::{Record, Roll, System};
 use crate::math::Vec3;
 use crate::math::lanes::{Lanes, Width};
 
-/// Below this share of the bodies' own velocities, and of those that attractions would give them, a residual is their
-/// rounding: steps in which nothing closes count as solved.
+/// Below this share of what the velocities at the contacts are the sums of, and of those that attractions would give
+/// them, a residual is rounding: steps in which nothing closes count as solved.
 const FLOOR: f64 = 1e-15;
 
 /// Contacts judged at once.
@@ -68,8 +68,11 @@ impl<'a> Judge<'a> {
         let of_some = |rows: &[u32]| {
             rows.iter().fold((0.0, 0.0), |(trace, speeds), &k| {
                 let row = &system.rows[k as usize];
-                let [a, b] = row.bodies.map(|i| system.records[i as usize].v.norm());
-                let speed = a + b + row.w_n * row.impulse_shift.abs();
+                let at = |side: usize| {
+                    let record = &system.records[row.bodies[side] as usize];
+                    record.v.norm() + record.w.norm() * system.arm(k as usize, side).norm()
+                };
+                let speed = at(0) + at(1) + row.shift.norm() + row.w_n * row.impulse_shift.abs();
                 (trace + row.w_n + 2.0 * row.w_t, speeds + speed * speed)
             })
         };
@@ -373,6 +376,7 @@ fn product<L: Lanes>(l: L, a: [L::V; 3], b: [L::V; 3]) -> L::V {
 /// assert_eq!(project_on_cone(Scalar, 2.0, 1.0, 1.0), (2.0, 1.0)); // inside
 /// assert_eq!(project_on_cone(Scalar, -2.0, 1.0, 1.0), (0.0, 0.0)); // in the polar cone
 /// assert_eq!(project_on_cone(Scalar, 0.0, 2.0, 1.0), (1.0, 1.0)); // on the side
+/// assert_eq!(project_on_cone(Scalar, -2.0, 0.0, 0.0), (0.0, 0.0)); // in the polar cone of a line
 /// ```
 #[inline(always)]
 pub fn project_on_cone<L: Lanes>(l: L, z_n: L::V, z_t: L::V, mu: L::V) -> (L::V, L::V) {
@@ -381,7 +385,9 @@ pub fn project_on_cone<L: Lanes>(l: L, z_n: L::V, z_t: L::V, mu: L::V) -> (L::V,
     let below = l.sub(zero, z_n);
     let normal = l.select_greater(l.mul(mu, z_t), below, side, zero);
     let edge = l.mul(mu, z_n);
-    (l.select_greater(z_t, edge, normal, z_n), l.select_greater(z_t, edge, l.mul(mu, normal), z_t))
+    // Without friction and without a tangential part what pulls is within the edge as well.
+    let inside = l.select_greater(z_n, zero, z_n, zero);
+    (l.select_greater(z_t, edge, normal, inside), l.select_greater(z_t, edge, l.mul(mu, normal), z_t))
 }
 
 #[cfg(test)]

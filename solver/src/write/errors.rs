@@ -141,7 +141,11 @@ pub fn lines(sources: &[Source]) -> [(&'static str, String); 2] {
     };
     let share = |source: &Source| format!("{} {:.0} %", source.name, 100.0 * source.seconds / seconds);
     let shares: Vec<String> = sources.iter().filter(|source| source.seconds > 0.005 * seconds).map(share).collect();
-    [("error, estimated", error), ("cost", format!("mostly {}: {}", most(|source| source.seconds), shares.join(", ")))]
+    let cost = match shares.len() {
+        0 => "none".into(),
+        _ => format!("mostly {}: {}", most(|source| source.seconds), shares.join(", ")),
+    };
+    [("error, estimated", error), ("cost", cost)]
 }
 
 /// Writes [`ERRORS`].

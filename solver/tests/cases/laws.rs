@@ -2,10 +2,11 @@
 
 use std::f64::consts::PI;
 
+use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::{STATUS_SLIDE, STATUS_STICK};
 use proptest::prelude::*;
 
-use crate::case::{Case, Figures, Vec3, equal, near};
+use crate::case::{Case, Figures, Vec3, equal, near, uniform};
 
 const RESTITUTIONS: [f64; 5] = [0.0, 0.25, 0.5, 0.8, 1.0];
 
@@ -127,6 +128,50 @@ fn pair(gap: f64, law: &str, parameters: &[f64]) -> Case {
     case.sphere(0.5, [0.0, 0.0, 0.0]);
     case.sphere(0.5, [1.0 + gap, 0.0, 0.0]);
     case
+}
+
+#[test]
+fn what_parts_straight_on_is_let_go() {
+    for friction in [0.0, 0.3] {
+        let mut case = pair(0.0, "IQS_CLB", &[friction]);
+        case.launch(1, [1.0, 0.0, 0.0], [0.0; 3]);
+        let end = case.run(3);
+        assert_eq!((end.v(0), end.v(1)), (Vec3::zeros(), Vec3::x()), "{friction}");
+        assert_eq!(case.column("sweeps"), [0.0; 3], "{friction}");
+
+        let mut case = dropped(0.0, 0.0);
+        case.law("IQS_CLB", &[friction]);
+        case.gravity = [0.0; 3];
+        case.launch(1, [0.0, 0.0, 1.0], [0.0; 3]);
+        assert_eq!(case.run(3).v(1), Vec3::z(), "{friction}");
+
+        // Nine tenths of a ball's weight hold it to no ceiling.
+        let weight = PI / 6.0 * 8.0;
+        let mut case = dropped(0.0, 0.0);
+        case.law("IQS_WET_DS_CLB", &[0.9 * weight, 0.0, 0.01, friction, friction]);
+        case.gravity = [0.0, 0.0, 8.0];
+        let fallen = case.run(3).v(1).z;
+        // The files hold 8 digits of the force.
+        equal(fallen, 0.1 * 8.0 * 3.0 * case.options.dt, 1e-9);
+    }
+}
+
+#[test]
+fn what_touches_without_load_counts_as_solved() {
+    let mut case = dropped(0.0, 0.0);
+    case.law("IQS_CLB", &[0.3]);
+    case.gravity = [0.0; 3];
+    case.drive_along(0, 0, Evolution::constant(0.63));
+    case.drive_along(0, 1, Evolution::constant(0.87));
+    assert_eq!(case.run(3).v(1), Vec3::zeros());
+    assert_eq!(case.column("converged"), [1.0; 3]);
+    let mut spins = uniform(7);
+    for _ in 0..100 {
+        let mut case = pair(0.0, "IQS_CLB", &[0.3]);
+        case.launch(1, [0.0; 3], [spins(), spins(), spins()]);
+        case.run(1);
+        assert_eq!(case.column("converged"), [1.0]);
+    }
 }
 
 #[test]

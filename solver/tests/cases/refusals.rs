@@ -200,7 +200,7 @@ fn laws() {
     let lines = [("2", "law00"), ("5", "law01")].map(|(line, name)| {
         format!(
             "CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': normal restitution 1.25; \
-             expected restitutions from 0 to 1, others >= 0"
+             expected restitutions from 0 to 1, others >= 0, dynamic friction <= static"
         )
     });
     written_refused(&case, &[], &lines.each_ref().map(String::as_str));
@@ -248,7 +248,7 @@ fn rows_that_contradict_and_laws_that_are_too_many() {
 fn times_and_events_that_cannot_be() {
     let case = sound();
     let event = "[(time: 0.0, every: 0.001, action: SetQuench(0.1))]";
-    let often = "options: event 1: happens 1000000000 times up to the end of the run; expected at most a million";
+    let often = "options: event 1: happens 1000000000 times up to the end of the run; expected at most 1000000";
     written_refused(&case, &["--end-time", "1e6", "--events", event], &[often]);
     let twice =
         "[RotatingFrame(rate: (0, 0, 1), centre: (0, 0, 0)), RotatingFrame(rate: (0, 0, 1), centre: (0, 0, 0))]";

@@ -85,7 +85,7 @@ fn project(v: Triple, mu: f64) -> Triple {
     let t = v[1].hypot(v[2]);
     // Along the side of the cone in the plane of v and n.
     let along = v[0] * cos + t * sin;
-    if t * cos <= v[0] * sin {
+    if v[0] >= 0.0 && t * cos <= v[0] * sin {
         v
     } else if along <= 0.0 {
         [0.0; 3]

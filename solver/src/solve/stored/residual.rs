@@ -47,7 +47,7 @@ fn scales(problem: &Problem) -> (f64, f64) {
 /// The nearest point of the cone { |t| <= mu n }.
 fn project([n, t1, t2]: Triple, mu: f64) -> Triple {
     let t = t1.hypot(t2);
-    if t <= mu * n {
+    if n >= 0.0 && t <= mu * n {
         return [n, t1, t2];
     }
     if mu * t <= -n {
