@@ -413,6 +413,9 @@ impl Compute {
                 as_written(event),
                 "a finite time and finite values, quench from 0 to 1, friction and cohesion >= 0",
             );
+            if let Action::AddSpin(turn) | Action::SetTorque(turn) = &event.action {
+                expect(self.may_turn(turn), &format!("events.{k}"), as_written(event), ABOUT_A_PERIOD);
+            }
             let repeated = event.every.is_none_or(|every| every.is_finite() && every >= self.dt)
                 && event.until.is_none_or(|until| until.is_finite() && until >= event.time && event.every.is_some());
             expect(
@@ -424,6 +427,13 @@ impl Compute {
         }
     }
 
+    /// Whether a rotation about `axis` leaves a scene that repeats as it is: where it repeats along this axis alone, or not
+    /// at all.
+    pub fn may_turn(&self, axis: &[f64; 3]) -> bool {
+        let [x, y, z] = axis.map(|component| component == 0.0);
+        (self.xperiode.is_none() || y && z) && (self.yperiode.is_none() || x && z)
+    }
+
     /// The step to end with, from `steps` or `end_time`, for a case whose DOF.INI stands at step
     /// `first` and `time` (s); none when neither is given.
     pub fn last_step(&self, first: u64, time: f64) -> Option<u64> {
@@ -432,6 +442,10 @@ impl Compute {
         self.steps.or(self.end_time.map(until)).map(|steps| first.saturating_add(steps))
     }
 }
+
+/// What a rotation must be where a scene repeats, as neighbours across its border would be torn apart.
+pub const ABOUT_A_PERIOD: &str =
+    "a rotation about the only axis along which the scene repeats, or a scene that does not repeat";
 
 /// `field: x` for `field: Some(x)`.
 fn ron_options() -> ron::Options {
@@ -461,6 +475,18 @@ pub fn from_ron<T: serde::de::DeserializeOwned>(path: &Path, text: &str, object:
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn scenes_that_repeat_turn_about_their_period_alone() {
+        let faults = |xperiode, yperiode, axis| {
+            let events = vec![Event::once(0.0, Action::AddSpin(axis))];
+            Compute { xperiode, yperiode, events, ..Compute::default() }.check(Path::new("options")).is_err()
+        };
+        let (x, z, period) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0], Some(4.0));
+        assert_eq!([x, z].map(|axis| faults(None, None, axis)), [false, false]);
+        assert_eq!([x, z].map(|axis| faults(period, None, axis)), [false, true]);
+        assert_eq!([x, z].map(|axis| faults(period, period, axis)), [true, true]);
+    }
 
     #[test]
     fn text_round_trips_and_flags_win() {

@@ -1,5 +1,6 @@
 //! What no scene may ask for: all faults of the meaning at once, before anything is placed.
 
+use cd_formats::compute::ABOUT_A_PERIOD;
 use cd_formats::report::Report;
 use nalgebra::Vector3;
 
@@ -40,6 +41,8 @@ pub fn check(scene: &Scene, report: &mut Report) {
         let path = format!("grains.{k}");
         worn(scene, report, &path, &grains.material, &grains.colour);
         check_grains(report, &path, grains);
+        let turns = scene.compute.may_turn(&grains.spin);
+        report.expect(turns, &format!("{path}.spin"), format!("{:?}", grains.spin), ABOUT_A_PERIOD);
     }
     for (k, wall) in scene.walls.iter().enumerate() {
         check_wall(scene, report, &format!("walls.{k}"), wall);

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
-use cd_formats::compute::Compute;
+use cd_formats::compute::{ABOUT_A_PERIOD, Compute};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{Driven, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
@@ -192,6 +192,16 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         if !report.faults.0.is_empty() {
             return Err(report.faults);
         }
+    }
+    for (k, taken) in changes.bodies.iter().enumerate() {
+        let turns = taken.stop != Stop::RigidMotion || options.may_turn(&[1.0; 3]);
+        report.expect(turns, &format!("bodies.{k}.stop"), "RigidMotion", ABOUT_A_PERIOD);
+        report.expect(
+            options.may_turn(&taken.spin),
+            &format!("bodies.{k}.spin"),
+            format!("{:?}", taken.spin),
+            ABOUT_A_PERIOD,
+        );
     }
     let new = New::of(&changes, &parts, &options, folder, &mut report);
     let records = records(&parts, &new);
