@@ -64,7 +64,8 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         {
             let (units, problem) = next_problem(scene, &state);
             if number <= state.step + units {
-                let (number, path) = (state.step + units, crate::write::problem(case, state.step + units, problem)?);
+                let number = state.step + units;
+                let path = crate::write::problem(case, number, problem)?;
                 tell(format_args!("contact problem of step {number} in {}", path.display()));
             }
         }

@@ -11,12 +11,10 @@ use cd_formats::error::Faults;
 
 use crate::derive::Row;
 use crate::frame::Frame;
+use crate::study::TIMED;
 use crate::write::plots::PLOTS;
 use crate::write::scale::significant;
 use crate::{Options, compare, series, state, write};
-
-/// Columns of TIMER.csv besides the step.
-const ROOMS: [&str; 6] = ["gravity", "detection", "assembly", "solve", "integration", "writing"];
 
 /// Figures of the last state, with their captions.
 const STATE_FIGURES: [(&str, &str); 8] = [
@@ -198,6 +196,7 @@ fn seconds(path: &Path) -> Result<Vec<(&'static str, f64)>, Faults> {
     if !path.exists() {
         return Ok(Vec::new());
     }
-    let table = compare::read(path, &ROOMS)?;
-    Ok(ROOMS.iter().map(|room| (*room, table[*room].iter().sum())).collect())
+    let rooms = [&TIMED[..], &["writing"]].concat();
+    let table = compare::read(path, &rooms)?;
+    Ok(rooms.iter().map(|room| (*room, table[*room].iter().sum())).collect())
 }
