@@ -1,9 +1,11 @@
 //! The surface of an aggregate by direction: height, effective gravity, slope.
 
+use cd_formats::field::Outside;
 use rayon::prelude::*;
 
+use crate::derive::energy::outside;
 use crate::derive::motion::Whole;
-use crate::frame::{Frame, Grain, Vec3};
+use crate::frame::{Contact, Frame, Grain, Vec3};
 
 /// Directions about the centre of mass: the middles of cells of equal steps of latitude and longitude.
 /// z of the world points to the north pole, x to longitude 0.
@@ -70,7 +72,7 @@ pub struct Facet {
     pub x: Vec3,
     /// Distance from the centre of mass, m; NaN where no ray meets a grain.
     pub height: f64,
-    /// Gravity and centrifugal acceleration in the frame that turns with the aggregate, m/s^2.
+    /// Gravity and centrifugal acceleration in the frame that moves and turns with the aggregate, m/s^2.
     pub gravity: Vec3,
     /// Of the surface in the cell, m^2.
     pub area: f64,
@@ -83,14 +85,49 @@ pub struct Facet {
 ///
 /// Rays from the centre of mass to the last surface of a sphere give the heights (of a polyhedron the sphere of
 /// equal volume), averaged over three mean radii around with less weight farther away. Gravity is that of all
-/// grains of the frame, each a solid ball; `constant`: G. The spin is that of `whole`, in fixed axes.
+/// grains of the frame, each a solid ball, and of the primaries, and what [`in_own_axes`] adds; `constant`: G. The spin is that of
+/// `whole`, in fixed axes.
 pub fn surface(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, grid: Grid) -> Vec<Facet> {
     let grains: Vec<&Grain> = members.iter().map(|&i| &frame.grains[i]).collect();
     let raw = heights(&grains, whole.x, grid);
     let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
     let smooth = smoothed(&raw, SMOOTHING * mean_radius, grid);
-    let gravity = |x: Vec3| frame.grains.iter().map(|g| attraction(g, x)).sum::<Vec3>() * constant;
+    let fields = outside(frame);
+    let added = in_own_axes(frame, members, whole, constant, &fields);
+    let gravity = |x: Vec3| {
+        let grains = frame.grains.iter().map(|g| attraction(g, x)).sum::<Vec3>() * constant;
+        grains + primaries(&fields, x) + added
+    };
     facets(&smooth, whole.x, whole.spin(), gravity, grid)
+}
+
+/// What is felt everywhere in axes that move with the centre of mass of the grains `members`, m/s^2.
+///
+/// Where a wall touches one of them with force they rest in the axes of the scene: uniform gravity, and of axes that turn
+/// the centrifugal acceleration of their centre of mass. Else they fall freely: against the mean pull of primaries and other
+/// grains, so that tides are left of these, and uniform gravity is not felt.
+fn in_own_axes(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, fields: &[Outside]) -> Vec3 {
+    let mut own = vec![false; frame.grains.len()];
+    members.iter().for_each(|&i| own[i] = true);
+    let borne = |contact: &Contact| contact.pair().is_none() && contact.on_grains().any(|(i, _, _)| own[i]);
+    if frame.active().any(borne) {
+        let turning = fields.iter().filter(|field| matches!(field, Outside::Turning { .. }));
+        return Vec3::from(frame.meta.parameters.uniform_gravity) + turning.map(|f| f.at(&whole.x).0).sum::<Vec3>();
+    }
+    let others: Vec<&Grain> = (0..own.len()).filter(|&i| !own[i]).map(|i| &frame.grains[i]).collect();
+    let pull = |&i: &usize| {
+        let grain = &frame.grains[i];
+        let of_others = others.iter().map(|other| attraction(other, grain.x)).sum::<Vec3>() * constant;
+        (of_others + primaries(fields, grain.x)) * grain.mass
+    };
+    // Summed in one order, whatever the number of threads.
+    let pulls: Vec<Vec3> = members.par_iter().map(pull).collect();
+    -pulls.iter().sum::<Vec3>() / whole.mass
+}
+
+/// Attraction by the primaries among the fields, m/s^2.
+fn primaries(fields: &[Outside], x: Vec3) -> Vec3 {
+    fields.iter().filter(|field| matches!(field, Outside::Primary { .. })).map(|field| field.at(&x).0).sum()
 }
 
 /// Distance along each direction from `centre` to the last surface of a grain, m; NaN without.
@@ -279,6 +316,61 @@ mod tests {
             let (sin, cos) = facet.latitude.abs().sin_cos();
             let expected = (0.5 * sin * cos).atan2(1.0 - 0.5 * cos * cos);
             assert!((facet.slope - expected).abs() < 1e-7, "{facet:?} {expected}"); // the cosine of 1e-7 is 1 to rounding
+        }
+    }
+
+    /// The surface of the heaviest group of a scene.
+    fn of(scene: &Scene, constant: f64) -> Vec<Facet> {
+        let frame = scene.frame();
+        let largest = &fragments(&frame)[0];
+        surface(&frame, &largest.grains, &largest.whole, constant, Grid::STANDARD)
+    }
+
+    #[test]
+    fn what_a_wall_bears_feels_uniform_gravity_and_what_falls_does_not() {
+        let mut scene = Scene::default();
+        let grain = scene.grain([0.0, 0.0, 1.0], 1.0);
+        let floor = scene.plate([0.0, 0.0, -0.5], [9.0, 9.0, 0.5]);
+        scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -2.0];
+        assert!(of(&scene, 0.0).iter().all(|f| f.gravity == Vec3::zeros() && f.slope.is_nan()));
+        scene.contact_at(grain, floor, [0.0; 3], Vec3::z());
+        for facet in of(&scene, 0.0) {
+            assert_eq!(facet.gravity, Vec3::new(0.0, 0.0, -2.0));
+            let expected = std::f64::consts::FRAC_PI_2 - facet.latitude; // from the pole
+            assert!((facet.slope - expected).abs() < 1e-7, "{facet:?}"); // the cosine of 1e-7 is 1 to rounding
+        }
+        // At rest in axes that turn about the middle of a turntable 10 m away: w^2 r.
+        let rate = [0.0, 0.0, 0.3];
+        scene.snapshot.meta.parameters.fields = vec![Field::RotatingFrame { rate, centre: [-10.0, 0.0, 0.0] }];
+        for facet in of(&scene, 0.0) {
+            let expected = Vec3::new(0.09 * (facet.x.x + 10.0), 0.09 * facet.x.y, -2.0);
+            assert!((facet.gravity - expected).norm() < 1e-14, "{facet:?}");
+        }
+    }
+
+    #[test]
+    fn tides_are_what_is_left_of_a_primary_and_of_another_fragment() {
+        let (constant, distance, mass) = (1.0, 100.0, 3e4);
+        let primary = |scene: &mut Scene| {
+            let position = [distance, 0.0, 0.0];
+            scene.snapshot.meta.parameters.fields = vec![Field::PointMass { mass, position }];
+        };
+        let moon = |scene: &mut Scene| {
+            let moon = scene.grain([distance, 0.0, 0.0], 0.9);
+            scene.snapshot.bodies.body_mass[moon] = mass;
+            scene.snapshot.bodies.body_mass[0] = 2.0 * mass; // the heaviest
+        };
+        for pull in [&primary as &dyn Fn(&mut Scene), &moon] {
+            let mut scene = Scene::self_gravitating(constant);
+            scene.grain([0.0; 3], 1.0);
+            pull(&mut scene);
+            let own = scene.snapshot.bodies.body_mass[0];
+            for facet in of(&scene, constant) {
+                // G M / d^3 (2 x, -y, -z), to the next order in x / d.
+                let tide = mass / f64::powi(distance, 3) * Vec3::new(2.0 * facet.x.x, -facet.x.y, -facet.x.z);
+                let found = facet.gravity + own * facet.x;
+                assert!((found - tide).norm() < 0.05 * 2.0 * mass / f64::powi(distance, 3), "{facet:?} {tide}");
+            }
         }
     }
 
