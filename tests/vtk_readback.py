@@ -99,11 +99,16 @@ def polyhedra(path):
     return {number: np.array(rows) for number, rows in vertices.items()}
 
 
-# Places of the static friction and of the attraction, N, in a law's parameters.
-PLACES = {"IQS_CLB": (0, None), "IQS_DS_CLB": (1, None), "RST_CLB": (2, None), "IQS_WET_DS_CLB": (4, 0)}
+# Places of the static friction, of the attraction, N, and of its range, m, in a law's parameters.
+PLACES = {
+    "IQS_CLB": (0, None, None),
+    "IQS_DS_CLB": (1, None, None),
+    "RST_CLB": (2, None, None),
+    "IQS_WET_DS_CLB": (4, 0, 2),
+}
 
 
-def friction_and_attraction(law):
+def friction_attraction_and_range(law):
     return [0.0 if place is None else law["parameters"][place] for place in PLACES[law["kind"]]]
 
 
@@ -136,8 +141,9 @@ class Snapshot:
         self.image = self.whole(half_way[candidate] - half_way[antagonist])
         self.all["contact_point"] = self["contact_point"] + moved[candidate]
         self.active = (self["contact_impulse"] != 0).any(axis=1)
-        laws = [friction_and_attraction(law) for law in self.meta["laws"]]
-        self.friction, self.attraction = np.array(laws).reshape(-1, 2)[self["contact_law"]].T
+        laws = [friction_attraction_and_range(law) for law in self.meta["laws"]]
+        self.friction, attraction, reach = np.array(laws).reshape(-1, 3)[self["contact_law"]].T
+        self.attraction = np.where(self["contact_gap"] <= reach, attraction, 0.0)  # a liquid pulls no farther
 
     def __getitem__(self, name):
         return self.all[name]
