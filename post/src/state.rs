@@ -1,5 +1,6 @@
 //! `cd-post state`: one snapshot in depth. Each table has its figure beside it.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
@@ -80,7 +81,7 @@ pub fn write(dir: &Path, step: Option<u64>) -> Result<(PathBuf, Vec<String>), Fa
     if frame.grains.is_empty() {
         return Ok((folder, vec![format!("the snapshot of step {step} holds no grain: nothing is written")]));
     }
-    for (name, bytes) in files(&frame) {
+    for (name, bytes) in files(&frame, &newcomers(dir)?) {
         atomic::write(&folder.join(name), &bytes)?;
     }
     let notes = match frame.cell().repeats() {
@@ -90,12 +91,32 @@ pub fn write(dir: &Path, step: Option<u64>) -> Result<(PathBuf, Vec<String>), Fa
     Ok((folder, notes))
 }
 
-/// All files of a frame that holds grains.
-pub fn files(frame: &Frame) -> Vec<File> {
+/// The numbers of the bodies that `cd-pre from-outbox` put to those of another run, such as a lander: in DATBOX/ORIGIN.csv
+/// those without a case; none where there is no such file.
+pub fn newcomers(dir: &Path) -> Result<HashSet<u64>, Faults> {
+    let path = dir.join("DATBOX/ORIGIN.csv");
+    if !path.exists() {
+        return Ok(HashSet::new());
+    }
+    let text = atomic::read_text(&path)?;
+    let (mut numbers, mut faults) = (HashSet::new(), Faults::default());
+    for (number, line) in (1..).zip(text.lines()).skip(1) {
+        // The name of a case may have commas.
+        match line.split_once(',').map(|(body, origin)| (body.parse::<u64>(), origin)) {
+            Some((Ok(body), ",,")) => drop(numbers.insert(body)),
+            Some((Ok(_), _)) => {}
+            _ => faults.push(Fault::new(&path, Some(number), "row", line, "expected body,case,step,number")),
+        }
+    }
+    faults.into_result(numbers)
+}
+
+/// All files of a frame that holds grains; `newcomers`: bodies that are no ejecta wherever they are.
+pub fn files(frame: &Frame, newcomers: &HashSet<u64>) -> Vec<File> {
     let fragments = fragments(frame);
     let mut files = forces(frame);
     files.push(("fabric.csv", fabric_table(frame).into_bytes()));
-    files.extend(ejecta(frame, &fragments));
+    files.extend(ejecta(frame, &fragments, newcomers));
     if !frame.cell().repeats() {
         files.extend(profiles(frame, &fragments[0]));
         files.extend(surface_files(frame, &fragments[0]));
@@ -180,7 +201,7 @@ fn fabric_table(frame: &Frame) -> String {
 }
 
 /// The fragments with their orbits about the largest, and how fast grains leave it.
-fn ejecta(frame: &Frame, fragments: &[Fragment]) -> Vec<File> {
+fn ejecta(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>) -> Vec<File> {
     let constant = self_gravity_constant(frame).unwrap_or(0.0);
     let cell = frame.cell();
     let periods = [cell.0[0], cell.0[1], None];
@@ -236,11 +257,12 @@ fn ejecta(frame: &Frame, fragments: &[Fragment]) -> Vec<File> {
     };
     let groups = csv(&header, fragments.iter().zip(orbits).enumerate().map(row));
 
-    let mass = frame.mass();
-    let others = fragments.iter().skip(1).flat_map(|fragment| fragment.grains.iter());
+    let native = |grain: &&Grain| !newcomers.contains(&grain.id);
+    let mass: f64 = frame.grains.iter().filter(native).map(|grain| grain.mass).sum();
+    let others = fragments.iter().skip(1).flat_map(|fragment| fragment.grains.iter().map(|&i| &frame.grains[i]));
     let axes = Axes::of(frame);
     let speed = |grain: &Grain| (grain.v + axes.velocity(grain.x) - largest.velocity()).norm();
-    let mut speeds: Vec<(f64, f64)> = others.map(|&i| (speed(&frame.grains[i]), frame.grains[i].mass / mass)).collect();
+    let mut speeds: Vec<(f64, f64)> = others.filter(native).map(|grain| (speed(grain), grain.mass / mass)).collect();
     speeds.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut faster = 0.0;
     let cumulated: Vec<(f64, f64)> = speeds
@@ -342,7 +364,7 @@ mod tests {
         let other = scene.grain([0.0, 0.0, 5.0], 0.5);
         scene.snapshot.bodies.body_v[other] = [0.0, 2.0, 0.0];
         let file = |scene: &Scene, name: &str| -> Option<String> {
-            let found = files(&scene.frame()).into_iter().find(|file| file.0 == name)?;
+            let found = files(&scene.frame(), &HashSet::new()).into_iter().find(|file| file.0 == name)?;
             Some(String::from_utf8(found.1).unwrap())
         };
         let surface = file(&scene, "surface.vtp").unwrap();
@@ -358,6 +380,27 @@ mod tests {
         assert_eq!(fields(&scene)[9..18], ["", "", "", "", "", "", "", "", "2.0"]);
         // There is no centre, from which a profile or a surface could be measured.
         assert!(["surface.csv", "slopes.csv", "profile.csv"].iter().all(|name| file(&scene, name).is_none()));
+    }
+
+    #[test]
+    fn a_lander_is_no_ejecta() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("DATBOX/ORIGIN.csv");
+        assert!(newcomers(folder.path()).unwrap().is_empty());
+        atomic::write(&path, b"body,case,step,number\n1,a, b,7,1\n2,a, b,7,3\n3,,,\n").unwrap();
+        let lander = newcomers(folder.path()).unwrap();
+        assert_eq!(lander, HashSet::from([3]));
+        let mut scene = Scene::default();
+        for (k, radius) in [2.0, 1.0, 1.5].into_iter().enumerate() {
+            scene.grain([10.0 * k as f64, 0.0, 0.0], radius);
+        }
+        let found = files(&scene.frame(), &lander);
+        let table = String::from_utf8(found.iter().find(|file| file.0 == "ejecta.csv").unwrap().1.clone()).unwrap();
+        let share: f64 = table.lines().nth(1).unwrap().split(',').nth(2).unwrap().parse().unwrap();
+        assert!(table.lines().count() == 2 && (share - 1.0 / 9.0).abs() < 1e-15, "{table}"); // of 8 + 1
+        atomic::write(&path, b"body,case,step,number\nfirst,,,\n\n").unwrap();
+        let faults = newcomers(folder.path()).unwrap_err().to_string();
+        assert!(faults.lines().count() == 2 && faults.contains("ORIGIN.csv:2: row: first,,,; expected"), "{faults}");
     }
 
     #[test]

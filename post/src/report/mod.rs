@@ -2,7 +2,7 @@
 
 mod grains;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -65,8 +65,9 @@ pub fn write(dir: &Path, every: u32) -> Result<PathBuf, Faults> {
     let (rows, frames) = series(&options)?;
     let last = frames.last().expect("the last snapshot is taken");
     let seconds = seconds(&dir.join("TIMER.csv"))?;
+    let newcomers = state::newcomers(dir)?;
     let path = dir.join("POSTPRO/report.html");
-    atomic::write(&path, page(dir, &rows, last, &seconds).as_bytes())?;
+    atomic::write(&path, page(dir, &rows, last, &newcomers, &seconds).as_bytes())?;
     Ok(path)
 }
 
@@ -74,8 +75,8 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
-/// The text of the page; `rows` hold at least that of `last`.
-fn page(dir: &Path, rows: &[Row], last: &Frame, seconds: &[(&str, f64)]) -> String {
+/// The text of the page; `rows` hold at least that of `last`, of which some bodies are `newcomers`.
+fn page(dir: &Path, rows: &[Row], last: &Frame, newcomers: &HashSet<u64>, seconds: &[(&str, f64)]) -> String {
     let whole = std::fs::canonicalize(dir).unwrap_or(dir.to_path_buf());
     let name = escaped(&whole.file_name().map_or("case".into(), |name| name.to_string_lossy().into_owned()));
     let meta = &last.meta;
@@ -112,7 +113,7 @@ fn page(dir: &Path, rows: &[Row], last: &Frame, seconds: &[(&str, f64)]) -> Stri
     put("</div>\n");
     if !last.grains.is_empty() {
         put("<h2>In depth, at the end</h2>\n<div class=\"figures\">\n");
-        let files: BTreeMap<&str, Vec<u8>> = state::files(last).into_iter().collect();
+        let files: BTreeMap<&str, Vec<u8>> = state::files(last, newcomers).into_iter().collect();
         for (file, caption) in STATE_FIGURES {
             if let Some(svg) = files.get(file) {
                 put(&figure(&String::from_utf8_lossy(svg), caption));
