@@ -72,7 +72,14 @@ pub struct Compared<'a> {
 /// Reads a table of each case and writes a figure and a table for each of the columns into `output`.
 ///
 /// `labels`: names in the legend, as many as cases, or none for those of the folders.
-pub fn write(cases: &[PathBuf], labels: &[String], compared: &Compared, output: &Path) -> Result<usize, Faults> {
+///
+/// Returns how many columns, and what is worth a report.
+pub fn write(
+    cases: &[PathBuf],
+    labels: &[String],
+    compared: &Compared,
+    output: &Path,
+) -> Result<(usize, Vec<String>), Faults> {
     let Compared { table, columns, against } = *compared;
     let mut faults = Faults::default();
     let option =
@@ -108,12 +115,16 @@ pub fn write(cases: &[PathBuf], labels: &[String], compared: &Compared, output: 
         })
         .collect();
     faults.into_result(())?;
+    let mut notes = Vec::new();
     for name in columns {
         let (figure, table) = draw(&runs, &kind, name, against);
+        notes.extend(figure.alike());
         atomic::write(&output.join(format!("{name}.svg")), figure.svg().as_bytes())?;
         atomic::write(&output.join(format!("{name}.csv")), table.as_bytes())?;
     }
-    Ok(columns.len())
+    // All figures have the same runs.
+    notes.dedup();
+    Ok((columns.len(), notes))
 }
 
 /// Where a table of a case is; the folder `state` stands for the last one of `cd-post state`.
@@ -189,7 +200,7 @@ pub fn read(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
 }
 
 /// The figure of a column, and its table: a row for each value of the horizontal axis that some run has, an
-/// empty field where another has none.
+/// empty field where another has none; where a run has several at one, their mean.
 fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String) {
     let points: Vec<Vec<(f64, f64)>> = runs
         .iter()
@@ -226,8 +237,12 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
     header.extend(names.iter().map(String::as_str));
     let rows = places.into_iter().map(|x| {
         let at = |points: &Vec<(f64, f64)>| {
-            let near = points.iter().filter(|p| same(p.0, x));
-            near.min_by(|a, b| (a.0 - x).abs().total_cmp(&(b.0 - x).abs())).map_or(f64::NAN, |p| p.1)
+            let near = points.iter().map(|p| p.0).filter(|place| same(*place, x));
+            let nearest = near.min_by(|a, b| (a - x).abs().total_cmp(&(b - x).abs()));
+            // A table may come by one place several times: of its values there the mean.
+            let there = points.iter().filter(|p| Some(p.0) == nearest && p.1.is_finite());
+            let (count, sum) = there.fold((0.0, 0.0), |(count, sum), p| (count + 1.0, sum + p.1));
+            sum / count
         };
         std::iter::once(x).chain(points.iter().map(at)).collect()
     });
@@ -254,6 +269,21 @@ mod tests {
     }
 
     #[test]
+    fn of_several_rows_at_one_place_the_mean_is_told() {
+        let run = |name: &str, spin: &[f64], z: &[f64]| Run {
+            name: name.into(),
+            columns: [("largest_spin".into(), spin.to_vec()), ("Z".into(), z.to_vec())].into(),
+        };
+        let runs = [
+            run("up and down", &[0.0, 1.0, 0.0, 2.0], &[6.0, 4.0, 5.0, f64::NAN]),
+            run("up", &[0.0, 2.0], &[3.0, 1.0]),
+        ];
+        let kind = Kind::of(Path::new("series.csv")).unwrap();
+        let (_, table) = draw(&runs, &kind, "Z", "largest_spin");
+        assert_eq!(table, "largest_spin,up and down,up\n0.0,5.5,3.0\n1.0,4.0,\n2.0,,1.0\n");
+    }
+
+    #[test]
     fn series_of_several_runs_are_aligned_by_their_times() {
         let run = |name: &str, rows: &[(f64, f64)]| Run {
             name: name.into(),
@@ -268,7 +298,7 @@ mod tests {
         let kind = Kind::of(Path::new("series.csv")).unwrap();
         let (figure, table) = draw(&runs, &kind, "Z", "time");
         assert_eq!(table, "time,one,two; more\n0.0,1.0,5.0\n1.0,,\n2.0,3.0,7.0\n");
-        assert_eq!(figure.curves.len(), 2);
+        assert_eq!((figure.curves.len(), figure.alike()), (2, None));
         let svg = figure.svg();
         assert!(svg.contains("two, more") && svg.contains("time (s)"), "{svg}");
     }

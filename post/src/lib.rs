@@ -210,20 +210,20 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         }),
         Some(Command::Compare { dirs, output, labels, table, columns, against }) => {
             let compared = compare::Compared { table, columns, against: against.as_deref() };
-            compare::write(dirs, labels, &compared, output).map(|count| {
+            compare::write(dirs, labels, &compared, output).map(|(count, notes)| {
                 tell(format_args!("cd-post: {count} figures in {}", output.display()));
-                Vec::new()
+                notes
             })
         }
         Some(Command::Study { dirs, output, groups, from, until }) => study::write(dirs, groups, *from, *until, output)
-            .map(|count| {
+            .map(|(count, notes)| {
                 tell(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
-                Vec::new()
+                notes
             }),
         Some(Command::Trade { dirs, output, groups, values, from, early }) => {
-            trade::write(dirs, groups, values, *from, *early, output).map(|table| {
+            trade::write(dirs, groups, values, *from, *early, output).map(|(table, notes)| {
                 tell(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
-                Vec::new()
+                notes
             })
         }
         Some(Command::Track { dir, body }) => track::write(dir, *body).map(|folder| {

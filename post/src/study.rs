@@ -88,13 +88,15 @@ impl Line {
 ///
 /// `groups`: one name a case, which the figures tell apart; none for a single group. `from`: means are over the
 /// snapshots from this time on up to `until`, s; without it, of the last of these alone.
+///
+/// Returns how many figures, and what is worth a report.
 pub fn write(
     cases: &[PathBuf],
     groups: &[String],
     from: Option<f64>,
     until: Option<f64>,
     output: &Path,
-) -> Result<usize, Faults> {
+) -> Result<(usize, Vec<String>), Faults> {
     let mut faults = Faults::default();
     if !groups.is_empty() && groups.len() != cases.len() {
         let expected = format!("expected {}, one a case", cases.len());
@@ -120,7 +122,11 @@ pub fn write(
     for (name, figure) in &figures {
         atomic::write(&output.join(format!("{name}.svg")), figure.svg().as_bytes())?;
     }
-    Ok(figures.len())
+    // Most figures have the same groups.
+    let mut notes: Vec<String> = figures.iter().filter_map(|(_, figure)| figure.alike()).collect();
+    notes.sort();
+    notes.dedup();
+    Ok((figures.len(), notes))
 }
 
 /// The values of a run.

@@ -73,7 +73,8 @@ impl Compared {
 }
 
 /// Measures each case from its series.csv, TIMER.csv, ERRORS.csv and snapshots, compares it with the finest - that of
-/// `accuracy: reference`, else the last - and writes trade.csv, orders.csv and trade.svg. Returns the table as text.
+/// `accuracy: reference`, else the last - and writes trade.csv, orders.csv and trade.svg. Returns the table as text, and
+/// what is worth a report.
 ///
 /// `groups`: one name a case, of the option that it is about; `values`: what that option is there, both in the order of the
 /// cases or empty. `from`: errors are medians over the snapshots from this time on, s; without it, of the last alone. `early`:
@@ -85,7 +86,7 @@ pub fn write(
     from: Option<f64>,
     early: Option<f64>,
     output: &Path,
-) -> Result<String, Faults> {
+) -> Result<(String, Vec<String>), Faults> {
     let mut faults = Faults::default();
     for (name, count) in [("groups", groups.len()), ("values", values.len())] {
         if count != 0 && count != cases.len() {
@@ -109,8 +110,9 @@ pub fn write(
         compared.iter().enumerate().filter(|(k, _)| *k != finest).map(|(_, run)| run.clone()).collect();
     atomic::write(&output.join("trade.csv"), table(&compared).as_bytes())?;
     atomic::write(&output.join("orders.csv"), orders(&others).as_bytes())?;
-    atomic::write(&output.join("trade.svg"), figure(&others).svg().as_bytes())?;
-    Ok(text(&compared, &runs[finest].name))
+    let figure = figure(&others);
+    atomic::write(&output.join("trade.svg"), figure.svg().as_bytes())?;
+    Ok((text(&compared, &runs[finest].name), figure.alike().into_iter().collect()))
 }
 
 /// The place of the series of a case.

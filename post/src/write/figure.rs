@@ -76,6 +76,8 @@ struct Style {
 
 /// Length of a dash and of the gap behind it, of curves that take a colour again.
 const DASHES: [(u32, u32); 4] = [(8, 8), (2, 5), (14, 4), (3, 14)];
+/// Forms of a dot, one after the other of curves that take a colour again.
+const FORMS: usize = 4;
 const SIZE: (u32, u32) = (800, 450);
 /// Least width of what is beside the legend, and of a letter of the title: the picture gets wider where they ask for it.
 const LEAST: i32 = 400;
@@ -88,6 +90,8 @@ const LETTER: i32 = 7;
 const ROWS: usize = 26;
 const FIRST_ROW: i32 = 60;
 const ROW: i32 = 24;
+/// Radius of a dot with a name.
+const NAMED: i32 = 5;
 /// Marks of an axis, at most.
 const MARKS: usize = 7;
 /// Okabe & Ito (2008): told apart by colour-blind eyes too.
@@ -123,6 +127,15 @@ impl Figure {
             root.present().expect("drawing into memory");
         }
         text
+    }
+
+    /// What is to be told of a figure with more curves than there are colours with dashes or forms of dots.
+    pub fn alike(&self) -> Option<String> {
+        let count = |marks: Marks| self.curves.iter().filter(|curve| curve.marks == marks).count();
+        let coloured = count(Marks::Line) + count(Marks::Dots);
+        let most = COLOURS.len() * if count(Marks::Dots) > 0 { FORMS } else { 1 + DASHES.len() };
+        (coloured > most)
+            .then(|| format!("{coloured} curves in one figure: no more than {most} are drawn unlike each other"))
     }
 
     fn draw(&self, root: &Area) -> Drawn {
@@ -177,20 +190,27 @@ impl Figure {
             .x_label_formatter(&|x| x_ticks.label(*x, x_offset))
             .y_label_formatter(&|y| y_ticks.label(*y, y_offset))
             .draw()?;
+        // What names may not lie on: the dots that have one, and the names before.
+        let named = self.curves.iter().zip(&curves).filter(|(curve, _)| curve.marks == Marks::Named);
+        let dots = named.flat_map(|(_, points)| points).filter(|(_, y)| !y.is_nan());
+        let (across, down) = chart.plotting_area().get_pixel_range();
+        let plot = Rectangle { left: across.start, upper: down.start, right: across.end, lower: down.end };
+        let mut taken: Vec<Rectangle> = dots.map(|point| Rectangle::about(chart.backend_coord(point), NAMED)).collect();
         for (k, (curve, points)) in self.curves.iter().zip(&curves).enumerate() {
             let Style { colour, width, again } = self.style(k);
             let size = 2 + width as i32 / 2;
             let dot = |point: &(f64, f64)| mark(*point, size, colour, again);
             let defined = points.iter().filter(|(_, y)| !y.is_nan());
             if curve.marks == Marks::Named {
-                // Names in turn above and below, as the dots may be near each other.
-                let side = if k % 2 == 0 { -18 } else { 6 };
-                let named = |point: &(f64, f64)| {
-                    EmptyElement::at(*point)
-                        + Circle::new((0, 0), 5, colour.filled())
-                        + Text::new(curve.name.clone(), (6, side), font(13))
-                };
-                chart.draw_series(defined.map(named))?;
+                for point in defined {
+                    let place = chart.backend_coord(point);
+                    let name = beside(place, curve.name.chars().count() as i32, &plot, &taken);
+                    let shift = (name.left - place.0, name.upper - place.1);
+                    taken.push(name);
+                    let text = Text::new(curve.name.clone(), shift, font(13));
+                    let dot = Circle::new((0, 0), NAMED, colour.filled());
+                    chart.draw_series([EmptyElement::at(*point) + dot + text])?;
+                }
                 continue;
             }
             if curve.marks == Marks::Dots {
@@ -283,6 +303,44 @@ impl Figure {
     }
 }
 
+/// Part of the picture, from the left and from above, in pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Rectangle {
+    left: i32,
+    upper: i32,
+    right: i32,
+    lower: i32,
+}
+
+impl Rectangle {
+    fn about((x, y): (i32, i32), half: i32) -> Rectangle {
+        Rectangle { left: x - half, upper: y - half, right: x + half, lower: y + half }
+    }
+
+    fn meets(&self, other: &Rectangle) -> bool {
+        self.left < other.right && other.left < self.right && self.upper < other.lower && other.upper < self.lower
+    }
+
+    fn holds(&self, other: &Rectangle) -> bool {
+        self.left <= other.left && other.right <= self.right && self.upper <= other.upper && other.lower <= self.lower
+    }
+}
+
+/// Where a name of so many letters stands beside its dot: the first place in `plot` that meets nothing `taken`, right or left
+/// of it, above or below, then farther away; the first of all where there is none.
+fn beside((x, y): (i32, i32), letters: i32, plot: &Rectangle, taken: &[Rectangle]) -> Rectangle {
+    let (wide, high) = (LETTER * letters, 15);
+    let at = |left: i32, upper: i32| Rectangle { left, upper, right: left + wide, lower: upper + high };
+    let around = |away: i32| {
+        let (above, below) = (y - 3 - away - high, y + 3 + away);
+        let (right, left) = (x + NAMED + 1, x - NAMED - 1 - wide);
+        [at(right, below), at(right, above), at(left, above), at(left, below)]
+    };
+    let places: Vec<Rectangle> = (0..4).flat_map(|k| around(high * k)).collect();
+    let free = |place: &&Rectangle| plot.holds(place) && !taken.iter().any(|other| place.meets(other));
+    *places.iter().find(free).unwrap_or(&places[0])
+}
+
 fn dashes(again: usize) -> Option<(u32, u32)> {
     Some(DASHES[again.checked_sub(1)? % DASHES.len()])
 }
@@ -294,7 +352,7 @@ fn mark<'a, Coord: Clone + 'static>(
     colour: RGBColor,
     again: usize,
 ) -> DynElement<'static, SVGBackend<'a>, Coord> {
-    match again % 4 {
+    match again % FORMS {
         0 => Circle::new(at, size, colour.filled()).into_dyn(),
         1 => Circle::new(at, size, colour.stroke_width(1)).into_dyn(),
         2 => TriangleMarker::new(at, size + 1, colour.filled()).into_dyn(),
@@ -521,6 +579,47 @@ mod tests {
         let styles: Vec<Style> = (0..28).map(|k| figure.style(k)).collect();
         let alike = |a: &Style, b: &Style| a.colour == b.colour && dashes(a.again) == dashes(b.again);
         assert!((0..28).all(|k| (0..k).all(|j| !alike(&styles[j], &styles[k])) && styles[k].width <= 3));
+    }
+
+    #[test]
+    fn more_curves_than_styles_are_told() {
+        let mut figure = figure(vec![(0.0, 1.0)], false);
+        figure.curves = vec![figure.curves[0].clone(); 35];
+        assert_eq!(figure.alike(), None);
+        figure.curves.push(figure.curves[0].clone());
+        let told = figure.alike().unwrap();
+        assert!(told.starts_with("36 curves") && told.contains(" 35 "), "{told}");
+        figure.curves = vec![Curve { marks: Marks::Dots, ..figure.curves[0].clone() }; 29];
+        assert!(figure.alike().unwrap().contains(" 28 "));
+    }
+
+    #[test]
+    fn names_of_dots_that_are_near_each_other_do_not_touch() {
+        let mut figure = figure(Vec::new(), false);
+        let names = ["LMGC90", "narrow_phase", "adaptive", "gravity_refresh", "draft"];
+        let dot = |(k, name): (usize, &&str)| Curve {
+            marks: Marks::Named,
+            ..Curve::line(name, vec![(1.0 + 0.01 * k as f64, 1.0 + 0.01 * (k % 2) as f64)])
+        };
+        let last = Curve { marks: Marks::Named, ..Curve::line("at the right end", vec![(3.0, 5.0)]) };
+        figure.curves = names.iter().enumerate().map(dot).chain([last]).collect();
+        let text = figure.svg();
+        let lines: Vec<&str> = text.lines().collect();
+        let place = |line: &str, name: &str| -> i32 {
+            line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+        };
+        let named = lines.windows(2).filter(|pair| figure.curves.iter().any(|curve| curve.name == pair[1]));
+        let boxes: Vec<Rectangle> = named
+            .map(|pair| {
+                let (left, upper) = (place(pair[0], "x"), place(pair[0], "y"));
+                let right = left + LETTER * pair[1].chars().count() as i32;
+                Rectangle { left, upper, right, lower: upper + 13 }
+            })
+            .collect();
+        assert_eq!(boxes.len(), 6, "{text}");
+        assert!((0..6).all(|k| (0..k).all(|j| !boxes[j].meets(&boxes[k]))), "{boxes:?}");
+        let plot = SIZE.0 as i32 - figure.legend_width();
+        assert!(boxes.iter().all(|name| name.right <= plot), "{boxes:?}");
     }
 
     #[test]
