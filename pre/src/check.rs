@@ -1,11 +1,12 @@
 //! What no scene may ask for: all faults of the meaning at once, before anything is placed.
 
-use cd_formats::compute::ABOUT_A_PERIOD;
+use cd_formats::compute::{ABOUT_A_PERIOD, Action, Event};
 use cd_formats::report::Report;
+use cd_formats::tact_behav::LAWS;
 use nalgebra::Vector3;
 
 use crate::scene::{
-    ContactSurface, Envelope, Evolution, Grains, LawKind, Place, Radius, Rotation, Scaled, Scene, Shape, Sizes,
+    ContactSurface, Envelope, Evolution, Grains, Law, LawKind, Place, Radius, Rotation, Scaled, Scene, Shape, Sizes,
     Standing, Wall,
 };
 use crate::sizes::{MOST_BODIES, normal_share};
@@ -49,6 +50,40 @@ pub fn check(scene: &Scene, report: &mut Report) {
     }
     check_contacts(scene, report);
     scene.compute.check_in(report, "compute.");
+    let used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
+    let cohesive = |law: &Law| {
+        let (kind, parameters) = law.kind.row();
+        is_cohesive(kind, &parameters.iter().map(|(_, value)| *value).collect::<Vec<_>>())
+    };
+    let laws: Vec<(&str, bool)> =
+        scene.laws.iter().filter(used).map(|law| (law.name.as_str(), cohesive(law))).collect();
+    check_laws_of_events(report, &scene.compute.events, &laws);
+}
+
+/// Whether an event can change the cohesion of a law: of a liquid, or of bonds that there are.
+pub(crate) fn is_cohesive(kind: &str, parameters: &[f64]) -> bool {
+    let lines = LAWS.iter().find(|(known, _)| *known == kind).map_or(&[][..], |(_, lines)| *lines);
+    let labels = || lines.iter().flat_map(|line| line.iter());
+    let cohesion = labels().zip(parameters).find(|(label, _)| **label == "cohn").map(|(_, value)| *value);
+    cohesion.is_some_and(|value| value > 0.0 || labels().any(|label| *label == "Wthk"))
+}
+
+/// Events that change a law which is none of `laws`, those of contacts, or a cohesion where it has none (false).
+pub(crate) fn check_laws_of_events(report: &mut Report, events: &[Event], laws: &[(&str, bool)]) {
+    for (k, event) in events.iter().enumerate() {
+        let (Action::SetFriction(name, _) | Action::SetCohesion(name, _)) = &event.action else { continue };
+        let path = format!("compute.events.{k}");
+        match laws.iter().find(|(known, _)| known == name) {
+            None => {
+                let names: Vec<&str> = laws.iter().map(|(name, _)| *name).collect();
+                report.fault(&path, format!("law '{name}' is not in use"), one_of(&names, "a law of contacts"));
+            }
+            Some((_, cohesive)) => {
+                let holds = *cohesive || matches!(event.action, Action::SetFriction(..));
+                report.expect(holds, &path, format!("law '{name}' has no cohesion"), "a law with cohesion");
+            }
+        }
+    }
 }
 
 /// Names of one list: one to five printable ASCII characters, each once.
@@ -69,12 +104,17 @@ pub(crate) fn five_characters(report: &mut Report, path: &str, name: &str) {
     report.expect(fits, path, format!("'{name}'"), "1 to 5 printable ASCII characters without blanks");
 }
 
+/// What a name is expected to be: `one`, where there are none to choose from.
+pub(crate) fn one_of(names: &[&str], one: &str) -> String {
+    if names.is_empty() { format!("{one}: none is defined") } else { format!("one of {}", names.join(", ")) }
+}
+
 /// Material and colour of something.
 fn worn(scene: &Scene, report: &mut Report, path: &str, material: &str, colour: &str) {
     let names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
     if !names.contains(&material) {
         let path = format!("{path}.material");
-        report.fault(&path, format!("'{material}' is not defined"), format!("one of {}", names.join(", ")));
+        report.fault(&path, format!("'{material}' is not defined"), one_of(&names, "a material"));
     }
     five_characters(report, &format!("{path}.colour"), colour);
 }
@@ -469,7 +509,7 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
         let (a, b) = &contact.between;
         for colour in [a, b] {
             if !all.contains(&colour.as_str()) {
-                let expected = format!("one of {}", all.join(", "));
+                let expected = one_of(&all, "a body of this colour");
                 report.fault(&path, format!("no grains and no wall have the colour '{colour}'"), expected);
             }
         }
@@ -480,7 +520,7 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
         if let Some((name, None)) = law {
             let names: Vec<&str> = scene.laws.iter().map(|law| law.name.as_str()).collect();
             let path = format!("{path}.law");
-            report.fault(&path, format!("'{name}' is not defined"), format!("one of {}", names.join(", ")));
+            report.fault(&path, format!("'{name}' is not defined"), one_of(&names, "a law"));
         }
         let of_walls = |colour: &String| plates.contains(&&colour[..]) && !spheres.contains(&&colour[..]);
         let walls = contact.law.is_some() && of_walls(a) && of_walls(b);

@@ -226,6 +226,27 @@ fn every_fault_of_a_file_is_told() {
     let _ = said("few.vtp");
 }
 
+/// The same with what editors and scanners write too.
+#[test]
+fn comments_continued_lines_and_capital_letters_are_read() {
+    let (v, t) = (corners(), triangles());
+    let bent = obj(&v, &quads()).replace("f 1 5 7 3\n", "f 1/2/3 5//9 \\\n  7 -6 # to the left\n");
+    assert!(bent.contains("-6"), "{bent}");
+    let text = String::from_utf8(stl_text(&v, &t)).unwrap();
+    let folder = folder(&[
+        ("bent.obj", bent.into_bytes()),
+        ("windows.obj", obj(&v, &quads()).replace('\n', "\r\n").into_bytes()),
+        ("capital.stl", text.to_uppercase().into_bytes()),
+        ("windows.stl", text.replace('\n', "\r\n").into_bytes()),
+        ("nameless.stl", text.replace("solid body", "solid").into_bytes()),
+    ]);
+    for name in ["bent.obj", "windows.obj", "capital.stl", "windows.stl", "nameless.stl"] {
+        let read = read::surface(&folder.path().join(name)).unwrap_or_else(|faults| panic!("{faults}"));
+        assert_eq!((read.surface.vertices().len(), read.surface.triangles().len(), read.turned), (8, 12, 0), "{name}");
+        assert!((read.surface.volume() - 8.0).abs() < 1e-14, "{name}");
+    }
+}
+
 fn scene(fields: &str) -> String {
     format!(
         r#"(

@@ -61,7 +61,28 @@ fn text_that_is_no_scene() {
 }
 
 #[test]
+fn laws_of_events_are_those_of_contacts_and_cohesion_is_changed_where_there_is_some() {
+    let event = |action: &str| {
+        format!("compute: (\n dt: 1.0e-3,\n events: [\n(time: 1.0, action: Bond),\n(time: 1.0, action: {action})])")
+    };
+    let said = |action: &str| said("compute: (dt: 1.0e-3)", &event(action));
+    assert_eq!(said("SetFriction(\"iqsc0\", 0.5)"), "nothing");
+    assert_eq!(
+        said("SetFriction(\"iqsc1\", 0.5)"),
+        "scene.ron:18: compute, event 2: law 'iqsc1' is not in use; expected one of iqsc0"
+    );
+    assert_eq!(
+        said("SetCohesion(\"iqsc0\", 0.5)"),
+        "scene.ron:18: compute, event 2: law 'iqsc0' has no cohesion; expected a law with cohesion"
+    );
+}
+
+#[test]
 fn materials_laws_and_colours() {
+    assert!(
+        said("materials: [(name: \"ROCKx\", density: 2700.0)]", "materials: []")
+            .contains("'ROCKx' is not defined; expected a material: none is defined")
+    );
     check(&[
         (
             "name: \"ROCKx\"",

@@ -207,6 +207,9 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let records = records(&parts, &new);
     check_overlaps(&changes, &parts, &new, &records, &options, &mut report);
     let tables = Tables::merged(&changes, &parts, &new.population.grains, &records, &options, &mut report);
+    if changes.compute.is_some() || !of_run.is_empty() {
+        tables.check_events(&options.events, &mut report);
+    }
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::{BulkBehav, Material};
-use cd_formats::compute::Compute;
+use cd_formats::compute::{Compute, Event};
 use cd_formats::report::Report;
 use cd_formats::tact_behav::{LAWS, Law, See, Side, TactBehav};
 use nalgebra::Vector3;
@@ -20,6 +20,15 @@ pub struct Tables {
 }
 
 impl Tables {
+    /// Events of laws that no contact has, or of a cohesion that a law has not.
+    pub fn check_events(&self, events: &[Event], report: &mut Report) {
+        let used = |law: &&Law| self.tact.visibility.iter().any(|row| row.law == law.nickname);
+        let of = |law: &Law| check::is_cohesive(&law.kind, &law.parameters);
+        let laws: Vec<(&str, bool)> =
+            self.tact.laws.iter().filter(used).map(|law| (law.nickname.as_str(), of(law))).collect();
+        check::check_laws_of_events(report, events, &laws);
+    }
+
     /// The tables of all parts with the changes; what contradicts or lacks goes into the report.
     pub fn merged(
         changes: &Changes,
@@ -62,7 +71,7 @@ fn materials(changes: &Changes, parts: &[Part], records: &Bodies, report: &mut R
     for (k, grains) in changes.grains.iter().enumerate() {
         if !names.contains(&grains.material.as_str()) {
             let found = format!("'{}' is not defined", grains.material);
-            report.fault(&format!("grains.{k}.material"), found, format!("one of {}", names.join(", ")));
+            report.fault(&format!("grains.{k}.material"), found, check::one_of(&names, "a material"));
         }
     }
     all.retain(|material| records.0.iter().any(|body| body.material == material.name));
@@ -212,7 +221,7 @@ fn visibility(
         let Some(law) = laws.iter().find(|law| law.nickname == *name) else {
             let names: Vec<&str> = laws.iter().map(|law| law.nickname.as_str()).collect();
             let found = format!("'{name}' is not defined");
-            report.fault(&format!("{path}.law"), found, format!("one of {}", names.join(", ")));
+            report.fault(&format!("{path}.law"), found, check::one_of(&names, "a law"));
             continue;
         };
         let alert = contact.alert.unwrap_or_else(|| default_alert(parts, grains, options).max(range(law)));

@@ -122,7 +122,8 @@ fn broken(
 ) -> Result<Placed, Misfit> {
     let solid = fragments::solid(room, number).map_err(|misfit| Misfit::shape(misfit.to_string()))?;
     let cells = fragments::fragments(&solid, number, relaxation, random).map_err(Misfit::shape)?;
-    let solids: Vec<Solid> = cells.iter().map(Solid::convex).collect();
+    let solids = cells.iter().map(Solid::convex).collect::<Result<Vec<Solid>, _>>();
+    let solids = solids.map_err(|misfit| Misfit::shape(misfit.to_string()))?;
     let centres: Vec<Vector3<f64>> = solids.iter().map(|solid| solid.shift).collect();
     let order = z_order(room, &centres);
     let positions = order.iter().map(|&k| (turn * centres[k] + centre).map(round14)).collect();

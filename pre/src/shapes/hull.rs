@@ -19,13 +19,15 @@ const TURNS: usize = 20;
 /// behind the corners.
 const BULGE: f64 = 1e-10;
 
-/// Why points have no hull.
+/// Why points have no hull, or a hull or surface makes no body.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Misfit {
     /// They lie in a plane, or are too few.
     Flat,
     /// None was found that holds them all.
     Unsound(String),
+    /// A surface is no longer sound when it is moved to its centre of mass: parts of it are too small beside the rest.
+    Moved(String),
 }
 
 impl std::fmt::Display for Misfit {
@@ -33,6 +35,7 @@ impl std::fmt::Display for Misfit {
         match self {
             Misfit::Flat => write!(f, "the points lie in a plane"),
             Misfit::Unsound(why) => write!(f, "no convex hull was found that holds all points: {why}"),
+            Misfit::Moved(why) => write!(f, "about its centre of mass, in the digits of a number, {why}"),
         }
     }
 }

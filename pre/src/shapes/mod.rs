@@ -50,7 +50,9 @@ pub struct Solid {
 
 impl Solid {
     /// Volume, centre and inertia of `whole`, with the `pieces` (in the same axes) moved and turned to match.
-    pub fn new(whole: &Surface, pieces: &[Surface]) -> Solid {
+    ///
+    /// Errors: a piece with triangles so small beside the rest that moved they have no area.
+    pub fn new(whole: &Surface, pieces: &[Surface]) -> Result<Solid, hull::Misfit> {
         let properties = whole.mass_properties();
         let extent = whole.vertices().iter().map(|&v| (Vector3::from(v) - Vector3::from(properties.centre)).norm());
         let extent = extent.fold(0.0, f64::max);
@@ -78,16 +80,17 @@ impl Solid {
                     }
                 })
                 .collect();
-            Surface::new(&vertices, surface.triangles()).expect("a sound surface stays so when it is moved")
+            Surface::new(&vertices, surface.triangles())
+                .map_err(|faults| hull::Misfit::Moved(faults.first().cloned().unwrap_or_default()))
         };
-        let pieces: Vec<Surface> = pieces.iter().map(moved).collect();
+        let pieces: Vec<Surface> = pieces.iter().map(moved).collect::<Result<_, _>>()?;
         let vertices = pieces.iter().flat_map(|piece| piece.vertices());
         let reach = vertices.map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
-        Solid { pieces, volume: properties.volume, moments, reach, shift, axes }
+        Ok(Solid { pieces, volume: properties.volume, moments, reach, shift, axes })
     }
 
-    /// A convex solid.
-    pub fn convex(surface: &Surface) -> Solid {
+    /// A convex solid; errors as of [`Solid::new`].
+    pub fn convex(surface: &Surface) -> Result<Solid, hull::Misfit> {
         Solid::new(surface, std::slice::from_ref(surface))
     }
 
@@ -211,7 +214,7 @@ impl Shapes {
             }
             other => {
                 let hull = hull::convex(&regular::vertices(other)).map_err(Wrong::Shape)?;
-                Source::Same(Rc::new(Solid::convex(&hull)), String::new())
+                Source::Same(Rc::new(Solid::convex(&hull).map_err(Wrong::Shape)?), String::new())
             }
         };
         let random = Random::new(seed, group, Purpose::Shape);
@@ -247,5 +250,24 @@ impl Shapes {
         };
         let scale = size.map_or(1.0, |size| size / own);
         Ok(Drawn::of(Polyhedron::new(solid, scale, &turn)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_too_small_to_be_moved_are_told() {
+        // A cube of a kilometre with a sliver of 1e-14 m on one of its edges, at the origin.
+        let corner = |k: usize| [[0, 1, 1, 0][k % 4], [0, 0, 1, 1][k % 4], k / 4].map(|x| 1e3 * x as f64);
+        let corners: Vec<[f64; 3]> = (0..8).map(corner).chain([[0.1, 0.0, 0.0], [0.05, 1e-14, 0.0]]).collect();
+        let below = [[3, 0, 9], [3, 9, 8], [3, 8, 1], [3, 1, 2], [0, 9, 8]];
+        let before = [[4, 0, 8], [4, 8, 1], [4, 1, 5]];
+        let others = [[1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 7], [4, 5, 6], [4, 6, 7]];
+        let faces = [&below[..], &before, &others].concat();
+        let surface = Surface::new(&corners, &faces).unwrap();
+        let told = Solid::convex(&surface).unwrap_err().to_string();
+        assert!(told.starts_with("about its centre of mass,") && told.contains("has no area"), "{told}");
     }
 }

@@ -36,7 +36,7 @@ fn factor(surface: &Surface, scaled: Scaled) -> f64 {
     match scaled {
         Scaled::Factor(factor) => factor,
         Scaled::Volume(volume) => libm::cbrt(volume / surface.volume()),
-        Scaled::Radius(radius) => radius / Solid::convex(surface).radius(),
+        Scaled::Radius(radius) => radius / libm::cbrt(0.75 * surface.mass_properties().volume / std::f64::consts::PI),
         Scaled::Length(length) => {
             let [x, y, z] = bounds(surface).map(|[low, high]| high - low);
             length / x.max(y).max(z)
@@ -119,6 +119,8 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
             Solid::new(&whole, &pieces)
         }
     };
+    let solid =
+        solid.map_err(|misfit| refuse("surface", misfit.to_string(), "expected one whose parts are less small"))?;
     Ok((solid, told))
 }
 

@@ -99,11 +99,18 @@ fn welded(mesh: &Mesh) -> Result<Triangulation, String> {
     Ok((vertices, triangles))
 }
 
+/// The lines without comments, and each with those in which it goes on: the reader knows neither behind a polygon.
+fn statements(text: &str) -> String {
+    let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim_end());
+    lines.map(|line| line.strip_suffix('\\').map_or_else(|| format!("{line}\n"), |begin| format!("{begin} "))).collect()
+}
+
 fn obj(bytes: &[u8]) -> Result<Mesh, String> {
+    let text = statements(&String::from_utf8_lossy(bytes));
     let options = tobj::LoadOptions::default();
     let no_material = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
     let (models, _) =
-        tobj::load_obj_buf(&mut Cursor::new(bytes), &options, no_material).map_err(|error| error.to_string())?;
+        tobj::load_obj_buf(&mut Cursor::new(text), &options, no_material).map_err(|error| error.to_string())?;
     let mut mesh = Mesh::default();
     for tobj::Model { mesh: part, .. } in models {
         let first = mesh.points.len();
@@ -119,26 +126,28 @@ fn obj(bytes: &[u8]) -> Result<Mesh, String> {
     Ok(mesh)
 }
 
-/// What an STL file holds beside one solid: the reader passes over it.
-fn beside_one_solid(bytes: &[u8]) -> Option<String> {
-    if let Some(count) = bytes.get(80..84) {
-        let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize;
-        if bytes.len() == 84 + 50 * count {
-            return None;
-        }
-        if !bytes.starts_with(b"solid") {
-            return Some(format!("{} bytes with {count} triangles", bytes.len()));
-        }
-    }
-    let text = String::from_utf8_lossy(bytes);
+/// What a text that should be an STL file holds beside one solid: the reader passes over it.
+fn beside_one_solid(text: &str) -> Option<&'static str> {
     let (_, after) = text.split_once("endsolid")?;
     let after = after.split_once('\n').map_or("", |(_, after)| after).trim();
-    (!after.is_empty()).then(|| "more than one solid".to_string())
+    (!after.is_empty()).then_some("more than one solid")
 }
 
 fn stl(bytes: &[u8]) -> Result<Mesh, String> {
-    if let Some(found) = beside_one_solid(bytes) {
-        return Err(found);
+    let announced =
+        bytes.get(80..84).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize);
+    let binary = announced.is_some_and(|count| bytes.len() == 84 + 50 * count);
+    let mut bytes = bytes.to_vec();
+    if !binary {
+        // The reader knows words in small letters alone, and a solid that has a name.
+        let text = String::from_utf8_lossy(&bytes).to_ascii_lowercase().replacen("solid", "solid ", 1);
+        match announced {
+            Some(count) if !text.starts_with("solid") => {
+                return Err(format!("{} bytes with {count} triangles", bytes.len()));
+            }
+            _ => beside_one_solid(&text).map_or(Ok(()), |found| Err(found.to_string()))?,
+        }
+        bytes = text.into_bytes();
     }
     let read = stl_io::read_stl(&mut Cursor::new(bytes)).map_err(|error| error.to_string())?;
     Ok(Mesh {

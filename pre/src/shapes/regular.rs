@@ -60,7 +60,7 @@ mod tests {
             (Shape::Dodecahedron, (15.0 + 7.0 * r5) / 4.0 / (r3 * (1.0 + r5) / 4.0).powi(3), 20),
             (Shape::Icosahedron, 5.0 * (3.0 + r5) / 12.0 / ((10.0 + 2.0 * r5).sqrt() / 4.0).powi(3), 12),
         ] {
-            let solid = Solid::convex(&hull::convex(&vertices(&shape)).unwrap());
+            let solid = Solid::convex(&hull::convex(&vertices(&shape)).unwrap()).unwrap();
             let piece = &solid.pieces[0];
             assert_eq!((piece.vertices().len(), piece.triangles().len()), (count, 2 * count - 4), "{shape:?}");
             // Some tens of roundings.
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn boxes_and_prisms_have_the_moments_of_the_textbook() {
-        let solid = |shape| Solid::convex(&hull::convex(&vertices(&shape)).unwrap());
+        let solid = |shape| Solid::convex(&hull::convex(&vertices(&shape)).unwrap()).unwrap();
         let (a, b, c) = (1.0, 2.0, 4.0);
         let cuboid = solid(Shape::Box { lengths: [a, b, c] });
         let moments = [b * b + c * c, a * a + c * c, a * a + b * b].map(|squares| a * b * c * squares / 12.0);

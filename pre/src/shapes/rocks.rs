@@ -39,7 +39,7 @@ impl Rocks {
             // Somewhat less is asked for where chance has left no room.
             let Some(points) = spread(count, spacing * 0.995f64.powi(attempt as i32), random) else { continue };
             let Ok(ball) = hull::convex(&points) else { continue };
-            let round = Solid::convex(&ball);
+            let Ok(round) = Solid::convex(&ball) else { continue };
             if ball.vertices().len() != count || inradius(&round) < FLATTEST * round.reach {
                 continue;
             }
@@ -47,8 +47,9 @@ impl Rocks {
                 ball.vertices().iter().map(|&v| Vector3::from(v).component_mul(&self.ratios).into()).collect();
             if let Ok(surface) = hull::convex(&stretched)
                 && surface.vertices().len() == count
+                && let Ok(solid) = Solid::convex(&surface)
             {
-                return Ok(Solid::convex(&surface));
+                return Ok(solid);
             }
         }
         Err(format!("no polyhedron of {count} vertices in {ATTEMPTS} draws"))
