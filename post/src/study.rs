@@ -34,7 +34,7 @@ pub const COLUMNS: [(&str, &str, &str); 9] = [
     (
         "Z_isostatic",
         "1",
-        "6 - 12 / N: of rigid frictionless spheres at rest, all of them held, without a force from outside",
+        "6 - 12 / N: of rigid frictionless spheres at rest, all of them held, without a force from outside; empty of fewer than three",
     ),
     ("sweeps", "1", "sweeps of the contact solver per step, over the whole run"),
     ("contacts", "1", "contacts that carry force per step, over the whole run"),
@@ -178,12 +178,17 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     let room = |names: &[&str]| names.iter().map(|name| per_step(&timer, name)).sum::<f64>();
     values.push(homogeneous);
     values.push(by_inertia);
-    values.push(6.0 - 12.0 / mean("n_grains"));
+    values.push(isostatic(mean("n_grains")));
     values.push(per_step(&steps, "sweeps"));
     values.push(per_step(&steps, "contacts_active"));
     values.extend(ROOMS.iter().map(|(_, names)| room(names)));
     values.push(room(&timed));
     Ok(values)
+}
+
+/// Neighbours per grain where 3 N - 6 contacts hold N spheres; NaN of two, which one holds, and of one.
+fn isostatic(grains: f64) -> f64 {
+    if grains >= 3.0 { 6.0 - 12.0 / grains } else { f64::NAN }
 }
 
 /// A row a run: its name, its group, then all values; an empty field where one is not defined.
@@ -326,6 +331,12 @@ mod tests {
         set("seconds_detection", 1e-5 * n);
         set("seconds_contacts", 1e-5 * n.powf(1.5));
         Run { name: format!("{group}-{n}"), group: group.into(), values }
+    }
+
+    #[test]
+    fn fewer_than_three_spheres_are_not_isostatic() {
+        assert_eq!((isostatic(3.0), isostatic(12.0)), (2.0, 5.0)); // a triangle has two neighbours each
+        assert!([0.0, 1.0, 2.0, f64::NAN].iter().all(|&grains| isostatic(grains).is_nan()));
     }
 
     #[test]

@@ -247,7 +247,8 @@ fn crater(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level:
         // Beyond a wall or where the floor is bare there is no surface.
         if heights.len() < PLACES / 2 { f64::NAN } else { heights.iter().sum::<f64>() / heights.len() as f64 - level }
     };
-    (0..RINGS)
+    // All rings of a bed that is nowhere beside the axis would be one point.
+    (0..if widest > 0.0 { RINGS } else { 0 })
         .map(|k| widest * (k as f64 + 0.5) / RINGS as f64)
         .map(|radius| vec![radius, mean(first, radius), mean(last, radius)])
         .collect()
@@ -334,6 +335,18 @@ mod tests {
         assert_eq!(touched(Some(gravity), [0.0, -0.1, 0.0]), 9.0);
         // Where the free fall is not known contacts alone tell.
         assert!(touched(None, [0.0, -0.1, 0.0]).is_nan());
+    }
+
+    #[test]
+    fn a_bed_of_nothing_or_of_one_column_has_no_rings() {
+        let mut scene = Scene::default();
+        scene.grain([0.0, 0.0, 9.0], 0.5);
+        let rings = |scene: &Scene| crater(&scene.frame(), &scene.frame(), 1, &Vec3::z(), &Vec3::zeros(), 0.0).len();
+        assert_eq!(rings(&scene), 0);
+        scene.grain([0.0; 3], 1.0);
+        assert_eq!(rings(&scene), 0);
+        scene.grain([2.0, 0.0, 0.0], 1.0);
+        assert_eq!(rings(&scene), RINGS);
     }
 
     #[test]

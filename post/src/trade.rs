@@ -363,7 +363,11 @@ fn text(runs: &[Compared], finest: &str) -> String {
     let judged = runs.iter().map(|run| run.of("over_estimated")).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
     let (judged, honest) =
         judged.fold((0, 0), |(all, honest), ratio| (all + 1, honest + i32::from((1.0 / 3.0..=3.0).contains(&ratio))));
-    text + &format!("\n  errors against {finest}; {honest} of {judged} estimates within a factor of 3")
+    text += &format!("\n  errors against {finest}");
+    if judged > 0 {
+        text += &format!("; {honest} of {judged} estimates within a factor of 3");
+    }
+    text
 }
 
 #[cfg(test)]
@@ -392,6 +396,15 @@ mod tests {
         for (k, expected) in [(2, 2.0), (3, 1.0), (4, 10f64.sqrt()), (5, 4.0), (6, 1.0), (7, 10f64.sqrt().sqrt())] {
             assert!((number(k) - expected).abs() < 1e-12, "{k}: {text}");
         }
+    }
+
+    #[test]
+    fn estimates_are_judged_where_there_are_some() {
+        let mut runs = [run("dt", 1.0, 1.0, 0.1)];
+        let told = |runs: &[Compared]| text(runs, "fine").lines().last().unwrap().to_string();
+        assert_eq!(told(&runs), "  errors against fine");
+        runs[0].values[COLUMNS.iter().position(|column| column.0 == "over_estimated").unwrap()] = 2.0;
+        assert_eq!(told(&runs), "  errors against fine; 1 of 1 estimates within a factor of 3");
     }
 
     #[test]
