@@ -151,3 +151,31 @@ fn a_run_tells_what_its_errors_are() {
     assert_eq!((loose[2].1, tight[4].1 < 1e-6), (0.0, true), "{tight:?}");
     assert!(tight.iter().all(|(_, error)| *error < 1e-6) && loose[0].1 >= tight[0].1, "{loose:?} {tight:?}");
 }
+
+/// What a sphere that falls on plates whose normals lean by an angle to both sides may err by through chance.
+fn chance_between(lean: &[f64]) -> f64 {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.0]);
+    case.gravity = [0.0, 0.0, -8.0];
+    for angle in lean {
+        let (sin, cos) = angle.sin_cos();
+        // Touching the sphere where it comes to rest, at the origin, from which its energy counts.
+        case.plate([0.5; 3], [-sin, 0.0, -cos], [[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]);
+    }
+    case.sphere(0.5, [0.0, 0.0, 0.1]);
+    let end = case.run(300);
+    assert!(end.v(lean.len()).norm() < 1e-9);
+    let text = std::fs::read_to_string(case.path().join("ERRORS.csv")).unwrap();
+    let row = text.lines().find(|line| line.starts_with("chance")).unwrap();
+    row.split(',').nth(2).unwrap().parse().unwrap()
+}
+
+#[test]
+fn walls_may_carry_more_than_weight() {
+    let floor = chance_between(&[0.0]);
+    // All of the energy is taken, by one contact that holds the weight.
+    equal(floor, 0.5, 1e-2);
+    // Each of two carries the weight, twice of what is needed, and they push against each other: 1/√2 + 1/2.
+    let third = std::f64::consts::FRAC_PI_3;
+    equal(chance_between(&[third, -third]) / floor, 0.5f64.sqrt() + 0.5, 1e-2);
+}
