@@ -55,11 +55,14 @@ impl Evolution {
         }
     }
 
-    /// Farthest that it gets from a value: with a ramp at its end, or in the points of a table.
-    pub fn farthest_from(&self, value: f64) -> f64 {
+    /// Farthest that it gets from a value between two times, s; of a harmonic at any time, with its ramp at its end.
+    pub fn farthest_from(&self, value: f64, [from, to]: [f64; 2]) -> f64 {
         match self {
             Evolution::Harmonic { constant, amplitude, .. } => (constant - value).abs() + amplitude.abs(),
-            Evolution::Table { points, .. } => points.iter().map(|point| (point[1] - value).abs()).fold(0.0, f64::max),
+            Evolution::Table { points, .. } => {
+                let between = points.iter().filter(|[t, _]| from < *t && *t < to).map(|point| point[1]);
+                between.chain([self.at(from), self.at(to)]).map(|x| (x - value).abs()).fold(0.0, f64::max)
+            }
         }
     }
 
@@ -284,7 +287,7 @@ mod tests {
         assert!((e.at(2.0) - 3.0).abs() < 1e-15); // the ramp has reached 1
         assert!((e.at(4.0) - 3.0).abs() < 1e-14); // and stays there
         assert_eq!(Evolution::constant(0.7).at(12.0), 0.7);
-        assert_eq!((e.farthest_from(0.0), e.farthest_from(4.0)), (3.0, 5.0));
+        assert_eq!((e.farthest_from(0.0, [0.0, 1.0]), e.farthest_from(4.0, [0.0, 1.0])), (3.0, 5.0));
     }
 
     #[test]
@@ -294,6 +297,7 @@ mod tests {
             assert_eq!(e.at(t), value, "t = {t}");
         }
         assert!(e.at(f64::NAN).is_nan());
-        assert_eq!((e.farthest_from(0.0), e.farthest_from(15.0)), (20.0, 15.0));
+        let farthest = [[1.0, 4.0], [0.0, 1.5], [3.0, 7.0]].map(|times| e.farthest_from(0.0, times));
+        assert_eq!(farthest, [20.0, 15.0, 30.0]);
     }
 }

@@ -41,7 +41,8 @@ pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
     let smallest = free.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
     let mean_velocity = free.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;
     let of_free = free.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm());
-    let of_driven = scene.drives.iter().map(|drive| speed(scene, drive, &mean_velocity));
+    let times = [state.time, scene.end_time().max(state.time)];
+    let of_driven = scene.drives.iter().map(|drive| speed(scene, drive, &mean_velocity, times));
     let fastest = of_free.chain(of_driven).fold(0.0, f64::max);
     let mut bounds = Vec::new();
     let mut bound = |h: f64, reason: String| {
@@ -84,8 +85,8 @@ pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
     bounds
 }
 
-/// Largest speed of a point of a driven body past what moves at `v`, m/s; a sphere's turn moves nothing past.
-fn speed(scene: &Scene, drive: &Drive, v: &Vec3) -> f64 {
+/// Largest speed of a point of a driven body past what moves at `v` between two times, m/s; a sphere's turn moves nothing past.
+fn speed(scene: &Scene, drive: &Drive, v: &Vec3, times: [f64; 2]) -> f64 {
     let reach = match scene.bodies[drive.body].shape {
         Shape::Sphere { .. } => 0.0,
         Shape::Plane { half_lengths } => half_lengths.norm(),
@@ -94,8 +95,8 @@ fn speed(scene: &Scene, drive: &Drive, v: &Vec3) -> f64 {
             parts.map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max)
         }
     };
-    let past = Vec3::from_fn(|k, _| drive.velocity[k].farthest_from(v[k]));
-    let turn = Vec3::from_fn(|k, _| drive.velocity[3 + k].farthest_from(0.0));
+    let past = Vec3::from_fn(|k, _| drive.velocity[k].farthest_from(v[k], times));
+    let turn = Vec3::from_fn(|k, _| drive.velocity[3 + k].farthest_from(0.0, times));
     past.norm() + turn.norm() * reach
 }
 
@@ -158,7 +159,7 @@ pub fn memory(scene: &Scene, contacts: usize) -> usize {
 
 /// The plan as text.
 pub fn text(scene: &Scene, state: &State) -> String {
-    let (clock, steps, report) = trial(scene, state);
+    let Trial { clock, steps, units, report } = trial(scene, state);
     let mut lines: Vec<(&str, String)> = vec![("models", scene.models().join("; "))];
     lines.push(("not needed", not_needed(scene).join("; ")));
     let (listed, active) = (report.contacts_listed, report.contacts_active);
@@ -182,10 +183,12 @@ pub fn text(scene: &Scene, state: &State) -> String {
     let preset = scene.options.accuracy.map_or("none".into(), |accuracy| accuracy.to_string());
     lines.push(("accuracy", format!("{preset}: {}", knobs.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);
-    lines.push((
-        "run",
-        format!("{left} steps, {:.3e} s of them as now, t = {:.6e} s", left as f64 * each, scene.end_time()),
-    ));
+    let seconds = left as f64 * each * steps as f64 / units.max(1) as f64;
+    let longer = match scene.options.adaptive().most {
+        1 => String::new(),
+        most => format!(" of dt, up to {most} of them at once, now {:.1}", units as f64 / steps.max(1) as f64),
+    };
+    lines.push(("run", format!("{left} steps{longer}; {seconds:.3e} s as now; t = {:.6e} s", scene.end_time())));
     let h = scene.options.dt;
     let bounds = bounds(scene, state);
     let place = match bounds.first() {
@@ -208,14 +211,24 @@ pub fn text(scene: &Scene, state: &State) -> String {
         .collect()
 }
 
-/// Seconds of some steps made with a copy of the state, their number, and what the last of them did.
-fn trial(scene: &Scene, state: &State) -> (Clock, u64, StepReport) {
+/// Some steps made with a copy of the state.
+struct Trial {
+    clock: Clock,
+    steps: u64,
+    /// How many dt long they were together.
+    units: u64,
+    /// What the last of them did.
+    report: StepReport,
+}
+
+fn trial(scene: &Scene, state: &State) -> Trial {
     let mut state = state.clone();
     let mut report = step(scene, &mut state, &mut Clock::default());
-    let (start, mut clock, mut steps) = (Instant::now(), Clock::default(), 0);
+    let (start, first) = (Instant::now(), state.step);
+    let (mut clock, mut steps) = (Clock::default(), 0);
     while steps < TRIAL && start.elapsed() < TRIAL_TIME && state.is_finite() {
         report = step(scene, &mut state, &mut clock);
         steps += 1;
     }
-    (clock, steps, report)
+    Trial { clock, steps, units: state.step - first, report }
 }

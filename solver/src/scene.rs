@@ -231,18 +231,32 @@ impl Scene {
         self.options.self_gravity.then_some((radius, strength / (radius * radius)))
     }
 
-    /// R of 1/R = 1/R_a + 1/R_b, the plates being flat, m.
-    pub fn effective_radius(&self, a: u32, b: u32) -> f64 {
+    /// R of 1/R = 1/R_a + 1/R_b of two contactors, each a body and a rank, m.
+    pub fn effective_radius(&self, a: (u32, u16), b: (u32, u16)) -> f64 {
         1.0 / (self.curvature(a) + self.curvature(b))
     }
 
-    /// 1/R of a body, the plates being flat, 1/m.
-    pub fn curvature(&self, i: u32) -> f64 {
-        match self.bodies[i as usize].shape {
+    fn curvature(&self, (body, rank): (u32, u16)) -> f64 {
+        match self.bodies[body as usize].shape {
             Shape::Sphere { radius } => 1.0 / radius,
             Shape::Plane { .. } => 0.0,
-            Shape::Parts => 1.0 / self.bodies[i as usize].radius,
+            Shape::Parts => self.part(body, rank).map_or(0.0, |part| self.curvature_of(part)),
         }
+    }
+
+    /// 1/R of a contactor: a polyhedron is as round as the sphere of its body's volume, plates and cylinders are flat, 1/m.
+    pub fn curvature_of(&self, part: &Part) -> f64 {
+        match part.geometry {
+            Geometry::Sphere { radius } => 1.0 / radius,
+            Geometry::Polyhedron(_) => 1.0 / self.bodies[part.body as usize].radius,
+            Geometry::Cylinder { .. } | Geometry::Plane { .. } => 0.0,
+        }
+    }
+
+    /// The contactor `rank` of a body of a scene that [`Self::is_general`].
+    fn part(&self, body: u32, rank: u16) -> Option<&Part> {
+        let place = self.parts.binary_search_by_key(&(body, rank), |part| (part.body, part.rank)).ok()?;
+        Some(&self.parts[place])
     }
 
     /// What to add to the position `of` for its image nearest to `from`, m; 0 where the scene does not repeat.
@@ -270,10 +284,7 @@ impl Scene {
     /// Class of the contactor `rank` of a body, if it has that many.
     pub fn class_of(&self, body: u32, rank: u16) -> Option<u16> {
         match self.bodies[body as usize].shape {
-            Shape::Parts => {
-                let place = self.parts.binary_search_by_key(&(body, rank), |part| (part.body, part.rank)).ok()?;
-                Some(self.parts[place].class)
-            }
+            Shape::Parts => Some(self.part(body, rank)?.class),
             _ => (rank == 0).then_some(self.bodies[body as usize].class),
         }
     }

@@ -298,7 +298,8 @@ impl Setting<'_> {
 
     /// R of the two bodies, m, of which distances are parts.
     pub(super) fn effective_radius(&self, contact: &Contact) -> f64 {
-        self.scene.effective_radius(contact.candidate, contact.antagonist)
+        let (a, b) = contact.ranks;
+        self.scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
     }
 
     /// Whether the antagonist is a plate whose motion is in the row's shift.

@@ -153,7 +153,7 @@ fn is_listed(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32
     let gap = found(scene, q_c, candidate, antagonist).gap;
     // The range of a bond needs the radii, which a near pair is not asked for.
     let law = &scene.laws[see.law as usize];
-    let range = || law.range(scene.effective_radius(candidate, antagonist));
+    let range = || law.range(scene.effective_radius((candidate, 0), (antagonist, 0)));
     gap <= see.alert.max(travel) || (law.cohesion.is_some() && gap <= range())
 }
 

@@ -20,7 +20,7 @@ struct Place<'a> {
     axes: Quat,
     /// How far a point of it can get in the step, m.
     travel: f64,
-    /// Of its body, 1/m.
+    /// As cohesion knows it, 1/m.
     curvature: f64,
     body: u32,
     /// Row and column in the visibility table.
@@ -164,7 +164,7 @@ fn place<'a>(scene: &Scene, part: &'a Part, q_c: &Configuration, travel: &[f64],
         centre: q_c.x[i] + arm,
         axes,
         travel: travel[i] + turn,
-        curvature: scene.curvature(part.body),
+        curvature: scene.curvature_of(part),
         body: part.body,
         class: part.class,
         driven: scene.bodies[i].driven,

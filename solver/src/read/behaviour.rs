@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use cd_formats::compute::{Action, ContactSolver, MOST_EVENTS, too_frequent};
+use cd_formats::compute::{Action, Compute, ContactSolver, Event, GravityMethod, MOST_EVENTS, too_frequent};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::LawName;
 use cd_formats::tact_behav::{Side, TactBehav};
@@ -132,7 +132,9 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
         table[b * classes + a] = Some(see);
     }
     let radius = |body: &Body| if let Shape::Plane { .. } = body.shape { 0.0 } else { body.radius };
-    let largest = scene.bodies.iter().map(radius).fold(0.0, f64::max);
+    let of_parts = scene.parts.iter().map(|part| scene.curvature_of(part)).filter(|curvature| *curvature > 0.0);
+    let radii = scene.bodies.iter().map(radius).chain(of_parts.map(f64::recip));
+    let largest = radii.fold(0.0, f64::max);
     let range = |see: &See| see.alert.max(scene.laws[see.law as usize].range(largest));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
     scene.visibility = Visibility { classes, table };
@@ -236,6 +238,47 @@ pub fn check_happenings(scene: &Scene, faults: &mut Faults) {
         let found = format!("happens {repeats:.0} times up to the end of the run");
         faults.push(of_event(k, found, format!("expected at most {MOST_EVENTS:.0}")));
     }
+}
+
+/// What to tell of options and events that change nothing in this scene.
+pub fn without_effect(scene: &Scene) -> Vec<String> {
+    let Compute { self_gravity, gravity, gravity_constant, gravity_moved, gravity_quadrupole, .. } = scene.options;
+    let of_gravity = !self_gravity;
+    let of_fmm = of_gravity || gravity == GravityMethod::Direct;
+    let sweeps = matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs);
+    let default = Compute::default();
+    let set = [
+        ("gravity", of_gravity && gravity != default.gravity, "self_gravity"),
+        (
+            "gravity_constant",
+            of_gravity && scene.options.fields.is_empty() && gravity_constant != default.gravity_constant,
+            "self_gravity or fields",
+        ),
+        ("gravity_error", of_gravity && scene.options.gravity_error.is_some(), "self_gravity"),
+        ("gravity_order", of_fmm && scene.options.gravity_order.is_some(), "self_gravity by fmm"),
+        ("gravity_opening", of_fmm && scene.options.gravity_opening.is_some(), "self_gravity by fmm"),
+        ("gravity_refresh", of_gravity && scene.options.gravity_refresh.is_some(), "self_gravity"),
+        ("gravity_moved", of_gravity && gravity_moved != default.gravity_moved, "self_gravity"),
+        ("gravity_quadrupole", of_gravity && gravity_quadrupole, "self_gravity"),
+        ("narrow_phase", !scene.is_general() && scene.options.narrow_phase.is_some(), "polyhedra"),
+        ("check_every", !sweeps && scene.options.check_every.is_some(), "solver auto or nlgs"),
+    ];
+    let of_option =
+        |(name, idle, needs): (&str, bool, &str)| idle.then(|| format!("{name}: without effect; needs {needs}"));
+    let knows_bonds = scene.laws.iter().any(|law| matches!(law.cohesion, Some(Cohesion::Bond { .. })));
+    let (start, end) = (scene.start.1, scene.end_time());
+    let of_event = |(k, event): (usize, &Event)| {
+        let why = match event.action {
+            _ if event.time >= end && end > start => {
+                format!("at {} s the run is over, which ends at {end} s", event.time)
+            }
+            Action::Bond if !knows_bonds => "Bond needs a law whose bonds can break".into(),
+            _ => return None,
+        };
+        Some(format!("event {}: without effect; {why}", k + 1))
+    };
+    let events = scene.options.events.iter().enumerate().filter_map(of_event);
+    set.into_iter().filter_map(of_option).chain(events).collect()
 }
 
 fn of_event(k: usize, found: String, expected: String) -> Fault {

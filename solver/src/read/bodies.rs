@@ -100,7 +100,7 @@ pub fn scene(
         spheres,
         planes,
         parts,
-        notes: notes(&bodies, &frames),
+        notes: moved(&bodies, &frames).into_iter().collect(),
         turning,
         oriented,
         mean_radius: radii.iter().sum::<f64>() / radii.len().max(1) as f64,
@@ -118,18 +118,16 @@ fn placeholder() -> Made {
 }
 
 /// Centres of mass that are not where the file says, beyond its digits.
-fn notes(bodies: &[Body], frames: &[(Vec3, Quat)]) -> Vec<String> {
+fn moved(bodies: &[Body], frames: &[(Vec3, Quat)]) -> Option<String> {
     let moved = |(_, (body, (shift, _))): &(usize, (&Body, &(Vec3, Quat)))| shift.norm() > 1e-6 * body.radius;
     let moved: Vec<(usize, f64)> =
         bodies.iter().zip(frames).enumerate().filter(moved).map(|(i, (_, (shift, _)))| (i + 1, shift.norm())).collect();
-    let Some((body, most)) = moved.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }) else {
-        return Vec::new();
-    };
+    let (body, most) = moved.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
     let bodies = if moved.len() == 1 { "body stands" } else { "bodies stand" };
-    vec![format!(
+    Some(format!(
         "BODIES.DAT: {} {bodies} with the centre of mass of the shape, not at coo1 to coo3; by up to {most:.3e} m, body {body}",
         moved.len()
-    )]
+    ))
 }
 
 /// Periods that the widest plate does not span, in words: what falls beside it falls on. `q`: orientations.
@@ -146,6 +144,33 @@ pub fn gaps(scene: &Scene, q: &[Quat]) -> Vec<String> {
         Some(format!("{name}: the widest plate spans {widest} of {period} m; what falls beside it falls on"))
     });
     missed.collect()
+}
+
+/// Refuses what stands outside a hollow cylinder that it meets: only the inside of one pushes.
+pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], q: &[Quat], faults: &mut Faults) {
+    for drum in &scene.parts {
+        let Geometry::Cylinder { half_height, radius, hollow: true } = drum.geometry else { continue };
+        let place = |part: &Part| {
+            let i = part.body as usize;
+            (x[i] + q[i] * part.offset, q[i] * part.axes)
+        };
+        let (centre, axes) = place(drum);
+        let stands_outside = |part: &&Part| {
+            let local = axes.inverse_transform_vector(&(place(part).0 - centre));
+            let meets = part.body != drum.body && scene.visibility.see(part.class, drum.class).is_some();
+            meets
+                && !scene.bodies[part.body as usize].driven
+                && (local.z.abs() > half_height || local.x.hypot(local.y) > radius)
+        };
+        let mut outside: Vec<u32> = scene.parts.iter().filter(stands_outside).map(|part| part.body).collect();
+        outside.dedup();
+        for body in outside {
+            let found = format!("stands outside the hollow cylinder of body {}", drum.body + 1);
+            let expected = "expected what meets it within: it is closed, and pushes inwards alone";
+            let line = Some(records.0[body as usize].line);
+            faults.push(Fault::new(&datbox.join("BODIES.DAT"), line, format!("body {}", body + 1), found, expected));
+        }
+    }
 }
 
 fn motion_imposed(datbox: &Path, driven: &DrvDof, bodies: &mut [Body], faults: &mut Faults) -> (Vec<Drive>, Vec<Load>) {
@@ -191,7 +216,6 @@ fn motion_imposed(datbox: &Path, driven: &DrvDof, bodies: &mut [Body], faults: &
         drives.push(Drive { body, velocity: components.map(|c| c.unwrap_or_else(|| Evolution::constant(0.0))) });
     }
     drives.sort_by_key(|drive| drive.body);
-    loads.retain(|load| !bodies[load.body].driven); // a force on a body whose motion is imposed moves nothing
     (drives, loads)
 }
 

@@ -50,6 +50,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     behaviour::check_text(&mut scene);
     let (x, q, v, w) = bodies::motion(&datbox, &bodies, &dof, &scene, &mut faults);
     scene.notes.extend(bodies::gaps(&scene, &q));
+    bodies::check_within(&datbox, &bodies, &scene, &x, &q, &mut faults);
     let contacts = behaviour::history(&datbox, &history, &mut scene, &q, &mut faults);
     let spin =
         (scene.turning.iter().map(|&i| i as usize)).map(|i| scene.bodies[i].angular_momentum(&q[i], &w[i])).collect();
@@ -85,6 +86,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     if !faults.0.is_empty() {
         return Err(faults);
     }
+    scene.notes.extend(behaviour::without_effect(&scene));
     scene.events = schedule(&scene.options.events, scene.end_time());
     if started {
         resume::pass_events(&scene, &mut state);

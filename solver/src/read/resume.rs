@@ -61,16 +61,19 @@ fn check(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> 
     if bodies.body_mass.len() != scene.bodies.len() {
         let found = format!("{} bodies", bodies.body_mass.len());
         refuse("snapshot".into(), found, format!("expected the {} of DATBOX", scene.bodies.len()));
-    } else if let Some(i) = (0..scene.bodies.len()).find(|&i| {
-        bodies.body_mass[i] != scene.bodies[i].mass || (bodies.body_driven[i] != 0) != scene.bodies[i].driven
-    }) {
-        let found = format!("mass {} kg, driven {}", bodies.body_mass[i], bodies.body_driven[i]);
-        let body = &scene.bodies[i];
-        refuse(
-            format!("body {}", i + 1),
-            found,
-            format!("expected as in DATBOX: {} kg, driven {}", body.mass, body.driven),
-        );
+    } else {
+        let there =
+            |i: usize| (bodies.body_mass[i], bodies.body_radius[i], bodies.body_inertia[i], bodies.body_driven[i] != 0);
+        let here = |i: usize| {
+            let body = &scene.bodies[i];
+            (body.mass, body.radius, body.inertia, body.driven)
+        };
+        let text = |(mass, radius, inertia, driven): (f64, f64, [f64; 3], bool)| {
+            format!("mass {mass} kg, radius {radius} m, moments {inertia:?} kg m², driven {driven}")
+        };
+        if let Some(i) = (0..scene.bodies.len()).find(|&i| there(i) != here(i)) {
+            refuse(format!("body {}", i + 1), text(there(i)), format!("expected as in DATBOX: {}", text(here(i))));
+        }
     }
     let laws = snapshot.meta.laws_of_file();
     if laws != scene.law_names {

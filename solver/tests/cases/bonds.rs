@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use cd_formats::bodies::{Contactor, Shape};
 use cd_formats::compute::Action;
 use cd_formats::snapshot::Snapshot;
 
@@ -265,4 +266,24 @@ fn events_about_laws_that_are_not_there_are_refused() {
         case.write();
         assert_eq!(case.solve(&["--steps", "1"]), 2, "{action:?}");
     }
+}
+
+/// Two dumbbells, side by side: each of the two bonds is that of the small balls that touch, of R = 1/4.
+#[test]
+fn bonds_of_clusters_are_those_of_their_balls() {
+    let strength = 2.0 * COHESION * PI / 16.0;
+    let broken = |pull: f64| {
+        let mut case = pair(0.0, pull);
+        for body in &mut case.bodies {
+            let ball = |y: f64| Contactor {
+                colour: "GRAIN".into(),
+                shape: Shape::OffsetSphere { radius: 0.5, offset: [0.0, y, 0.0] },
+                local_frame: None,
+            };
+            body.contactors = vec![ball(1.0), ball(-1.0)];
+        }
+        case.dof.clear();
+        case.run(50).x(1).x > 1.0 + 1e-6
+    };
+    assert_eq!([0.999, 1.001].map(|share| broken(share * strength)), [false, true]);
 }

@@ -5,6 +5,7 @@ use std::fs;
 use std::process::Command;
 
 use cd_formats::bodies::Shape;
+use cd_formats::compute::Action;
 use cd_formats::drv_dof::{Driven, DrivenKind, Evolution};
 
 use crate::case::Case;
@@ -51,6 +52,36 @@ fn with_file(name: &str, text: Option<&str>) -> Case {
         None => fs::remove_file(path).unwrap(),
     }
     case
+}
+
+#[test]
+fn options_without_effect_are_told() {
+    let mut case = sound();
+    case.options.gravity_error = Some(1e-4);
+    case.options.narrow_phase = Some(cd_formats::compute::NarrowPhase::Fast);
+    case.event(1e-3, Action::Bond);
+    case.event(1.0, Action::SetQuench(0.5));
+    case.write();
+    let expected = "cd-solve: gravity_error: without effect; needs self_gravity\n\
+                    cd-solve: narrow_phase: without effect; needs polyhedra\n\
+                    cd-solve: event 1: without effect; Bond needs a law whose bonds can break\n\
+                    cd-solve: event 2: without effect; at 1 s the run is over, which ends at 0.002 s\n";
+    let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && text.starts_with(expected), "{text}");
+}
+
+#[test]
+fn what_stands_outside_a_hollow_cylinder() {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.3]);
+    let drum = case.plate([1.0; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    case.bodies[drum].contactors[0].shape = Shape::Cylinder { half_height: 2.0, radius: 1.25, hollow: true };
+    case.sphere(0.5, [0.5, 0.0, 0.0]);
+    case.sphere(0.5, [0.0, 0.0, 2.25]);
+    let line = "CASE/DATBOX/BODIES.DAT:21: body 3: stands outside the hollow cylinder of body 1; \
+                expected what meets it within: it is closed, and pushes inwards alone";
+    written_refused(&case, &[], &[line]);
 }
 
 #[test]
@@ -414,7 +445,21 @@ fn snapshots_of_another_scene() {
     other.write();
     let (code, text) = spawn(&other, &["--resume"]);
     let line = format!("cd-solve: {snapshot}: body 2: mass 0.523598");
-    assert!(code == 2 && text.starts_with(&line) && text.contains("expected as in DATBOX: 0.06544"), "{text}");
+    assert!(code == 2 && text.starts_with(&line) && text.contains("expected as in DATBOX: mass 0.06544"), "{text}");
+
+    // As heavy, but of another shape.
+    let brick = |half: [f64; 3]| {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.3]);
+        case.block(half, [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        case
+    };
+    let mut cube = brick([1.0; 3]);
+    cube.run(2);
+    cube.bodies = brick([2.0, 1.0, 0.5]).bodies;
+    cube.write();
+    let (code, text) = spawn(&cube, &["--resume"]);
+    assert!(code == 2 && text.starts_with(&format!("cd-solve: {snapshot}: body 1: mass 8 kg")), "{text}");
 
     // A law more, or of another friction.
     let laws = |names: &str, expected: &str| {
