@@ -28,6 +28,7 @@ pub(super) const ROUND: u64 = 1000;
 const WINDOW: u64 = 16;
 
 /// Impulses r̂ of all rows (world frame, N s), the velocities they lead to, and how good they are.
+#[derive(Clone)]
 pub struct Solution {
     pub impulses: Vec<Vec3>,
     /// Moments of all rolls, world frame, N m s.

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use crate::assemble::{Record, Roll, System};
 use crate::math::Vec3;
-use crate::math::lanes::{Lanes, Width};
+use crate::math::lanes::{Lanes, Scalar, Width};
 
 /// Below this share of what the velocities at the contacts are the sums of, and of those that attractions would give
 /// them, a residual is rounding: steps in which nothing closes count as solved.
@@ -208,6 +208,16 @@ impl<'a> Judge<'a> {
         let beyond = (along.abs() - roll.spinning * pressed).max(0.0).copysign(along);
         let share = if size > 0.0 { (1.0 - roll.rolling * pressed / size).max(0.0) } else { 0.0 };
         (0..3).map(|k| (f[k] + beyond * n[k] + share * across[k]).powi(2)).sum()
+    }
+
+    /// |F|² of each row that is judged, N² s², for impulses that lead to these motions.
+    pub fn parts(&self, impulses: &[Vec3], motions: &[Motion]) -> Vec<f64> {
+        let mut sizes2 = vec![0.0; self.contacts.len() * EIGHT];
+        let &Judge { rows, rho, .. } = self;
+        let map = Map { lanes: Scalar, rows, contacts: &self.contacts, impulses, motions, rho, sizes2: &mut sizes2 };
+        map.call();
+        sizes2.truncate(rows.len());
+        sizes2
     }
 
     /// Sum of |F|^2 of some contacts, the largest and its row.
