@@ -85,7 +85,7 @@ pub struct Facet {
 ///
 /// Rays from the centre of mass to the last surface of a sphere give the heights (of a polyhedron the sphere of
 /// equal volume), averaged over three mean radii around with less weight farther away. Gravity is that of all
-/// grains of the frame, each a solid ball, and of the primaries, and what [`in_own_axes`] adds; `constant`: G. The spin is that of
+/// grains of the frame, each a solid ball, and of the primaries, and what `in_own_axes` adds; `constant`: G. The spin is that of
 /// `whole`, in fixed axes.
 pub fn surface(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, grid: Grid) -> Vec<Facet> {
     let grains: Vec<&Grain> = members.iter().map(|&i| &frame.grains[i]).collect();
