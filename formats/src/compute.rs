@@ -222,7 +222,7 @@ options! {
     adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];
     /// Residual |F(r)|/|F(r_0)| at which the contact solver stops; without it, as accuracy asks.
     tol: Option<f64> = None, f64, [value_name = "X"];
-    /// Who solves the contact problem: nlgs, Gauss-Seidel sweeps; nlgs-anderson, prox-newton, admm, interior-point, on the stored matrix, for small scenes; auto, nlgs, and the others where a small problem stalls.
+    /// Who solves the contact problem: nlgs, Gauss-Seidel sweeps; nlgs-anderson, prox-newton, admm, interior-point, on the stored matrix, for small scenes; auto, nlgs, and the others where a small problem stalls, or a knot of a large one.
     solver: ContactSolver = ContactSolver::Auto, ContactSolver, [value_enum, value_name = "SOLVER"];
     /// Sweeps, or iterations, after which a step is reported as not converged, and goes on; without it, as accuracy asks.
     max_sweeps: Option<u64> = None, u64, [value_name = "N"];

@@ -42,7 +42,7 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
         let names: Vec<&str> = bulk.materials.iter().map(|m| m.name.as_str()).collect();
         return Err((
             format!("material '{}' is not defined", record.material),
-            format!("defined are {}", names.join(", ")),
+            if names.is_empty() { "none is defined".into() } else { format!("defined are {}", names.join(", ")) },
         ));
     };
     let density = bulk.materials[material].density;
