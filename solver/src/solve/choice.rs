@@ -109,16 +109,17 @@ fn untied(system: &System, task: Task, limit: u64, stored: impl Fn(&System) -> S
     let mut best = last.clone();
     while !best.converged && best.sweeps < limit {
         let solved = knot(&system, &last.impulses, task.width, &stored);
-        let taken_over = best.taken_over || solved.is_some();
+        let taken_over = last.taken_over || solved.is_some();
         let sweeps = (limit - best.sweeps).min(if solved.is_some() { BETWEEN } else { ROUND });
         for (row, r) in system.rows.iter_mut().zip(solved.unwrap_or(last.impulses)) {
             row.start = r;
             row.can_close |= r != Vec3::zeros();
         }
-        last = swept(&system, sweeps);
+        last = Solution { taken_over, ..swept(&system, sweeps) };
         let sweeps = best.sweeps + last.sweeps;
-        best = if last.residual < best.residual { last.clone() } else { best };
-        (best.sweeps, best.taken_over) = (sweeps, taken_over);
+        // What has converged takes no sweeps, and ends it.
+        best = if last.converged || last.residual < best.residual { last.clone() } else { best };
+        best.sweeps = sweeps;
     }
     best
 }
@@ -325,7 +326,8 @@ mod tests {
         let mut impulses = vec![Vec3::z(); 1000];
         impulses[7] *= 0.5;
         let found = solved(&impulses).unwrap();
-        assert!((found[7] - Vec3::z()).norm() < 0.05 && found[999] == impulses[999], "{}", found[7]);
+        // What it misses falls from 0.5 to a tenth.
+        assert!((found[7] - Vec3::z()).norm() <= LOOSE * 0.5 && found[999] == impulses[999], "{}", found[7]);
         impulses.fill(Vec3::z() * 0.5);
         assert_eq!(solved(&impulses), None);
         // Too large for the stored solvers as a whole, and done by one look of the sweeps.
