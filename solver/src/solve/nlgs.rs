@@ -24,7 +24,8 @@ use crate::solve::residual::{Judge, Motion, Residual};
 const FRICTIONAL_CAPS: [(u64, f64); 3] = [(600, 0.8), (800, 0.5), (ROUND, 0.0)];
 pub(super) const ROUND: u64 = 1000;
 
-/// Sweeps run in circles where so many change as much as the so many before them, under the same cap.
+/// Sweeps run in circles where they change as much, one by one, in a window as in the one before it under the same cap. The
+/// first two are of so many, the next half as long as all before: where the change falls slowly, short ones see its noise alone.
 const WINDOW: u64 = 16;
 
 /// Impulses r̂ of all rows (world frame, N s), the velocities they lead to, and how good they are.
@@ -177,14 +178,27 @@ pub(super) struct Momentum {
     /// Of the sweep in the round, and in its part.
     place: u64,
     since: u64,
-    /// Sum of the changes in this window, and in the one before it under the same cap.
+    /// Where in that part this window begins and ends.
+    window: [u64; 2],
+    /// Sum of the changes in this window, and their mean in the one before it under the same cap.
     changes: f64,
     before: Option<f64>,
 }
 
 impl Momentum {
     pub(super) fn new(frictional: bool) -> Self {
-        Momentum { t: 1.0, beta: 0.0, frictional, sliding: frictional, place: 0, since: 0, changes: 0.0, before: None }
+        let window = [0, WINDOW];
+        Momentum {
+            t: 1.0,
+            beta: 0.0,
+            frictional,
+            sliding: frictional,
+            place: 0,
+            since: 0,
+            window,
+            changes: 0.0,
+            before: None,
+        }
     }
 
     /// What comes after a sweep that has made a `change` of this size.
@@ -200,13 +214,15 @@ impl Momentum {
         self.place += 1;
         self.since += 1;
         self.changes += change;
-        if self.since.is_multiple_of(WINDOW) {
-            let circles = self.sliding && self.before.is_some_and(|before| self.changes >= before);
+        let [from, to] = self.window;
+        if self.since == to {
+            let mean = std::mem::take(&mut self.changes) / (to - from) as f64;
+            let circles = self.sliding && self.before.is_some_and(|before| mean >= before);
             self.place = if circles { end } else { self.place };
-            self.before = Some(std::mem::take(&mut self.changes));
+            (self.window, self.before) = ([to, to + WINDOW.max(to / 2)], Some(mean));
         }
         if self.place == end {
-            (self.place, self.since, self.changes, self.before) = (end % ROUND, 0, 0.0, None);
+            (self.place, self.since, self.window, self.changes, self.before) = (end % ROUND, 0, [0, WINDOW], 0.0, None);
         }
     }
 
@@ -250,9 +266,12 @@ mod tests {
     fn sweeps_in_circles_lose_their_momentum_and_others_keep_it() {
         let falls = carried(true, 2000, |k| 0.999f64.powi(k as i32));
         let circles = carried(true, 200, |k| 1.0 + (k % 4) as f64);
+        // What comes and goes with two windows of 16 sweeps is more than what falls from one to the next.
+        let slow = carried(true, 601, |k| 0.999f64.powi(k as i32) * (1.0 + 0.05 * (k as f64 * 0.2).cos()));
         let ends: Vec<usize> = (1..200).filter(|&k| circles[k] != circles[k - 1] && k > 20).collect();
         assert_eq!(falls[599..=600], [0.8, 0.5]);
         assert_eq!(falls[799..=800], [0.5, 0.0]);
+        assert_eq!(slow[599..=600], [0.8, 0.5]);
         assert_eq!(falls[999..=1000], [0.0, 0.8]);
         // Two windows tell; then the same with less.
         assert_eq!(ends, [32, 64, 96, 128, 160, 192]);
