@@ -104,10 +104,10 @@ enum Command {
         #[arg(long, value_delimiter = ',')]
         groups: Vec<String>,
         /// Time from which snapshots count for the means, s; without it the last alone
-        #[arg(long, value_name = "S")]
+        #[arg(long, value_name = "S", value_parser = finite)]
         from: Option<f64>,
         /// Time up to which they count, s; without it the end
-        #[arg(long, value_name = "S")]
+        #[arg(long, value_name = "S", value_parser = finite)]
         until: Option<f64>,
     },
     /// Runs of one scene against the finest: errors of what is observed, and the time that they took.
@@ -123,14 +123,14 @@ enum Command {
         /// One name a run, of the option that it is about
         #[arg(long, value_delimiter = ',')]
         groups: Vec<String>,
-        /// One number a run, the value of that option
+        /// One number a run, the value of that option; nan where it is none
         #[arg(long, value_delimiter = ',')]
         values: Vec<f64>,
         /// Time from which snapshots count, s; without it the last alone
-        #[arg(long, value_name = "S")]
+        #[arg(long, value_name = "S", value_parser = finite)]
         from: Option<f64>,
         /// Time from which on positions are compared at the first snapshot, s; without it, at the first after the start
-        #[arg(long, value_name = "S")]
+        #[arg(long, value_name = "S", value_parser = finite)]
         early: Option<f64>,
     },
     /// One body in a bed of grains, such as a lander: its way, depth, force, bounce and crater.
@@ -155,6 +155,12 @@ enum Command {
         #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
         every: u32,
     },
+}
+
+/// A number of the command line.
+fn finite(text: &str) -> Result<f64, String> {
+    let number: f64 = text.parse().map_err(|_| "expected a number".to_string())?;
+    if number.is_finite() { Ok(number) } else { Err("expected a finite number".into()) }
 }
 
 /// What is measured of a case, and what is written.

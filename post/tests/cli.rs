@@ -216,8 +216,13 @@ fn a_case_without_grains_is_done_with_a_report() {
 
 #[test]
 fn a_wrong_command_line_is_refused() {
-    let output = Command::new(env!("CARGO_BIN_EXE_cd-post")).args(["--every", "0"]).output().unwrap();
-    assert_eq!(output.status.code(), Some(2));
+    for args in
+        [vec!["--every", "0"], vec!["study", "case", "--from", "nan"], vec!["trade", "a", "b", "--early", "inf"]]
+    {
+        let output = Command::new(env!("CARGO_BIN_EXE_cd-post")).args(&args).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        assert!(String::from_utf8(output.stderr).unwrap().contains("invalid value"), "{args:?}");
+    }
     let help = Command::new(env!("CARGO_BIN_EXE_cd-post")).arg("--help").output().unwrap();
     assert_eq!(help.status.code(), Some(0));
     assert!(String::from_utf8(help.stdout).unwrap().contains("--no-vtk"));

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use cd_formats::compute::{Action, Compute, ContactSolver, Event, GravityMethod, MOST_EVENTS, too_frequent};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::report::Report;
 use cd_formats::snapshot::LawName;
 use cd_formats::tact_behav::{Side, TactBehav};
 use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
@@ -213,19 +214,19 @@ pub fn check_text(scene: &mut Scene) {
 }
 
 /// Refuses events about laws that no contact has, or about a cohesion that a law does not have.
-pub fn check_events(scene: &Scene, faults: &mut Faults) {
+pub fn check_events(scene: &Scene, report: &mut Report) {
     for (k, event) in scene.options.events.iter().enumerate() {
         let (Action::SetFriction(name, _) | Action::SetCohesion(name, _)) = &event.action else { continue };
-        let mut refuse = |found, expected| faults.push(of_event(k, found, expected));
+        let path = format!("events.{k}");
         match scene.law_names.iter().position(|law| law.nickname == *name) {
             None => {
                 let known: Vec<&str> = scene.law_names.iter().map(|law| law.nickname.as_str()).collect();
-                refuse(format!("law '{name}' is not in use"), format!("in use are {}", known.join(", ")));
+                report.fault(&path, format!("law '{name}' is not in use"), format!("one of {}", known.join(", ")));
             }
             Some(law)
                 if matches!(event.action, Action::SetCohesion(..)) && !scene.laws[law].clone().set_cohesion(0.0) =>
             {
-                refuse(format!("law '{name}' has no cohesion"), "expected a law with cohesion".into());
+                report.fault(&path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }
             Some(_) => {}
         }
@@ -233,10 +234,10 @@ pub fn check_events(scene: &Scene, faults: &mut Faults) {
 }
 
 /// Refuses events that happen too often up to the end of the run.
-pub fn check_happenings(scene: &Scene, faults: &mut Faults) {
+pub fn check_happenings(scene: &Scene, report: &mut Report) {
     for (k, repeats) in too_frequent(&scene.options.events, scene.end_time()) {
         let found = format!("happens {repeats:.0} times up to the end of the run");
-        faults.push(of_event(k, found, format!("expected at most {MOST_EVENTS:.0}")));
+        report.fault(&format!("events.{k}"), found, format!("at most {MOST_EVENTS:.0}"));
     }
 }
 
@@ -279,10 +280,6 @@ pub fn without_effect(scene: &Scene) -> Vec<String> {
     };
     let events = scene.options.events.iter().enumerate().filter_map(of_event);
     set.into_iter().filter_map(of_option).chain(events).collect()
-}
-
-fn of_event(k: usize, found: String, expected: String) -> Fault {
-    Fault::new("options".as_ref(), None, format!("event {}", k + 1), found, expected)
 }
 
 /// The contacts of Vloc_Rloc.INI that this scene can have, to start the first step from; what it cannot have is told.

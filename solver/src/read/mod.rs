@@ -6,18 +6,21 @@ mod bodies;
 mod parts;
 pub mod resume;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use cd_formats::atomic::read_text;
 use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::{Compute, Flags, schedule};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
-use cd_formats::error::Faults;
+use cd_formats::error::{Fault, Faults};
+use cd_formats::report::Report;
 use cd_formats::snapshot::{Fallback, Ledger, START};
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
 
+use crate::laws::BARE;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{Bonding, State};
@@ -46,7 +49,9 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     let mut scene = bodies::scene(&datbox, &bodies, &bulk, &driven, options, &mut faults);
     scene.start = (dof.step, dof.time);
     behaviour::laws(&datbox, &tact, &mut scene, &mut faults);
-    behaviour::check_events(&scene, &mut faults);
+    let (source, text) = faults.gather(events_text(&datbox, flags)).unwrap_or_default();
+    let mut of_events = Report::new(&source, &text);
+    behaviour::check_events(&scene, &mut of_events);
     behaviour::check_text(&mut scene);
     let (x, q, v, w) = bodies::motion(&datbox, &bodies, &dof, &scene, &mut faults);
     scene.notes.extend(bodies::gaps(&scene, &q));
@@ -82,7 +87,11 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         faults.gather(resume::start(&start, &scene, &mut state));
         scene.start = (state.step, state.time);
     }
-    behaviour::check_happenings(&scene, &mut faults);
+    behaviour::check_happenings(&scene, &mut of_events);
+    if BARE {
+        check_bare(&scene, &mut faults);
+    }
+    faults.0.append(&mut of_events.faults.0);
     if !faults.0.is_empty() {
         return Err(faults);
     }
@@ -92,6 +101,35 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         resume::pass_events(&scene, &mut state);
     }
     faults.into_result((scene, state))
+}
+
+/// Refuses what the program is built without.
+fn check_bare(scene: &Scene, faults: &mut Faults) {
+    let has = [
+        (!scene.parts.is_empty(), "other shapes than spheres and plates"),
+        (scene.options.self_gravity, "self-gravity"),
+        (scene.laws.iter().any(|law| law.cohesion.is_some()), "cohesion"),
+        (scene.laws.iter().any(|law| law.rolling.is_some()), "resistance to rolling"),
+    ];
+    for (_, what) in has.into_iter().filter(|(has, _)| *has) {
+        faults.push(Fault::new(
+            "program".as_ref(),
+            None,
+            what,
+            "not in this build",
+            "expected one without the feature `bare`",
+        ));
+    }
+}
+
+/// What events are written in: their file and its text, unless they come from the command line.
+fn events_text(datbox: &Path, flags: &Flags) -> Result<(PathBuf, String), Faults> {
+    let path = datbox.join(COMPUTE);
+    if flags.events.is_some() || !path.exists() {
+        return Ok(("options".into(), String::new()));
+    }
+    let text = read_text(&path)?;
+    Ok((path, text))
 }
 
 fn options(datbox: &Path, flags: &Flags) -> Result<Compute, Faults> {

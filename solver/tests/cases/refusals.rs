@@ -5,7 +5,7 @@ use std::fs;
 use std::process::Command;
 
 use cd_formats::bodies::Shape;
-use cd_formats::compute::Action;
+use cd_formats::compute::{Action, Event};
 use cd_formats::drv_dof::{Driven, DrivenKind, Evolution};
 
 use crate::case::Case;
@@ -281,6 +281,15 @@ fn times_and_events_that_cannot_be() {
     let event = "[(time: 0.0, every: 0.001, action: SetQuench(0.1))]";
     let often = "options: event 1: happens 1000000000 times up to the end of the run; expected at most 1000000";
     written_refused(&case, &["--end-time", "1e6", "--events", event], &[often]);
+    let mut unknown = sound();
+    let friction = Action::SetFriction("other".into(), 0.1);
+    unknown.options.events =
+        vec![Event::once(0.0, friction), Event::once(0.0, Action::SetCohesion("law00".into(), 1.0))];
+    let lines = [
+        "CASE/DATBOX/COMPUTE.RON:34: event 1: law 'other' is not in use; expected one of law00, law01",
+        "CASE/DATBOX/COMPUTE.RON:35: event 2: law 'law00' has no cohesion; expected a law with cohesion",
+    ];
+    written_refused(&unknown, &[], &lines);
     let twice =
         "[RotatingFrame(rate: (0, 0, 1), centre: (0, 0, 0)), RotatingFrame(rate: (0, 0, 1), centre: (0, 0, 0))]";
     let (code, text) = {
