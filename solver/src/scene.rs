@@ -7,7 +7,7 @@ use cd_formats::snapshot::{LawName, MaterialName};
 
 use crate::geometry::Polyhedron;
 use crate::gravity::{Gravity, Method};
-use crate::laws::Law;
+use crate::laws::{BARE, Law};
 use crate::math::rotation;
 use crate::math::{Quat, Vec3};
 
@@ -228,7 +228,7 @@ impl Scene {
         let free = || self.free.iter().map(|&i| &self.bodies[i as usize]);
         let radius = free().map(|body| body.radius.powi(3)).sum::<f64>().cbrt();
         let strength = self.options.gravity_constant * free().map(|body| body.mass).sum::<f64>();
-        self.options.self_gravity.then_some((radius, strength / (radius * radius)))
+        self.has_self_gravity().then_some((radius, strength / (radius * radius)))
     }
 
     /// R of 1/R = 1/R_a + 1/R_b of two contactors, each a body and a rank, m.
@@ -273,7 +273,12 @@ impl Scene {
 
     /// Whether there are bodies whose contacts need full blocks.
     pub fn is_general(&self) -> bool {
-        !self.parts.is_empty()
+        !BARE && !self.parts.is_empty()
+    }
+
+    /// Whether the free bodies attract each other.
+    pub fn has_self_gravity(&self) -> bool {
+        !BARE && self.options.self_gravity
     }
 
     /// Whether directions of contact are found without a proof.
@@ -307,7 +312,7 @@ impl Scene {
     pub fn gravity_refresh(&self) -> u64 {
         let exact = self.gravity().method_for(self.free.len()) == Method::Direct;
         let set = self.options.gravity_refresh.is_some();
-        if !self.options.self_gravity || (exact && !set) { 1 } else { self.options.gravity_refresh() }
+        if !self.has_self_gravity() || (exact && !set) { 1 } else { self.options.gravity_refresh() }
     }
 
     /// The fields that act from outside.
@@ -360,7 +365,7 @@ impl Scene {
         for (axis, period) in ["x", "y"].into_iter().zip(self.periods()) {
             models.extend(period.map(|period| format!("period {period} m along {axis}")));
         }
-        if self.options.self_gravity {
+        if self.has_self_gravity() {
             let gravity = self.gravity();
             models.push(match gravity.method_for(self.free.len()) {
                 Method::Direct => "self-gravity by direct sum".into(),

@@ -275,7 +275,7 @@ struct Pull {
 
 /// Self-gravity at each free body; zeros when the scene has none.
 fn attraction(scene: &Scene, state: &State, q_c: &Configuration) -> Pull {
-    if !scene.options.self_gravity {
+    if !scene.has_self_gravity() {
         let acceleration = vec![Vec3::zeros(); scene.free.len()];
         return Pull { acceleration, energy: 0.0, report: GravityReport::default(), next: None };
     }
@@ -307,7 +307,7 @@ struct NearField {
 /// The quadrupoles' part where the option asks for it, pair by pair in an order that the places fix.
 fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
     let options = &scene.options;
-    if !(options.self_gravity && options.gravity_quadrupole) {
+    if !(scene.has_self_gravity() && options.gravity_quadrupole) {
         return NearField::default();
     }
     let rigid = |&i: &u32| {
@@ -404,7 +404,7 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     let outside = scene.outside();
     let outer: f64 = positions.iter().zip(&masses).map(|(x, m)| m * pushed(&outside, state.gravity, x).1).sum();
     let outer = outer + of_extent(scene, &outside, &state.q);
-    if !scene.options.self_gravity {
+    if !scene.has_self_gravity() {
         return outer;
     }
     let direct = Gravity::new(Method::Direct, scene.options.gravity_error());

@@ -159,7 +159,7 @@ pub fn contact_problem(
     let of_contact =
         |(contact, old): (&Contact, &Option<u32>)| setting.row(contact, old.map(|k| &state.contacts[k as usize]));
     let mut rows: Vec<Row> = contacts.par_iter().zip(&history).with_min_len(256).map(of_contact).collect();
-    let rolls = if state.laws.iter().any(|law| law.rolling.is_some()) {
+    let rolls = if state.laws.iter().any(|law| law.rolling().is_some()) {
         let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
         listed
             .filter_map(|((k, contact), old)| setting.roll(k, contact, old.map(|k| &state.contacts[k as usize])))
@@ -277,7 +277,7 @@ impl Setting<'_> {
 
     /// Resistance to rolling and spinning at row `k`, if its law has one.
     fn roll(&self, k: usize, contact: &Contact, previous: Option<&SolvedContact>) -> Option<Roll> {
-        let Rolling { rolling, spinning } = self.state.laws[contact.law as usize].rolling?;
+        let Rolling { rolling, spinning } = self.state.laws[contact.law as usize].rolling()?;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
         let scale = self.q_c.h / self.state.h;
         Some(Roll {

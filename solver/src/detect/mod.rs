@@ -154,7 +154,7 @@ fn is_listed(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32
     // The range of a bond needs the radii, which a near pair is not asked for.
     let law = &scene.laws[see.law as usize];
     let range = || law.range(scene.effective_radius((candidate, 0), (antagonist, 0)));
-    gap <= see.alert.max(travel) || (law.cohesion.is_some() && gap <= range())
+    gap <= see.alert.max(travel) || (law.cohesion().is_some() && gap <= range())
 }
 
 fn contact(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32) -> Contact {

@@ -59,6 +59,10 @@ pub enum Cohesion {
     Bond { normal: f64, tangential: f64, now: f64 },
 }
 
+/// Whether the program is built for spheres and plates alone, without self-gravity, cohesion or resistance to rolling: so what
+/// the others pay for these can be measured. It refuses scenes that have them.
+pub const BARE: bool = cfg!(feature = "bare");
+
 /// Two bodies touch, for a bond, when their gap is at most this share of 1/(1/R_a + 1/R_b).
 pub const TOUCHING: f64 = 1e-3;
 
@@ -202,7 +206,7 @@ impl Law {
             Unilateral::Velocity | Unilateral::Restitution { .. } => return None,
         };
         let friction = if at.slid_before { self.friction_dynamic } else { self.friction_static };
-        let (attraction, friction) = match self.cohesion {
+        let (attraction, friction) = match self.cohesion() {
             Some(Cohesion::Wet { force, range, remembers }) if gap <= range && (at.bond.is_some() || !remembers) => {
                 (force, friction)
             }
@@ -215,19 +219,29 @@ impl Law {
         Some(Shift { normal, tangential, impulse: 0.0 - h * attraction, friction })
     }
 
+    /// The cohesion that steps see.
+    pub fn cohesion(&self) -> Option<Cohesion> {
+        if BARE { None } else { self.cohesion }
+    }
+
+    /// The resistance to rolling that steps see.
+    pub fn rolling(&self) -> Option<Rolling> {
+        if BARE { None } else { self.rolling }
+    }
+
     /// Whether a contact may be bonded.
     pub fn bonds(&self) -> bool {
-        matches!(self.cohesion, Some(Cohesion::Bond { .. } | Cohesion::Wet { remembers: true, .. }))
+        matches!(self.cohesion(), Some(Cohesion::Bond { .. } | Cohesion::Wet { remembers: true, .. }))
     }
 
     /// Whether a contact's history decides more than its friction, or holds more than its impulse.
     pub fn remembers(&self) -> bool {
-        self.bonds() || self.rolling.is_some()
+        self.bonds() || self.rolling().is_some()
     }
 
     /// The gap that a bond made now has (m); none where the law makes no bonds or the two do not touch.
     pub fn bond(&self, gap: f64, radius: f64) -> Option<f64> {
-        match self.cohesion {
+        match self.cohesion() {
             Some(Cohesion::Wet { range, remembers: true, .. }) if gap <= range => Some(self.bonded_at(gap)),
             Some(Cohesion::Bond { now, .. }) if now > 0.0 && gap <= TOUCHING * radius => Some(self.bonded_at(gap)),
             _ => None,
@@ -236,12 +250,12 @@ impl Law {
 
     /// The gap that a bond made at `gap` keeps, m: a liquid bridge lets the two touch.
     pub fn bonded_at(&self, gap: f64) -> f64 {
-        if matches!(self.cohesion, Some(Cohesion::Wet { .. })) { 0.0 } else { gap }
+        if matches!(self.cohesion(), Some(Cohesion::Wet { .. })) { 0.0 } else { gap }
     }
 
     /// Whether a bond outlives a step in which the contact, of this gap where it was looked for, has parted or slid.
     pub fn keeps_bond(&self, gap: f64, parted: bool, slid: bool) -> bool {
-        match self.cohesion {
+        match self.cohesion() {
             Some(Cohesion::Wet { range, .. }) => gap <= range,
             // Without resistance to shear a bond slides from the beginning.
             Some(Cohesion::Bond { tangential, now, .. }) => now > 0.0 && !(parted || slid && tangential > 0.0),
@@ -251,7 +265,7 @@ impl Law {
 
     /// Greatest gap at which a contact that is not closing can still act, m.
     pub fn range(&self, radius: f64) -> f64 {
-        match self.cohesion {
+        match self.cohesion() {
             Some(Cohesion::Wet { range, .. }) => range,
             // Twice, for what an unfinished solution lets a bond part.
             Some(Cohesion::Bond { .. }) => 2.0 * TOUCHING * radius,
@@ -261,7 +275,7 @@ impl Law {
 
     /// Greatest gap at which an area of contact counts, m: beyond it nothing carries a cohesion that is a stress.
     pub fn range_of_stress(&self, radius: f64) -> f64 {
-        match self.cohesion {
+        match self.cohesion() {
             Some(Cohesion::Bond { .. }) => self.range(radius),
             _ => f64::INFINITY,
         }
