@@ -5,6 +5,8 @@ CARGO_TARGET_DIR ?= target
 TARGET := $(abspath $(CARGO_TARGET_DIR))
 BIN := $(TARGET)/release
 SIDE_BY_SIDE = $(MAKE) --no-print-directory --jobs=$(shell getconf _NPROCESSORS_ONLN) SOLVE_FLAGS="--threads 1"
+# The programs as the tests have built them: tests give some libraries more features, and without them all is built again.
+TESTED = $(CARGO) test --workspace --no-run --quiet
 EXTREMES := extremes envelope limits thousand_periods a_minute
 
 .PHONY: help build demo paper trade extremes test vtk browser golden lint fmt doc check clean
@@ -58,11 +60,11 @@ test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1 and CD_REQUIRE_
 	$(MAKE) --no-print-directory browser
 
 vtk: ## reads the ParaView files of two small cases back with VTK
-	$(CARGO) build --bins
+	$(TESTED)
 	TARGET=$(TARGET) tests/vtk_readback.sh
 
 browser: ## opens the report of a small case in Chromium, without a screen
-	$(CARGO) build --bins
+	$(TESTED)
 	TARGET=$(TARGET) tests/report_in_browser.sh
 
 golden: ## makes the expected files of tests/golden anew, of all or of SCENE=name; prints the largest changes
