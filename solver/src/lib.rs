@@ -29,3 +29,7 @@ pub mod step;
 pub mod write;
 
 pub use cli::run;
+
+/// Whether the program is built for spheres and plates alone, without self-gravity, cohesion or resistance to rolling: so what
+/// the others pay for these can be measured. It refuses scenes that have them.
+pub const BARE: bool = cfg!(feature = "bare");

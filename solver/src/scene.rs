@@ -5,9 +5,10 @@ use cd_formats::drv_dof::Evolution;
 use cd_formats::field::Outside;
 use cd_formats::snapshot::{LawName, MaterialName};
 
+use crate::BARE;
 use crate::geometry::Polyhedron;
 use crate::gravity::{Gravity, Method};
-use crate::laws::{BARE, Law};
+use crate::laws::Law;
 use crate::math::rotation;
 use crate::math::{Quat, Vec3};
 

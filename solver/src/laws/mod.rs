@@ -35,6 +35,8 @@
 //! Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177 (1999) 235-257; J.J. Moreau, Unilateral
 //! contact and dry friction in finite freedom dynamics, CISM 302 (1988).
 
+use crate::BARE;
+
 /// When a contact resists, along its normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Unilateral {
@@ -58,10 +60,6 @@ pub enum Cohesion {
     /// event has changed them, up to `now` in traction and as much more or less in shear.
     Bond { normal: f64, tangential: f64, now: f64 },
 }
-
-/// Whether the program is built for spheres and plates alone, without self-gravity, cohesion or resistance to rolling: so what
-/// the others pay for these can be measured. It refuses scenes that have them.
-pub const BARE: bool = cfg!(feature = "bare");
 
 /// Two bodies touch, for a bond, when their gap is at most this share of 1/(1/R_a + 1/R_b).
 pub const TOUCHING: f64 = 1e-3;

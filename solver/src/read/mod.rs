@@ -20,7 +20,7 @@ use cd_formats::snapshot::{Fallback, Ledger, START};
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
 
-use crate::laws::BARE;
+use crate::BARE;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{Bonding, State};
