@@ -10,7 +10,7 @@ use super::patch::SAME;
 use super::polyhedron::{Number, Spoke};
 use super::search::{NEARLY_PARALLEL, Pair, lowest, support};
 use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
-use crate::math::Vec3;
+use crate::math::{Vec3, length};
 use crate::math::lanes::{Lanes, Width};
 
 /// Gap between the bounds, over the distance, at which the search ends.
@@ -64,7 +64,7 @@ impl<L: Lanes> NullaryFnOnce for Gjk<'_, L> {
         let mut step = 0;
         while step < MOST_STEPS {
             step += 1;
-            let distance = near.point.norm();
+            let distance = length(&near.point);
             if distance <= touching {
                 break; // to rounding: n of the axis is as good as any
             }
@@ -82,7 +82,7 @@ impl<L: Lanes> NullaryFnOnce for Gjk<'_, L> {
             }
             near = nearer;
         }
-        let distance = near.point.norm();
+        let distance = length(&near.point);
         let n = if distance > touching { near.point / distance } else { n };
         if distance > alert {
             return Nearest { n, on_faces: false, manifold: None };

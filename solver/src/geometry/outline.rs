@@ -100,8 +100,9 @@ impl<'a> Outline<'a> {
         self.posed.vertex(self.vertex(k)) + self.moved
     }
 
+    /// The corners, and the plane through them.
     #[inline(always)]
-    fn fill<L: Lanes>(&mut self, l: L, of: u32, [n, t, s]: &[Vec3; 3], tiny: f64) {
+    fn project(&mut self, of: u32, [n, t, s]: &[Vec3; 3]) {
         let count = self.corners.len();
         let mut k = 0;
         while k < count {
@@ -110,16 +111,6 @@ impl<'a> Outline<'a> {
             k += 1;
         }
         (self.x[count], self.y[count], self.z[count]) = (self.x[0], self.y[0], self.z[0]);
-        let mut k = 0;
-        while k < count {
-            let dx = l.sub(l.load(&self.x[k + 1..]), l.load(&self.x[k..]));
-            let dy = l.sub(l.load(&self.y[k + 1..]), l.load(&self.y[k..]));
-            let length = l.sqrt(l.add(l.mul(dx, dx), l.mul(dy, dy)));
-            let (tiny, zero) = (l.splat(tiny), l.splat(0.0));
-            l.store(&mut self.dx[k..], l.select_greater(length, tiny, l.div(dx, length), zero));
-            l.store(&mut self.dy[k..], l.select_greater(length, tiny, l.div(dy, length), zero));
-            k += L::WIDTH;
-        }
         let normal = self.posed.normal(of);
         let rise = normal.dot(n);
         if rise.abs() < EDGE_ON {
@@ -133,6 +124,22 @@ impl<'a> Outline<'a> {
         }
         self.slope = [normal.dot(t) / rise, normal.dot(s) / rise];
         self.height = (self.posed.shape.planes()[of as usize].offset + normal.dot(&self.moved)) / rise;
+    }
+
+    /// Directions of the sides. Not right behind [`Self::project`]: vectors wait for the numbers that were written one by one.
+    #[inline(always)]
+    fn direct<L: Lanes>(&mut self, l: L, tiny: f64) {
+        let count = self.corners.len();
+        let mut k = 0;
+        while k < count {
+            let dx = l.sub(l.load(&self.x[k + 1..]), l.load(&self.x[k..]));
+            let dy = l.sub(l.load(&self.y[k + 1..]), l.load(&self.y[k..]));
+            let length = l.sqrt(l.add(l.mul(dx, dx), l.mul(dy, dy)));
+            let (tiny, zero) = (l.splat(tiny), l.splat(0.0));
+            l.store(&mut self.dx[k..], l.select_greater(length, tiny, l.div(dx, length), zero));
+            l.store(&mut self.dy[k..], l.select_greater(length, tiny, l.div(dy, length), zero));
+            k += L::WIDTH;
+        }
     }
 
     /// Height of the plane at a place.
@@ -215,8 +222,10 @@ impl<L: Lanes> NullaryFnOnce for Common<'_, L> {
         let (of_a, of_b) = storage.split_at_mut(COLUMNS * strides[0]);
         let mut a = Outline::new(pair.pa, faces.0, Vec3::zeros(), false, strides[0], of_a);
         let mut b = Outline::new(pair.pb, faces.1, pair.c, true, strides[1], &mut of_b[..COLUMNS * strides[1]]);
-        a.fill(l, faces.0, &frame, tiny);
-        b.fill(l, faces.1, &frame, tiny);
+        a.project(faces.0, &frame);
+        b.project(faces.1, &frame);
+        a.direct(l, tiny);
+        b.direct(l, tiny);
         let first = take.len();
         let mut from = 0;
         while from < na {

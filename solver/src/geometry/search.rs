@@ -14,7 +14,7 @@ use smallvec::SmallVec;
 use super::patch::Corner;
 use super::polyhedron::Number;
 use super::{Narrow, Point, Polyhedron, Posed, edge, face, vertex};
-use crate::math::Vec3;
+use crate::math::{Vec3, length};
 use crate::math::lanes::{Lanes, Scalar, Width};
 
 /// Two posed polyhedra.
@@ -225,7 +225,7 @@ fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -
         Start::Direction(n) => n,
         _ => pair.c,
     };
-    let length = n.norm();
+    let length = length(&n);
     let n = if length > 0.0 && length.is_finite() { n / length } else { Vec3::x() };
     let (b, low) = lowest(l, pair.pb, &n);
     let (a, high) = lowest(l, pair.pa, &-n);
@@ -298,7 +298,7 @@ fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -
             let square = across.norm_squared();
             let (p, q) = (w.cross(&v).dot(&across) / square, w.cross(&u).dot(&across) / square);
             // Distances from the sides of the parallelogram.
-            let (along_u, along_v) = (p.min(1.0 - p) / v.norm(), q.min(1.0 - q) / u.norm());
+            let (along_u, along_v) = (p.min(1.0 - p) / length(&v), q.min(1.0 - q) / length(&u));
             along_u.min(along_v) * square.sqrt()
         }
         Feature::None => return false,
@@ -311,12 +311,12 @@ fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -
     }
     if narrow == Narrow::Fast {
         // Unless the way between the centres tells that the bodies have left this side of each other.
-        let n = pair.c.normalize();
+        let n = pair.c / length(&pair.c);
         return separation(l, pair, &n) <= axis.s;
     }
     let r = rho / -axis.s * (1.0 - 1e-9);
     let cos_disc = (1.0 - r * r) / (1.0 + r * r);
-    let distance = pair.c.norm();
+    let distance = length(&pair.c);
     let (cos_cone, cos_n) = ((axis.s + pair.inner()) / distance, axis.n.dot(&pair.c) / distance);
     if cos_cone.is_nan() || cos_cone.abs() >= 1.0 {
         return cos_cone >= 1.0;
@@ -337,7 +337,7 @@ fn inside(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
     for &corner in corners {
         let to = shape.vertex(corner.into());
         let along = to - from;
-        least = least.min(n.cross(&along).dot(&(point - from)) / along.norm());
+        least = least.min(n.cross(&along).dot(&(point - from)) / length(&along));
         from = to;
     }
     least
@@ -724,7 +724,7 @@ fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     let crossed =
         p0 * p1 < -PARALLEL * along_a.norm_squared() && q0 * q1 < -PARALLEL * along_b.norm_squared() && p0 * q0 > 0.0;
     let n = na0 * q1.abs() + na1 * q0.abs();
-    let length = n.norm();
+    let length = length(&n);
     let n = if length > 0.0 { n / length } else { na0 };
     (n, n.dot(&(b0 + pair.c - a0)), crossed)
 }

@@ -6,7 +6,7 @@ use super::expansion::{
     NARROW, Narrow, Wide, derivatives, exponential, for_degrees, narrow, narrow_len, shift_moments, wide,
 };
 use super::tree::{Cell, GRAIN, Line, Outline};
-use crate::math::Vec3;
+use crate::math::{Vec3, length};
 use crate::math::lanes::{Lanes, Scalar};
 
 /// Cells of at most this many bodies get the exact radius; larger ones the bound that their halves give, which is
@@ -278,7 +278,7 @@ impl<L: Lanes, const P: usize> NullaryFnOnce for Parent<'_, L, P> {
             let mut e: Narrow<f64> = [0.0; _];
             exponential::<_, P>(Scalar, shift, &mut e);
             shift_moments::<_, P>(Scalar, &read_moments(&moments[..up.lines]), &e, &mut row);
-            bound = bound.max(Vec3::from(shift).norm() + half.radius);
+            bound = bound.max(length(&Vec3::from(shift)) + half.radius);
         }
         let exact = cell.count as usize <= EXACT_RADIUS;
         let radius = if exact { up.radius(cell, centre) } else { bound };
