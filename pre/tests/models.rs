@@ -148,6 +148,15 @@ fn every_fault_of_a_file_is_told() {
         ("turned.obj", obj(&v, &turned).into_bytes()),
         ("nan.obj", obj(&v, &quads()).replacen("v 9.0", "v NaN", 1).into_bytes()),
         ("word.obj", obj(&v, &quads()).replacen("v 9.0", "v nine", 1).into_bytes()),
+        ("side.obj", obj(&v, &quads()).replacen("\nf ", "\nf 1 2 3\nf 1 2 3\nf one ", 1).into_bytes()),
+        (
+            "word.stl",
+            String::from_utf8(stl_text(&v, &t))
+                .unwrap()
+                .replacen("vertex", "vortex", 7)
+                .replacen("vortex", "vertex", 6)
+                .into_bytes(),
+        ),
         ("beyond.vtk", vtk_legacy(&v, &[vec![0, 1, 99]]).into_bytes()),
         ("torn.vtk", vtk_legacy(&v, &quads()).as_bytes()[..200].to_vec()),
         ("torn.vtp", vtp(&v, &quads()).as_bytes()[..500].to_vec()),
@@ -197,7 +206,9 @@ fn every_fault_of_a_file_is_told() {
     assert_eq!(said("nan.obj").lines().count(), 1, "{}", said("nan.obj"));
     assert!(said("nan.obj").starts_with("nan.obj: surface: vertex 1 is [NaN"), "{}", said("nan.obj"));
     for (name, expected) in [
-        ("word.obj", "expected a Wavefront OBJ file"),
+        ("word.obj", "word.obj:3: file: position parse error; expected a Wavefront OBJ file"),
+        ("side.obj", "side.obj:14: file: "),
+        ("word.stl", "word.stl:16: file: "),
         ("beyond.vtk", "surface: polygon 1 names point 100 of 8; expected numbers of points that are there"),
         ("torn.vtk", "expected polygonal data of VTK"),
         ("torn.vtp", "expected polygonal data of VTK"),

@@ -46,7 +46,14 @@ pub fn surface(path: &Path) -> Result<Read, Faults> {
         }
         _ => return Err(refuse("file", format!("the ending '{ending}'"), "expected .obj, .stl, .vtk or .vtp")),
     };
-    let mesh = mesh.map_err(|found| refuse("file", found, &format!("expected {kind}")))?;
+    let mesh = mesh.map_err(|found| {
+        let line = match ending.as_str() {
+            "obj" => line_of_obj(&bytes, &found),
+            "stl" => line_of_facet(&bytes, &found),
+            _ => None,
+        };
+        Fault::new(path, line, "file", found, format!("expected {kind}"))
+    })?;
     let (vertices, triangles) =
         welded(&mesh).map_err(|found| refuse("surface", found, "expected numbers of points that are there"))?;
     match Surface::new(&vertices, &triangles) {
@@ -103,6 +110,29 @@ fn welded(mesh: &Mesh) -> Result<Triangulation, String> {
 fn statements(text: &str) -> String {
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim_end());
     lines.map(|line| line.strip_suffix('\\').map_or_else(|| format!("{line}\n"), |begin| format!("{begin} "))).collect()
+}
+
+/// The number of parts of a file with which its reader begins to fail as with all of them: the readers tell no lines.
+fn first_failing(parts: usize, whole: &str, read: impl Fn(usize) -> Result<Mesh, String>) -> Option<usize> {
+    let numbers: Vec<usize> = (1..=parts).collect();
+    let reads = |k: &usize| read(*k).err().as_deref() != Some(whole);
+    numbers.get(numbers.partition_point(reads)).copied()
+}
+
+fn line_of_obj(bytes: &[u8], fault: &str) -> Option<usize> {
+    let mut ends: Vec<usize> = (1..).zip(bytes).filter(|(_, byte)| **byte == b'\n').map(|(end, _)| end).collect();
+    ends.push(bytes.len());
+    first_failing(ends.len(), fault, |k| obj(&bytes[..ends[k - 1]]))
+}
+
+/// The line in which the facet begins that is no facet.
+fn line_of_facet(bytes: &[u8], fault: &str) -> Option<usize> {
+    let text = String::from_utf8_lossy(bytes).to_ascii_lowercase();
+    let ends: Vec<usize> = text.match_indices("endfacet").map(|(at, word)| at + word.len()).collect();
+    let facet = first_failing(ends.len(), fault, |k| stl(format!("{}\nendsolid\n", &text[..ends[k - 1]]).as_bytes()))?;
+    let before = if facet == 1 { 0 } else { ends[facet - 2] };
+    let begin = before + text[before..].find("facet")?;
+    Some(1 + text[..begin].matches('\n').count())
 }
 
 fn obj(bytes: &[u8]) -> Result<Mesh, String> {
