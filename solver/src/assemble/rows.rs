@@ -168,14 +168,14 @@ pub fn contact_problem(
         Vec::new()
     };
     if let Some(full) = &mut full {
-        full.arms = contacts.iter().map(|contact| arms(contact, &q_c.x)).collect();
+        full.arms = contacts.par_iter().with_min_len(256).map(|contact| arms(contact, &q_c.x)).collect();
     }
     if let Some(full) = &full {
-        for (k, row) in rows.iter_mut().enumerate() {
+        rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
             let w = full.block(k, row, &records);
             row.w_n = row.normal.dot(&(w * row.normal));
             row.w_t = 0.5 * (w.trace() - row.w_n);
-        }
+        });
     }
     let mut system = System { rows, rolls, full, records, order: q_c.order.clone() };
     for (k, old) in history.iter().enumerate() {

@@ -67,7 +67,8 @@ pub fn contacts(
         scene.parts.iter().zip(&places).map(|(part, place)| part.radius + place.travel + range).collect();
     // Pairs come and are looked at in the order of the cells: what a part is made of stays in the cache meanwhile.
     let pairs: Vec<([u32; 2], See)> = periodic::pairs(&centres, &reach, scene.periods())
-        .into_iter()
+        .into_par_iter()
+        .with_min_len(1024)
         .filter_map(|ij| meet(scene, &places, ij))
         .collect();
     let order = by_parts(&pairs, scene.parts.len());

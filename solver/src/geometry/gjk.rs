@@ -10,8 +10,8 @@ use super::patch::SAME;
 use super::polyhedron::{Number, Spoke};
 use super::search::{NEARLY_PARALLEL, Pair, lowest, support};
 use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
-use crate::math::{Vec3, length};
 use crate::math::lanes::{Lanes, Width};
+use crate::math::{Vec3, length};
 
 /// Gap between the bounds, over the distance, at which the search ends.
 const ENOUGH: f64 = 1e-15;

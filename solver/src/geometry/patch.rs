@@ -80,7 +80,7 @@ impl Patch {
     fn leave_out_flat(&self, order: &mut SmallVec<[u32; 12]>, tie: f64) {
         let flat = |k: u32| self.corners[k as usize].flat;
         let between = |a: u32, b: u32| [flat(b)[0] - flat(a)[0], flat(b)[1] - flat(a)[1]];
-        let length = |[x, y]: [f64; 2]| x.hypot(y);
+        let length = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
         let size = order.iter().map(|&k| length(between(order[0], k))).fold(0.0, f64::max);
         let mut round = round(&self.corners);
         let gap = |k: u32| self.corners[k as usize].gap;

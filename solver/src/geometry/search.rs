@@ -14,8 +14,8 @@ use smallvec::SmallVec;
 use super::patch::Corner;
 use super::polyhedron::Number;
 use super::{Narrow, Point, Polyhedron, Posed, edge, face, vertex};
-use crate::math::{Vec3, length};
 use crate::math::lanes::{Lanes, Scalar, Width};
+use crate::math::{Vec3, length};
 
 /// Two posed polyhedra.
 pub(super) struct Pair<'a> {

@@ -6,8 +6,8 @@ use super::expansion::{
     NARROW, Narrow, Wide, derivatives, exponential, for_degrees, narrow, narrow_len, shift_moments, wide,
 };
 use super::tree::{Cell, GRAIN, Line, Outline};
-use crate::math::{Vec3, length};
 use crate::math::lanes::{Lanes, Scalar};
+use crate::math::{Vec3, length};
 
 /// Cells of at most this many bodies get the exact radius; larger ones the bound that their halves give, which is
 /// nearly as good and needs no walk over the bodies.

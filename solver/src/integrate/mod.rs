@@ -38,6 +38,9 @@ pub struct Configuration {
     pub ahead: f64,
 }
 
+/// Bodies that turn freely, of which a task takes at least so many: each is half a microsecond.
+const FEW: usize = 64;
+
 /// The contact configuration of a step of so many units of `dt`, from the velocities at the step's start.
 pub fn predict(scene: &Scene, state: &State, units: u64) -> Configuration {
     let h = units as f64 * scene.options.dt;
@@ -48,10 +51,14 @@ pub fn predict(scene: &Scene, state: &State, units: u64) -> Configuration {
         q[i] = rotate(&q[i], &(state.w[i] * before));
     }
     let (rate, mut spin) = (scene.rate(), state.spin.clone());
-    for (&i, momentum) in scene.turning.iter().zip(&mut spin) {
+    let carry = |(&i, momentum): (&u32, &mut Vec3)| {
         let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);
-        q[i] = turn_in_axes(&state.q[i], momentum, inertia, &rate, before);
-        w[i] = angular_velocity(&q[i], inertia, momentum);
+        let q = turn_in_axes(&state.q[i], momentum, inertia, &rate, before);
+        (q, angular_velocity(&q, inertia, momentum))
+    };
+    let carried: Vec<_> = scene.turning.par_iter().zip(&mut spin).with_min_len(FEW).map(carry).collect();
+    for (&i, carried) in scene.turning.iter().zip(carried) {
+        (q[i as usize], w[i as usize]) = carried;
     }
     let ahead = if scene.options.adaptive().is_on() { length::GROWTH as f64 * h } else { h };
     let order = morton::order(&x, &state.order);
@@ -85,16 +92,23 @@ pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec
         }
     };
     state.q.par_iter_mut().zip(&scene.oriented).with_min_len(512).enumerate().for_each(turned);
-    let (rate, mut by_axes) = (scene.rate(), Vec3::zeros());
-    for ((&i, momentum), carried) in scene.turning.iter().zip(&mut state.spin).zip(&q_c.spin) {
+    let rate = scene.rate();
+    let turn = |((&i, momentum), carried): ((&u32, &mut Vec3), &Vec3)| {
         let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);
         // What nothing has pushed keeps its momentum to the last bit.
         let pushed = carried + angular_momentum(&q_c.q[i], inertia, &(w[i] - q_c.w[i]));
         let mut turned = pushed;
-        state.q[i] = turn_in_axes(&q_c.q[i], &mut turned, inertia, &rate, after);
-        w[i] = angular_velocity(&state.q[i], inertia, &turned);
-        by_axes += (carried - *momentum) + (turned - pushed);
+        let q = turn_in_axes(&q_c.q[i], &mut turned, inertia, &rate, after);
+        let by_axes = (carried - *momentum) + (turned - pushed);
         *momentum = turned;
+        (q, angular_velocity(&q, inertia, &turned), by_axes)
+    };
+    let turning = scene.turning.par_iter().zip(&mut state.spin).zip(&q_c.spin);
+    let turned: Vec<_> = turning.with_min_len(FEW).map(turn).collect();
+    let mut by_axes = Vec3::zeros();
+    for (&i, (q, spin, term)) in scene.turning.iter().zip(turned) {
+        (state.q[i as usize], w[i as usize]) = (q, spin);
+        by_axes += term;
     }
     if rate != Vec3::zeros() {
         state.ledger.angular_momentum_expected.iter_mut().zip(&by_axes).for_each(|(sum, term)| *sum += term);
