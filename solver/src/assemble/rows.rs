@@ -178,7 +178,8 @@ pub fn contact_problem(
         });
     }
     let mut system = System { rows, rolls, full, records, order: q_c.order.clone() };
-    for (k, old) in history.iter().enumerate() {
+    let attract = state.laws.iter().any(|law| law.cohesion().is_some());
+    for (k, old) in history.iter().enumerate().filter(|_| attract) {
         let Row { impulse_shift, normal, .. } = system.rows[k];
         if impulse_shift != 0.0 {
             system.apply(k, &(normal * impulse_shift));

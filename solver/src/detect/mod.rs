@@ -89,11 +89,9 @@ pub fn missed(
 fn sorted(scene: &Scene, pairs: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
     // By candidate first, so that only the few of one body remain to be sorted.
     let candidates: Vec<u32> = pairs.iter().map(|pair| pair[0]).collect();
-    let (order, starts) = group(&candidates, scene.bodies.len());
-    let mut sorted: Vec<[u32; 2]> = order.iter().map(|&k| pairs[k as usize]).collect();
-    for of_one in starts.windows(2) {
-        sorted[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(|pair| pair[1]);
-    }
+    let (order, _) = group(&candidates, scene.bodies.len());
+    let mut sorted: Vec<[u32; 2]> = order.par_iter().with_min_len(2048).map(|&k| pairs[k as usize]).collect();
+    sorted.par_chunk_by_mut(|a, b| a[0] == b[0]).for_each(|of_one| of_one.sort_unstable_by_key(|pair| pair[1]));
     sorted
 }
 
