@@ -73,8 +73,8 @@ impl Setting<'_> {
     /// Of each contact of the last step, whether it carried something and acts no more under its key. Nearly always none.
     fn gone(&self, contacts: &[Contact], found: &[Option<u32>]) -> Vec<bool> {
         let before = &self.state.contacts;
-        let named = |old: &SolvedContact| self.has_names(&old.contact) && carried(old);
-        let mut gone: Vec<bool> = before.par_iter().with_min_len(CHUNK).map(named).collect();
+        let may_go = |old: &SolvedContact| self.has_names(&old.contact) && carried(old);
+        let mut gone: Vec<bool> = before.par_iter().with_min_len(CHUNK).map(may_go).collect();
         let stays =
             |(k, contact): (usize, &Contact)| found[k].filter(|&old| gone[old as usize] && self.in_reach(contact));
         let stay: Vec<u32> = contacts.par_iter().enumerate().with_min_len(256).filter_map(stays).collect();

@@ -178,8 +178,15 @@ pub fn contact_problem(
         });
     }
     let mut system = System { rows, rolls, full, records, order: q_c.order.clone() };
-    let attract = state.laws.iter().any(|law| law.cohesion().is_some());
-    for (k, old) in history.iter().enumerate().filter(|_| attract) {
+    if state.laws.iter().any(|law| law.cohesion().is_some()) {
+        attract(&mut system, &history);
+    }
+    system
+}
+
+/// Lets the attraction of the contacts act, and those without a history start from what takes it up.
+fn attract(system: &mut System, history: &[Option<u32>]) {
+    for (k, old) in history.iter().enumerate() {
         let Row { impulse_shift, normal, .. } = system.rows[k];
         if impulse_shift != 0.0 {
             system.apply(k, &(normal * impulse_shift));
@@ -188,7 +195,6 @@ pub fn contact_problem(
             }
         }
     }
-    system
 }
 
 /// What the rows are made from.
