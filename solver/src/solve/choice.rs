@@ -36,8 +36,9 @@ impl Task {
 /// `auto` gives the sweeps as many rounds of their momentum's caps as cost so many Newton steps, which are what comes
 /// after, but at least one, and then half of what is allowed at most.
 const ROUNDS: f64 = 1.5;
-/// What comes after the sweeps of `auto` may cost as much as this many sweeps ...
+/// What comes after the sweeps of `auto` may cost as much as this many sweeps, of so many contacts at least, ...
 const PATIENCE: f64 = 200_000.0;
+const FEW: usize = 100;
 /// ... and is not begun if that does not pay for so many Newton steps.
 const WORTH: f64 = 20.0;
 /// One contact in one sweep, in units of [`newton_cost`].
@@ -51,13 +52,16 @@ const AIM: f64 = 0.9;
 /// After k failures in a row `auto` does all that it can 2^k steps later, where this is the largest k: what is in vain
 /// costs as much as hundreds of steps.
 const MOST_FAILURES: u32 = 8;
+/// What lowers E to this share of what the sweeps have left is not in vain, even where rounding keeps it from the tolerance.
+const GAIN: f64 = 0.1;
 
 /// What the solution of a step, so many units of `dt` long, tells of the next.
 pub fn learn(fallback: &mut Fallback, task: Task, step: u64, units: u64, solution: &Solution) {
     if task.spared || !task.tries() {
         return;
     }
-    if !solution.converged {
+    let gained = solution.stalled.is_some_and(|stalled| solution.residual <= GAIN * stalled);
+    if !solution.converged && !gained {
         let failures = (fallback.failures + 1).min(MOST_FAILURES);
         *fallback = Fallback { failures, due: step + (units << failures) };
     } else if solution.sweeps > ROUND {
@@ -82,7 +86,7 @@ pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> 
         ContactSolver::Nlgs => return swept(limit),
         ContactSolver::Auto if task.gives_up() => return swept(limit),
         ContactSolver::Auto if !pays => return untied(system, task, limit, stored),
-        ContactSolver::Auto => (Solver::Auto, PATIENCE * SWEPT * contacts as f64),
+        ContactSolver::Auto => (Solver::Auto, PATIENCE * SWEPT * contacts.max(FEW) as f64),
         ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, f64::INFINITY),
         _ if contacts >= LARGE => return Solution { replaced: Some(TOO_LARGE), ..swept(limit) },
         ContactSolver::ProxNewton => (Solver::ProxNewton, f64::INFINITY),
@@ -203,7 +207,7 @@ fn by_stored(
     for (row, r) in system.rows.iter_mut().zip(&start.impulses) {
         row.can_close |= *r != Vec3::zeros();
     }
-    let mut best = start;
+    let mut best = Solution { stalled: Some(start.residual), ..start };
     let mut left = limits;
     loop {
         let rows: Vec<u32> = (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| k).collect();
@@ -357,6 +361,13 @@ mod tests {
         assert_eq!(fallback, Fallback { failures: 8, due: 55 + 256 });
         learn(&mut fallback, task, 200, 1, &solution(true, ROUND + 1));
         assert_eq!(fallback, Fallback::default());
+        // What makes E ten times smaller was worth it.
+        let solved = |stalled, residual| Solution { stalled: Some(stalled), residual, ..solution(false, 5000) };
+        learn(&mut fallback, task, 250, 1, &solved(1e-2, 9e-4));
+        assert_eq!(fallback, Fallback::default());
+        learn(&mut fallback, task, 260, 1, &solved(1e-2, 2e-3));
+        assert_eq!(fallback, Fallback { failures: 1, due: 262 });
+        fallback = Fallback::default();
         // Where no more than a round is allowed there is nothing to spare, and nothing to learn.
         let short = Task { until: until(ROUND), ..task };
         learn(&mut fallback, short, 300, 1, &solution(false, ROUND));

@@ -45,6 +45,8 @@ pub struct Solution {
     pub active: usize,
     /// Whether a solver of stored problems found it where the sweeps had stalled.
     pub taken_over: bool,
+    /// E at which the sweeps had stalled, where solvers of stored problems went on.
+    pub stalled: Option<f64>,
     /// Why sweeps took the place of the solver that was asked for.
     pub replaced: Option<&'static str>,
 }
@@ -95,6 +97,7 @@ pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
                 worst: residual.worst.or(missed.first().copied()),
                 active: active.len(),
                 taken_over: false,
+                stalled: None,
                 replaced: None,
             };
         }

@@ -216,29 +216,27 @@ pub fn solve(problem: &Problem, solver: Solver, start: &[Triple], limits: Limits
     Solution { residual: residual(problem, &run.best.0), r: run.best.0, sweeps: run.sweeps, cost: run.cost, converged }
 }
 
-/// Accelerated sweeps first, as many as cost what ten Newton steps do, 100 to 1000, or 25 and 2500 from a `warm` start. Where
-/// they stall, ADMM and Newton from the best so far, and Newton from 0, which at times finds the way that the others have missed;
-/// and once the interior-point method, which makes nothing of what was found: before these, or behind them from a warm start.
-/// Then all again with four times the budget.
+/// Accelerated sweeps first, as many as cost what ten Newton steps do, 100 to 1000. Where they stall, once the interior-point
+/// method, which makes nothing of what was found, and so from a `warm` start comes behind a few steps of Newton's. Then ADMM and
+/// Newton from the best so far, and Newton from 0, which at times finds the way that the others have missed; then all again with
+/// four times the budget.
 fn ladder(run: &mut Run, warm: bool) {
     let problem = run.problem;
     let (sweep, newton) = (problem.sweep_cost(), problem.newton_cost());
     for round in 0.. {
         let more = 4u64.saturating_pow(round);
         let steps = more.saturating_mul(20);
-        let (share, most) = if warm { (1.25, 2500) } else { (0.5, 1000) };
-        let sweeps = (share * steps as f64 * newton / sweep) as u64;
-        sweep::nlgs(run, sweep::DEPTH, sweeps.clamp(100, more.saturating_mul(most)));
-        if round == 0 && !warm {
-            interior::interior_point(run, steps.saturating_mul(5));
+        let sweeps = (0.5 * steps as f64 * newton / sweep) as u64;
+        sweep::nlgs(run, sweep::DEPTH, sweeps.clamp(100, more.saturating_mul(1000)));
+        if round == 0 && warm {
+            newton::prox_newton(run, &run.best.0.clone(), steps);
+        }
+        if round == 0 {
+            interior::interior_point(run, steps.saturating_mul(3));
         }
         admm::admm(run, steps.saturating_mul(5));
-        let best = run.best.0.clone();
-        newton::prox_newton(run, &best, steps.saturating_mul(5));
+        newton::prox_newton(run, &run.best.0.clone(), steps.saturating_mul(5));
         newton::prox_newton(run, &vec![[0.0; 3]; problem.len()], steps.saturating_mul(20));
-        if round == 0 && warm {
-            interior::interior_point(run, steps.saturating_mul(5));
-        }
         if run.is_over() {
             return;
         }
