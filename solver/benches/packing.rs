@@ -1,6 +1,6 @@
 //! Synthetic contact problems for benches and tests.
 
-use cd_solve::assemble::{Full, Record, Row, System};
+use cd_solve::assemble::{Full, Record, Roll, Row, System};
 use cd_solve::math::{Mat3, Vec3};
 
 /// The same with cuboids in place of the spheres, four points on each face that touches.
@@ -23,6 +23,21 @@ pub fn blocks(side: usize, friction: f64) -> System {
         }
     }
     (system.rows, system.full) = (rows, Some(full));
+    system
+}
+
+/// The same with resistance to rolling and spinning at every contact.
+pub fn resisting(mut system: System) -> System {
+    let roll = |row| Roll {
+        row,
+        radius: 0.5,
+        rolling: 0.1,
+        spinning: 0.05,
+        inverse_w: 0.2, // two spheres of 2.5/(kg m^2)
+        shift: Vec3::zeros(),
+        start: Vec3::zeros(),
+    };
+    system.rolls = (0..system.rows.len() as u32).map(roll).collect();
     system
 }
 

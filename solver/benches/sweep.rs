@@ -7,13 +7,13 @@
 mod packing;
 
 use cd_solve::assemble::System;
-use cd_solve::math::Vec3;
 use cd_solve::math::lanes::Width;
+use cd_solve::solve::Reactions;
 use cd_solve::solve::laid::Laid;
 use cd_solve::solve::residual::Judge;
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use packing::{blocks, packing};
+use packing::{blocks, packing, resisting};
 
 /// 882, 9450, 95 232 and 1 014 300 contacts.
 const SIDES: [usize; 4] = [7, 15, 32, 70];
@@ -26,13 +26,13 @@ fn main() {
 }
 
 /// All rows of a packing, and impulses of 0.
-fn start(system: &System) -> (Vec<u32>, Vec<Vec3>) {
-    ((0..system.rows.len() as u32).collect(), vec![Vec3::zeros(); system.rows.len()])
+fn start(system: &System) -> (Vec<u32>, Reactions) {
+    ((0..system.rows.len() as u32).collect(), Reactions::zeros(system))
 }
 
 fn sweeps(bencher: Bencher, system: System, width: Width, threads: usize) {
-    let (active, impulses) = start(&system);
-    let mut problem = Laid::new(&system, &active, &impulses, &system.records);
+    let (active, reactions) = start(&system);
+    let mut problem = Laid::new(&system, &active, &reactions, &system.records);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     // As in a step: entering the pool once for many sweeps, with momentum.
     bencher
@@ -60,6 +60,16 @@ fn frictional_four_wide(bencher: Bencher, side: usize) {
 #[divan::bench(args = SIDES, sample_count = 5)]
 fn frictional_one_wide(bencher: Bencher, side: usize) {
     sweeps(bencher, packing(side, 0.4), Width::all()[0], 1);
+}
+
+#[divan::bench(args = SIDES, sample_count = 20)]
+fn rolling(bencher: Bencher, side: usize) {
+    sweeps(bencher, resisting(packing(side, 0.4)), Width::detect(), 1);
+}
+
+#[divan::bench(args = SIDES, sample_count = 20)]
+fn rolling_two_threads(bencher: Bencher, side: usize) {
+    sweeps(bencher, resisting(packing(side, 0.4)), Width::detect(), 2);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
@@ -93,19 +103,19 @@ fn polyhedra_four_wide(bencher: Bencher, side: usize) {
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn layout(bencher: Bencher, side: usize) {
     let system = packing(side, 0.4);
-    let (active, impulses) = start(&system);
+    let (active, reactions) = start(&system);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     bencher
         .counter(ItemsCount::new(active.len()))
-        .bench_local(|| pool.install(|| Laid::new(&system, &active, &impulses, &system.records)));
+        .bench_local(|| pool.install(|| Laid::new(&system, &active, &reactions, &system.records)));
 }
 
 /// A residual, a few times a step, on one thread.
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn judge(bencher: Bencher, side: usize) {
     let system = packing(side, 0.4);
-    let (active, impulses) = start(&system);
+    let (active, reactions) = start(&system);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let judge = Judge::new(&system, &active, Width::detect());
-    bencher.counter(ItemsCount::new(active.len())).bench_local(|| pool.install(|| judge.residual(&impulses)));
+    bencher.counter(ItemsCount::new(active.len())).bench_local(|| pool.install(|| judge.residual(&reactions.impulses)));
 }

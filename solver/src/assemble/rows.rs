@@ -67,7 +67,7 @@ pub struct Roll {
     pub radius: f64,
     pub rolling: f64,
     pub spinning: f64,
-    /// 1/(1/I_a + 1/I_b), kg m^2.
+    /// 1/(1/I_a + 1/I_b) of spheres, else one over the largest eigenvalue of the sum of the inverse inertias, kg m^2.
     pub inverse_w: f64,
     /// Relative angular velocity that a plate adds, rad/s.
     pub shift: Vec3,
@@ -159,7 +159,7 @@ pub fn contact_problem(
     let of_contact =
         |(contact, old): (&Contact, &Option<u32>)| setting.row(contact, old.map(|k| &state.contacts[k as usize]));
     let mut rows: Vec<Row> = contacts.par_iter().zip(&history).with_min_len(256).map(of_contact).collect();
-    let rolls = if state.laws.iter().any(|law| law.rolling().is_some()) {
+    let mut rolls: Vec<Roll> = if state.laws.iter().any(|law| law.rolling().is_some()) {
         let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
         listed
             .filter_map(|((k, contact), old)| setting.roll(k, contact, old.map(|k| &state.contacts[k as usize])))
@@ -176,6 +176,10 @@ pub fn contact_problem(
             row.w_n = row.normal.dot(&(w * row.normal));
             row.w_t = 0.5 * (w.trace() - row.w_n);
         });
+        for roll in &mut rolls {
+            let [a, b] = rows[roll.row as usize].bodies.map(|body| full.inverse_inertia[body as usize]);
+            roll.inverse_w = 1.0 / (a + b).symmetric_eigenvalues().max();
+        }
     }
     let mut system = System { rows, rolls, full, records, order: q_c.order.clone() };
     if state.laws.iter().any(|law| law.cohesion().is_some()) {
@@ -289,7 +293,7 @@ impl Setting<'_> {
         let scale = self.q_c.h / self.state.h;
         Some(Roll {
             row: k as u32,
-            radius: self.radius(contact),
+            radius: self.effective_radius(contact),
             rolling,
             spinning,
             inverse_w: 1.0 / (self.records[a].inverse_inertia + self.records[b].inverse_inertia),

@@ -64,7 +64,7 @@ pub enum Cohesion {
 /// Two bodies touch, for a bond, when their gap is at most this share of 1/(1/R_a + 1/R_b).
 pub const TOUCHING: f64 = 1e-3;
 
-/// Moments of a contact between spheres: at most `rolling` R r̂_n in the tangent plane, opposite to the rolling, and
+/// Moments of a contact: at most `rolling` R r̂_n in the tangent plane, opposite to the rolling, and
 /// `spinning` R r̂_n along the normal, opposite to the spinning; 1/R = 1/R_a + 1/R_b.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rolling {

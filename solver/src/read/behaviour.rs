@@ -76,9 +76,6 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
                     let solver = scene.options.solver;
                     refuse(format!("{} with solver {solver}", record.kind), "expected solver auto or nlgs".into());
                 }
-                None if law.rolling.is_some() && scene.is_general() => {
-                    refuse(record.kind.clone(), "expected a scene of spheres and plates for rolling friction".into());
-                }
                 None if scene.laws.len() > u8::MAX.into() => {
                     refuse("is the 257th that is used".into(), "expected at most 256 in use".into());
                 }

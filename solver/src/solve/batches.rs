@@ -11,6 +11,8 @@ use rayon::prelude::*;
 use crate::assemble::{Record, System};
 use crate::math::lanes::{Half, Line};
 use crate::math::{Vec3, group};
+use crate::solve::nlgs::Reactions;
+use crate::solve::rolling::Rolls;
 
 /// Contacts in a batch.
 pub const BATCH: usize = 16;
@@ -83,6 +85,10 @@ pub struct Block {
     pub previous: Vec<Column3>,
     /// Shift in the tangent plane, m/s; empty where there is none.
     pub drift: Vec<Column3>,
+    /// Empty where no contact of the scene has moments, as the next.
+    pub rolls: Vec<Rolls>,
+    /// 1/radius of candidate and antagonist, 1/m; 0 of a plate, whose turning is in the shift.
+    pub curvatures: Vec<[[f64; BATCH]; 2]>,
     /// Row of the system, or [`NONE`].
     pub rows: Vec<[u32; BATCH]>,
     /// Sums of the last sweep.
@@ -131,15 +137,14 @@ pub struct Problem<B> {
 }
 
 impl<B: Body> Problem<B> {
-    /// The problem of the rows `active`, starting from `impulses` (one a row of the system) and from
-    /// the velocities that they lead to.
-    pub fn new(system: &System, active: &[u32], impulses: &[Vec3], records: &[Record]) -> Self {
+    /// The problem of the rows `active`, starting from `reactions` and from the velocities that they lead to.
+    pub fn new(system: &System, active: &[u32], reactions: &Reactions, records: &[Record]) -> Self {
         let layout = Layout::new(system, active);
         let mut lines = vec![B::UNUSED; layout.starts[layout.starts.len() - 1] as usize];
         for (&line, &body) in layout.lines.iter().zip(&layout.bodies) {
             lines[line as usize] = B::new(&records[body as usize]);
         }
-        let fill = Fill { system, active, impulses, records };
+        let fill = Fill { system, active, reactions, records };
         let blocks: Vec<(Block, Vec<B>)> =
             (0..layout.blocks.len() - 1).into_par_iter().map(|b| layout.block(b, &fill)).collect();
         let blocks = blocks.into_iter().enumerate().map(|(b, (block, fixed))| {
@@ -151,9 +156,11 @@ impl<B: Body> Problem<B> {
         Problem { previous: lines.clone(), lines, blocks }
     }
 
-    /// Puts the impulses r̂ into `impulses`, one a row of the system.
-    pub fn read_back(&self, impulses: &mut [Vec3]) {
+    /// Puts the impulses and moments of the rows swept into `reactions`.
+    pub fn read_back(&self, reactions: &mut Reactions) {
+        let Reactions { impulses, moments } = reactions;
         for block in &self.blocks {
+            block.rolls.iter().for_each(|rolls| rolls.read_back(moments));
             for ((batch, r), rows) in block.batches.iter().zip(&block.r).zip(&block.rows) {
                 for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
                     impulses[row as usize] = if B::FRICTION {
@@ -171,7 +178,7 @@ impl<B: Body> Problem<B> {
 struct Fill<'a> {
     system: &'a System,
     active: &'a [u32],
-    impulses: &'a [Vec3],
+    reactions: &'a Reactions,
     records: &'a [Record],
 }
 
@@ -263,6 +270,8 @@ impl Layout {
         let mut batches = vec![empty; rows.len()];
         let mut r = vec![Column3::default(); rows.len()];
         let mut drift = Vec::new();
+        let turning = if from.system.rolls.is_empty() { 0 } else { rows.len() };
+        let (mut rolls, mut curvatures) = (vec![Rolls::NONE; turning], vec![[[0.0; BATCH]; 2]; turning]);
         let mut fixed = Vec::new();
         let first_fixed = self.starts[first] + self.cuts[first + 1] - self.cuts[first] - start;
         for (i, ((batch, r), rows)) in batches.iter_mut().zip(&mut r).zip(&mut rows).enumerate() {
@@ -296,7 +305,14 @@ impl Layout {
                         put(&mut drift[i].0, lane, &rest);
                     }
                 }
-                let impulse = &from.impulses[k as usize];
+                if let (Some(rolls), Some(curvatures)) = (rolls.get_mut(i), curvatures.get_mut(i)) {
+                    rolls.put(lane, from.system, k, &from.reactions.moments);
+                    for (curvature, body) in curvatures.iter_mut().zip(row.bodies) {
+                        let radius = from.records[body as usize].radius;
+                        curvature[lane] = if radius > 0.0 { 1.0 / radius } else { 0.0 };
+                    }
+                }
+                let impulse = &from.reactions.impulses[k as usize];
                 if B::FRICTION {
                     put(&mut r.0, lane, impulse);
                 } else {
@@ -305,11 +321,13 @@ impl Layout {
             }
         }
         let previous = r.clone();
-        (Block { lines: lines as usize, batches, colours, r, previous, drift, rows, sums: Sums::default() }, fixed)
+        let lines = lines as usize;
+        let sums = Sums::default();
+        (Block { lines, batches, colours, r, previous, drift, rolls, curvatures, rows, sums }, fixed)
     }
 }
 
-fn put(columns: &mut [[f64; BATCH]; 3], lane: usize, v: &Vec3) {
+pub(super) fn put(columns: &mut [[f64; BATCH]; 3], lane: usize, v: &Vec3) {
     columns[0][lane] = v.x;
     columns[1][lane] = v.y;
     columns[2][lane] = v.z;

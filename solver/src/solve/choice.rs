@@ -8,7 +8,6 @@ use crate::math::lanes::Width;
 use crate::math::{Vec3, to_local, to_world};
 use crate::solve::nlgs::{ROUND, Solution, Until, closing_outside, nlgs};
 use crate::solve::residual::Judge;
-use crate::solve::rolling;
 use crate::solve::stored::{self, Limits, Problem, Solver, newton_cost, residual, solve};
 
 /// What a step asks of its solver.
@@ -75,16 +74,14 @@ pub fn learn(fallback: &mut Fallback, task: Task, step: u64, units: u64, solutio
 pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> StoredProblem) -> Solution {
     let Until { tol, max_sweeps: limit, .. } = task.until;
     let limit = if task.gives_up() { limit.min(ROUND) } else { limit };
-    if !system.rolls.is_empty() {
-        return rolling::nlgs(system, Until { max_sweeps: limit, ..task.until }, task.width);
-    }
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
     let newton = newton_cost(contacts) / (SWEPT * contacts as f64); // sweeps that cost as much
     let pays = contacts < LARGE && PATIENCE >= WORTH * newton;
     let swept = |max_sweeps| nlgs(system, Until { max_sweeps, ..task.until }, task.width);
     let (solver, max_cost) = match task.solver {
         ContactSolver::Nlgs => return swept(limit),
-        ContactSolver::Auto if task.gives_up() => return swept(limit),
+        // The stored problem has no place for moments.
+        ContactSolver::Auto if task.gives_up() || !system.rolls.is_empty() => return swept(limit),
         ContactSolver::Auto if !pays => return untied(system, task, limit, stored),
         ContactSolver::Auto => (Solver::Auto, PATIENCE * SWEPT * contacts.max(FEW) as f64),
         ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, f64::INFINITY),

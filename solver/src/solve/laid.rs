@@ -1,10 +1,10 @@
 //! The problem laid out for the sweeps that its contacts need.
 
 use crate::assemble::{Record, System};
-use crate::math::Vec3;
 use crate::math::lanes::{Half, Line, Width};
 use crate::solve::batches::{Problem, Sums};
 use crate::solve::full;
+use crate::solve::nlgs::Reactions;
 use crate::solve::sweep::sweep;
 
 /// The rows `active` of a step, and what the sweeps change.
@@ -19,15 +19,16 @@ pub enum Laid {
 }
 
 impl Laid {
-    /// Starts from `impulses` (one a row of the system) and from the velocities that they lead to.
-    pub fn new(system: &System, active: &[u32], impulses: &[Vec3], records: &[Record]) -> Self {
-        let frictional = active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
+    /// Starts from `reactions` and from the velocities that they lead to.
+    pub fn new(system: &System, active: &[u32], reactions: &Reactions, records: &[Record]) -> Self {
+        let turns = !system.rolls.is_empty();
+        let frictional = turns || active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
         match (&system.full, frictional) {
-            (None, true) => Laid::Diagonal(Problem::new(system, active, impulses, records)),
-            (None, false) => Laid::Frictionless(Problem::new(system, active, impulses, records)),
-            (Some(full), true) => Laid::Full(full::batches::Problem::new(system, full, active, impulses, records)),
+            (None, true) => Laid::Diagonal(Problem::new(system, active, reactions, records)),
+            (None, false) => Laid::Frictionless(Problem::new(system, active, reactions, records)),
+            (Some(full), true) => Laid::Full(full::batches::Problem::new(system, full, active, reactions, records)),
             (Some(full), false) => {
-                Laid::FullFrictionless(full::batches::Problem::new(system, full, active, impulses, records))
+                Laid::FullFrictionless(full::batches::Problem::new(system, full, active, reactions, records))
             }
         }
     }
@@ -42,13 +43,13 @@ impl Laid {
         }
     }
 
-    /// Puts the impulses into `impulses`, one a row of the system.
-    pub fn read_back(&self, impulses: &mut [Vec3]) {
+    /// Puts the impulses and moments of the rows swept into `reactions`.
+    pub fn read_back(&self, reactions: &mut Reactions) {
         match self {
-            Laid::Frictionless(problem) => problem.read_back(impulses),
-            Laid::Diagonal(problem) => problem.read_back(impulses),
-            Laid::Full(problem) => problem.read_back(impulses),
-            Laid::FullFrictionless(problem) => problem.read_back(impulses),
+            Laid::Frictionless(problem) => problem.read_back(reactions),
+            Laid::Diagonal(problem) => problem.read_back(reactions),
+            Laid::Full(problem) => problem.read_back(reactions),
+            Laid::FullFrictionless(problem) => problem.read_back(reactions),
         }
     }
 }

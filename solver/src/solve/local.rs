@@ -123,12 +123,18 @@ pub fn coulomb<L: Lanes>(
     tangential: Triple<L::V>,
     friction: L::V,
 ) -> Triple<L::V> {
-    let bound = l.mul(friction, normal);
-    let size2 = dot(l, tangential, tangential);
+    let tangential = within(l, tangential, l.mul(friction, normal));
+    triple!(k => l.mul_add(n[k], normal, tangential[k]))
+}
+
+/// The nearest point to `v` of the ball of radius `bound` >= 0.
+#[inline(always)]
+pub fn within<L: Lanes>(l: L, v: Triple<L::V>, bound: L::V) -> Triple<L::V> {
+    let size2 = dot(l, v, v);
     // bound/size, as a root and a quotient that do not wait for each other.
     let ratio = l.mul(l.div(bound, size2), l.sqrt(size2));
     let inside = l.select_greater(size2, l.mul(bound, bound), ratio, l.splat(1.0));
-    triple!(k => l.mul_add(n[k], normal, l.mul(tangential[k], inside)))
+    triple!(k => l.mul(v[k], inside))
 }
 
 #[cfg(test)]

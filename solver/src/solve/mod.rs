@@ -27,4 +27,4 @@ pub mod stored;
 pub mod sweep;
 
 pub use choice::{Task, contact_problem, learn};
-pub use nlgs::{Solution, Until, nlgs};
+pub use nlgs::{Reactions, Solution, Until, nlgs};

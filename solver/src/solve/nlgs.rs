@@ -28,6 +28,33 @@ pub(super) const ROUND: u64 = 1000;
 /// first two are of so many, the next half as long as all before: where the change falls slowly, short ones see its noise alone.
 const WINDOW: u64 = 16;
 
+/// What contacts give, world frame, on the candidate.
+#[derive(Debug, Clone)]
+pub struct Reactions {
+    /// r̂ of each row of the system, N s.
+    pub impulses: Vec<Vec3>,
+    /// Of each of its rolls, N m s.
+    pub moments: Vec<Vec3>,
+}
+
+impl Reactions {
+    pub fn zeros(system: &System) -> Self {
+        Reactions { impulses: vec![Vec3::zeros(); system.rows.len()], moments: vec![Vec3::zeros(); system.rolls.len()] }
+    }
+
+    /// The warm start of the rows `active`: no moment where nothing presses.
+    fn start(system: &System, active: &[u32]) -> Self {
+        let mut reactions = Reactions::zeros(system);
+        for &k in active {
+            reactions.impulses[k as usize] = system.rows[k as usize].start;
+        }
+        for (m, roll) in reactions.moments.iter_mut().zip(&system.rolls) {
+            *m = if reactions.impulses[roll.row as usize] == Vec3::zeros() { Vec3::zeros() } else { roll.start };
+        }
+        reactions
+    }
+}
+
 /// Impulses r̂ of all rows (world frame, N s), the velocities they lead to, and how good they are.
 #[derive(Clone)]
 pub struct Solution {
@@ -76,20 +103,18 @@ impl Until {
 pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
     let Until { tol, max_sweeps, .. } = until;
     let mut active: Vec<u32> = (0..system.rows.len() as u32).filter(|&k| system.rows[k as usize].can_close).collect();
-    let mut impulses = vec![Vec3::zeros(); system.rows.len()];
-    for &k in &active {
-        impulses[k as usize] = system.rows[k as usize].start;
-    }
+    let mut reactions = Reactions::start(system, &active);
     let mut sweeps = 0;
     loop {
         let judge = Judge::new(system, &active, width);
-        let (residual, motions) = sweep_until(system, &judge, &active, &mut impulses, until, &mut sweeps);
+        let (residual, motions) = sweep_until(system, &judge, &active, &mut reactions, until, &mut sweeps);
         let records = judge.records(&motions);
         let missed = closing_outside(system, &active, &records);
         if missed.is_empty() || sweeps >= max_sweeps {
+            let Reactions { impulses, moments } = reactions;
             return Solution {
                 impulses,
-                moments: Vec::new(),
+                moments,
                 records,
                 sweeps,
                 residual: residual.value,
@@ -111,22 +136,26 @@ fn sweep_until(
     system: &System,
     judge: &Judge,
     active: &[u32],
-    impulses: &mut Vec<Vec3>,
+    reactions: &mut Reactions,
     until: Until,
     sweeps: &mut u64,
 ) -> (Residual, Vec<Motion>) {
     let Until { tol, max_sweeps, check_every } = until;
-    let motions = judge.motions(impulses);
-    let mut best = (judge.residual_at(impulses, &motions), motions);
+    let judged = |Reactions { impulses, moments }: &Reactions| {
+        let motions = judge.motions_with(impulses, moments);
+        (judge.residual_with(impulses, moments, &motions), motions)
+    };
+    let mut best = judged(reactions);
     let solved = best.0.value <= tol && (check_every.is_none() || active.is_empty());
     if solved || *sweeps >= max_sweeps {
         return best;
     }
-    let mut problem = Laid::new(system, active, impulses, &judge.records(&best.1));
-    let frictional = active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
+    let mut problem = Laid::new(system, active, reactions, &judge.records(&best.1));
+    let turns = !system.rolls.is_empty();
+    let frictional = turns || active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
     let mut momentum = Momentum::new(frictional);
     let mut capped = false;
-    let mut trial = impulses.clone();
+    let mut trial = reactions.clone();
     // Judging costs several sweeps. The change made by a sweep falls as the residual does: it tells
     // when judging is worth while, and `patience` bounds the wait where it misleads.
     let mut scale = None;
@@ -142,16 +171,16 @@ fn sweep_until(
         };
         if due || *sweeps >= max_sweeps {
             problem.read_back(&mut trial);
-            let motions = judge.motions(&trial);
-            let residual = judge.residual_at(&trial, &motions);
-            momentum.sliding = frictional && slides(system, active, &trial);
+            let found = judged(&trial);
+            let residual = found.0;
+            momentum.sliding = frictional && (turns || slides(system, active, &trial.impulses));
             capped |= momentum.sliding || frictional && residual.value >= best.0.value;
             momentum.frictional = capped;
             scale = Some(sums.change() / residual.value);
             patience = 0;
             if residual.value < best.0.value {
-                best = (residual, motions);
-                std::mem::swap(impulses, &mut trial);
+                best = found;
+                std::mem::swap(reactions, &mut trial);
             }
             if residual.value <= tol || *sweeps >= max_sweeps {
                 return best;

@@ -175,10 +175,12 @@ impl<'a> Judge<'a> {
         let tasks = self.rows.par_chunks(EIGHT * TASK).zip(self.contacts.par_chunks(TASK));
         let parts: Vec<(f64, f64, Option<u32>)> = tasks.map(of_task).collect();
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
-        let of_moments = self.system.rolls.iter().zip(moments).map(|(roll, m)| {
+        let of_moment = |(roll, m): (&Roll, &Vec3)| {
             let size2 = self.of_moment(roll, m, &impulses[roll.row as usize], motions);
             (size2, size2, Some(roll.row))
-        });
+        };
+        let rolls = self.system.rolls.par_iter().zip(moments).with_min_len(EIGHT * TASK);
+        let of_moments: Vec<(f64, f64, Option<u32>)> = rolls.map(of_moment).collect();
         for (part, size2, row) in parts.into_iter().chain(of_moments) {
             sum += part;
             if size2 > largest {
@@ -204,7 +206,7 @@ impl<'a> Judge<'a> {
         let z = [0, 1, 2].map(|k| m[k] / roll.radius - f[k]);
         let along = n.x * z[0] + n.y * z[1] + n.z * z[2];
         let across = [0, 1, 2].map(|k| z[k] - along * n[k]);
-        let size = across[0].hypot(across[1]).hypot(across[2]);
+        let size = across.iter().map(|c| c * c).sum::<f64>().sqrt();
         let beyond = (along.abs() - roll.spinning * pressed).max(0.0).copysign(along);
         let share = if size > 0.0 { (1.0 - roll.rolling * pressed / size).max(0.0) } else { 0.0 };
         (0..3).map(|k| (f[k] + beyond * n[k] + share * across[k]).powi(2)).sum()
@@ -405,7 +407,7 @@ mod tests {
     use super::*;
     use crate::assemble::Row;
     use crate::math::lanes::Scalar;
-    use crate::solve::{Until, rolling};
+    use crate::solve::{Until, nlgs};
     use proptest::prelude::*;
 
     /// A ball of radius 1/2 and mass 1 that comes down at 1 m/s on a plate without friction, rolls at 2 rad/s and spins
@@ -472,7 +474,7 @@ mod tests {
     fn a_solver_that_takes_another_law_is_seen() {
         let system = ball_on_plate(Vec3::zeros());
         let mut other = system.clone();
-        let solved = |system: &System| rolling::nlgs(system, Until::new(1e-12, 100), Width::detect());
+        let solved = |system: &System| nlgs(system, Until::new(1e-12, 100), Width::detect());
         let e = |solution: &crate::solve::Solution| {
             let judge = Judge::new(&system, &[0], Width::detect());
             let motions = judge.motions_with(&solution.impulses, &solution.moments);

@@ -6,6 +6,7 @@ use pulp::NullaryFnOnce;
 use crate::math::lanes::{Half, Lanes, Line, Width};
 use crate::solve::batches::{BATCH, Batch, Block, Body, Column3, Problem, Sums};
 use crate::solve::local::{Triple, coulomb, cross, cross_add, dot, signorini, stopping, triple};
+use crate::solve::rolling::Rolls;
 
 /// Batches that go through the stages of a sweep together, so that no stage waits for the one before.
 const CHUNK: usize = 8;
@@ -141,7 +142,7 @@ impl<L: Lanes, B: Swept> NullaryFnOnce for SweepBlock<'_, L, B> {
     #[inline(always)]
     fn call(self) {
         let SweepBlock { lanes: l, lines, block, beta } = self;
-        let Block { batches, colours, r, previous, drift, sums, .. } = block;
+        let Block { batches, colours, r, previous, drift, rolls, curvatures, sums, .. } = block;
         *sums = Sums::default();
         let zero = l.splat(0.0);
         let mut between = Between {
@@ -157,6 +158,8 @@ impl<L: Lanes, B: Swept> NullaryFnOnce for SweepBlock<'_, L, B> {
                     r: &r[first..next],
                     previous: &mut previous[first..next],
                     drift: drift.get(first..next).unwrap_or_default(),
+                    rolls: rolls.get_mut(first..next).unwrap_or_default(),
+                    curvatures: curvatures.get(first..next).unwrap_or_default(),
                     beta,
                 };
                 for from in (0..BATCH).step_by(L::WIDTH) {
@@ -165,6 +168,7 @@ impl<L: Lanes, B: Swept> NullaryFnOnce for SweepBlock<'_, L, B> {
                         let (a, b) = pair!(from, batch);
                         B::push(l, lines, a, b, change);
                     }
+                    B::resist(l, lines, &mut chunk, from);
                 }
                 first = next;
             }
@@ -178,6 +182,8 @@ pub struct Chunk<'a> {
     r: &'a [Column3],
     previous: &'a mut [Column3],
     drift: &'a [Column3],
+    rolls: &'a mut [Rolls],
+    curvatures: &'a [[[f64; BATCH]; 2]],
     beta: f64,
 }
 
@@ -202,6 +208,9 @@ pub trait Swept: Body + Pod {
 
     /// Gives a change to the bodies `a` and takes it from `b`.
     fn push<L: Lanes>(l: L, lines: &mut [Self], a: &[u32], b: &[u32], change: &Change<L::V>);
+
+    /// Gives the bodies the moments of these contacts that follow from their new impulses.
+    fn resist<L: Lanes>(l: L, lines: &mut [Self], chunk: &mut Chunk, from: usize);
 }
 
 /// What would stop the contacts of a vector, N s.
@@ -240,6 +249,30 @@ impl Swept for Line {
     #[inline(always)]
     fn push<L: Lanes>(l: L, lines: &mut [Line], a: &[u32], b: &[u32], change: &Change<L::V>) {
         l.push(lines, a, b, change.impulse, change.turn);
+    }
+
+    #[inline(always)]
+    fn resist<L: Lanes>(l: L, lines: &mut [Line], chunk: &mut Chunk, from: usize) {
+        let Chunk { batches, previous, rolls, curvatures, beta, .. } = chunk;
+        let (lines, beta) = (cast_slice_mut(lines), l.splat(*beta));
+        // The new impulses are where those of the sweep before were.
+        for (((batch, r), rolls), curvatures) in batches.iter().zip(&**previous).zip(&mut **rolls).zip(*curvatures) {
+            let (a, b) = pair!(from, batch);
+            let (mut of_a, mut of_b) = (l.gather(lines, a), l.gather(lines, b));
+            // Lines hold R w, and R^2/I.
+            let (in_a, in_b) = (load!(l, from, curvatures[0]), load!(l, from, curvatures[1]));
+            let w = triple!(k => l.neg_mul_add(of_b[4 + k], in_b, l.mul(of_a[4 + k], in_a)));
+            let n = load3!(l, from, batch.n);
+            let pressing = dot(l, n, load3!(l, from, r.0));
+            let change = rolls.solve(l, from..from + L::WIDTH, beta, n, pressing, w);
+            let (to_a, to_b) = (l.mul(of_a[7], in_a), l.mul(of_b[7], in_b));
+            for k in 0..3 {
+                of_a[4 + k] = l.mul_add(to_a, change[k], of_a[4 + k]);
+                of_b[4 + k] = l.neg_mul_add(to_b, change[k], of_b[4 + k]);
+            }
+            l.scatter(lines, a, of_a);
+            l.scatter(lines, b, of_b);
+        }
     }
 }
 
@@ -334,4 +367,8 @@ impl Swept for Half {
     fn push<L: Lanes>(l: L, halves: &mut [Half], a: &[u32], b: &[u32], change: &Change<L::V>) {
         l.push_half(halves, a, b, change.impulse);
     }
+
+    /// Where something resists rolling, bodies are whole lines.
+    #[inline(always)]
+    fn resist<L: Lanes>(_: L, _: &mut [Half], _: &mut Chunk, _: usize) {}
 }

@@ -4,10 +4,11 @@
 //! Bodies are cut into ranges, and pairs into colours that share no moving body, as in [`crate::solve::batches`].
 
 use crate::assemble::{Full, Record, System};
-
 use crate::math::Vec3;
-use crate::solve::batches::{BATCH, NONE, Sums};
+use crate::solve::batches::{BATCH, NONE, Sums, put};
 use crate::solve::full::local::axes;
+use crate::solve::nlgs::Reactions;
+use crate::solve::rolling::Rolls;
 
 /// A range holds at least this many bodies: fewer would wait for each other more than they work.
 const RANGE: usize = 512;
@@ -106,6 +107,8 @@ pub struct Batches<C: Contacts> {
     pub batches: Vec<Batch>,
     pub points: Vec<C>,
     pub impulses: Vec<C::Impulses>,
+    /// By point; empty where no contact of the scene has moments.
+    pub rolls: Vec<Rolls>,
     /// Rows of the system, or [`NONE`], by point.
     rows: Vec<[u32; BATCH]>,
 }
@@ -136,9 +139,8 @@ struct Pair {
 }
 
 impl<C: Contacts> Problem<C> {
-    /// The problem of the rows `active` (sorted), starting from `impulses` (one a row of the system, world frame) and
-    /// from the velocities that they lead to.
-    pub fn new(system: &System, full: &Full, active: &[u32], impulses: &[Vec3], records: &[Record]) -> Self {
+    /// The problem of the rows `active` (sorted), starting from `reactions` and from the velocities that they lead to.
+    pub fn new(system: &System, full: &Full, active: &[u32], reactions: &Reactions, records: &[Record]) -> Self {
         let mut pairs = pairs(system, active);
         // Which range each moving body is in; bodies in the order of space.
         let mut range_of = vec![NONE; records.len()];
@@ -207,7 +209,7 @@ impl<C: Contacts> Problem<C> {
             for (size, mut members) in colours(group, &pairs, &mut masks) {
                 members.sort_by_key(|&k| std::cmp::Reverse(pairs[k as usize].rows.len()));
                 for chunk in members.chunks(size) {
-                    batches.push(system, full, &pairs, chunk, impulses, unused);
+                    batches.push(system, full, &pairs, chunk, reactions, unused);
                 }
             }
             batches
@@ -222,9 +224,11 @@ impl<C: Contacts> Problem<C> {
         Problem { previous: lines.clone(), lines, inertia, ranges, between }
     }
 
-    /// Puts the impulses r̂ into `impulses`, one a row of the system.
-    pub fn read_back(&self, impulses: &mut [Vec3]) {
+    /// Puts the impulses and moments of the rows swept into `reactions`.
+    pub fn read_back(&self, reactions: &mut Reactions) {
+        let Reactions { impulses, moments } = reactions;
         for batches in self.ranges.iter().map(|range| &range.inside).chain([&self.between]) {
+            batches.rolls.iter().for_each(|rolls| rolls.read_back(moments));
             for ((point, values), rows) in batches.points.iter().zip(&batches.impulses).zip(&batches.rows) {
                 for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
                     impulses[row as usize] = point.impulse(values, lane);
@@ -272,10 +276,19 @@ fn colours(group: &[u32], pairs: &[Pair], masks: &mut [u64]) -> Vec<(usize, Vec<
 
 impl<C: Contacts> Batches<C> {
     fn new() -> Self {
-        Batches { batches: Vec::new(), points: Vec::new(), impulses: Vec::new(), rows: Vec::new() }
+        Batches { batches: vec![], points: vec![], impulses: vec![], rolls: vec![], rows: vec![] }
     }
 
-    fn push(&mut self, system: &System, full: &Full, pairs: &[Pair], members: &[u32], impulses: &[Vec3], unused: u32) {
+    fn push(
+        &mut self,
+        system: &System,
+        full: &Full,
+        pairs: &[Pair],
+        members: &[u32],
+        reactions: &Reactions,
+        unused: u32,
+    ) {
+        let Reactions { impulses, moments } = reactions;
         let first = self.points.len();
         let mut batch = Batch { bodies: [[unused; BATCH]; 2], points: [first, first] };
         for (lane, &k) in members.iter().enumerate() {
@@ -288,6 +301,12 @@ impl<C: Contacts> Batches<C> {
                     self.points.push(C::unused());
                     self.impulses.push(C::Impulses::default());
                     self.rows.push([NONE; BATCH]);
+                    if !system.rolls.is_empty() {
+                        self.rolls.push(Rolls::NONE);
+                    }
+                }
+                if let Some(rolls) = self.rolls.get_mut(first + at) {
+                    rolls.put(lane, system, row, moments);
                 }
                 let values = &mut self.impulses[first + at];
                 self.points[first + at].put(lane, system, full, row as usize, &impulses[row as usize], values);
@@ -301,11 +320,6 @@ impl<C: Contacts> Batches<C> {
 
 const ZERO: Column = [0.0; BATCH];
 const ONE: Column = [1.0; BATCH];
-
-/// Puts a vector into a place.
-fn put(columns: &mut [Column; 3], lane: usize, v: &Vec3) {
-    (0..3).for_each(|i| columns[i][lane] = v[i]);
-}
 
 impl Contacts for Point {
     type Impulses = Impulses;

@@ -7,6 +7,7 @@ use crate::solve::batches::{BATCH, Sums};
 use crate::solve::full::batches::{Batch, Batches, Contacts, Impulses, Line, Normal, Point, Problem, Push, Range};
 use crate::solve::full::local::{Block, signorini_coulomb};
 use crate::solve::local::{cross_add, dot, triple};
+use crate::solve::rolling::Rolls;
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
 pub fn sweep<C: Swept>(problem: &mut Problem<C>, width: Width, beta: f64) -> Sums {
@@ -95,12 +96,13 @@ impl<L: Lanes, C: Swept> NullaryFnOnce for Run<'_, L, C> {
     #[inline(always)]
     fn call(self) {
         let Run { lanes, lines, inertia, batches, beta, sums } = self;
-        let Batches { batches, points, impulses, .. } = batches;
+        let Batches { batches, points, impulses, rolls, .. } = batches;
         for batch in batches.iter() {
             let [first, end] = batch.points;
             for from in (0..BATCH).step_by(L::WIDTH) {
                 let (points, impulses) = (&points[first..end], &mut impulses[first..end]);
-                solve_batch(lanes, lines, inertia, batch, points, impulses, beta, sums, from);
+                let rolls = rolls.get_mut(first..end).unwrap_or_default();
+                solve_batch(lanes, lines, inertia, batch, points, impulses, rolls, beta, sums, from);
             }
         }
     }
@@ -134,6 +136,17 @@ pub trait Swept: Contacts {
         beta: L::V,
         pair: &mut Motions<L::V>,
         moved: &mut Moved<L::V>,
+    );
+
+    /// Solves the moments that follow from the new impulses, and gives the change to the bodies at once.
+    fn resist<L: Lanes>(
+        &self,
+        l: L,
+        values: &Self::Impulses,
+        rolls: &mut Rolls,
+        places: std::ops::Range<usize>,
+        beta: L::V,
+        pair: &mut Motions<L::V>,
     );
 }
 
@@ -204,6 +217,25 @@ impl Swept for Point {
         moved.uphill = l.neg_mul_add(load!(l, at, self.weight), dot(l, change, way), moved.uphill);
         moved.change2 = l.add(dot(l, change, change), moved.change2);
     }
+
+    #[inline(always)]
+    fn resist<L: Lanes>(
+        &self,
+        l: L,
+        values: &Impulses,
+        rolls: &mut Rolls,
+        at: std::ops::Range<usize>,
+        beta: L::V,
+        pair: &mut Motions<L::V>,
+    ) {
+        let Motions { wa, wb, inertia, .. } = pair;
+        let w = triple!(k => l.sub(wa[k], wb[k]));
+        let (n, pressing) = (load3!(l, at, self.axes[0]), load!(l, at, values.r[0]));
+        let change = rolls.solve(l, at, beta, n, pressing, w);
+        let zero = l.splat(0.0);
+        *wa = answer(l, inertia[0], change, *wa);
+        *wb = answer(l, inertia[1], triple!(k => l.sub(zero, change[k])), *wb);
+    }
 }
 
 impl Swept for Normal {
@@ -238,6 +270,19 @@ impl Swept for Normal {
         moved.uphill = l.neg_mul_add(l.mul(load!(l, at, self.weight), change), l.sub(new, r), moved.uphill);
         moved.change2 = l.mul_add(change, change, moved.change2);
     }
+
+    /// Where something resists rolling, contacts have three unknowns.
+    #[inline(always)]
+    fn resist<L: Lanes>(
+        &self,
+        _: L,
+        _: &Push,
+        _: &mut Rolls,
+        _: std::ops::Range<usize>,
+        _: L::V,
+        _: &mut Motions<L::V>,
+    ) {
+    }
 }
 
 /// Solves the contacts of the `WIDTH` pairs of a batch that start at place `from`.
@@ -250,6 +295,7 @@ fn solve_batch<L: Lanes, C: Swept>(
     batch: &Batch,
     points: &[C],
     impulses: &mut [C::Impulses],
+    rolls: &mut [Rolls],
     beta: f64,
     sums: &mut Sums,
     from: usize,
@@ -268,8 +314,12 @@ fn solve_batch<L: Lanes, C: Swept>(
         inertia: [l.gather(inertia, index[0]), l.gather(inertia, index[1])],
     };
     let mut moved = Moved { uphill: load!(l, at, sums.uphill), change2: load!(l, at, sums.change2) };
+    let mut rolls = rolls.iter_mut();
     for (point, values) in points.iter().zip(impulses) {
         point.solve(l, values, at.clone(), beta, &mut pair, &mut moved);
+        if let Some(rolls) = rolls.next() {
+            point.resist(l, values, rolls, at.clone(), beta, &mut pair);
+        }
     }
     l.store(&mut sums.uphill[at.clone()], moved.uphill);
     l.store(&mut sums.change2[at], moved.change2);
