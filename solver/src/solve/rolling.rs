@@ -78,8 +78,8 @@ impl Rolls {
         pressing: L::V,
         w: Triple<L::V>,
     ) -> Triple<L::V> {
-        let (m, before) = (self.column(l, &self.m, &places), self.column(l, &self.previous, &places));
-        let shift = self.column(l, &self.shift, &places);
+        let (m, before) = (load3(l, &self.m, &places), load3(l, &self.previous, &places));
+        let shift = load3(l, &self.shift, &places);
         let y = triple!(k => l.mul_add(beta, l.sub(m[k], before[k]), m[k]));
         let inverse_w = l.load(&self.inverse_w[places.clone()]);
         let stopping = triple!(k => l.neg_mul_add(l.add(w[k], shift[k]), inverse_w, y[k]));
@@ -92,11 +92,11 @@ impl Rolls {
         }
         triple!(k => l.sub(new[k], y[k]))
     }
+}
 
-    #[inline(always)]
-    fn column<L: Lanes>(&self, l: L, columns: &[[f64; BATCH]; 3], places: &Range<usize>) -> Triple<L::V> {
-        triple!(k => l.load(&columns[k][places.clone()]))
-    }
+#[inline(always)]
+fn load3<L: Lanes>(l: L, columns: &[[f64; BATCH]; 3], places: &Range<usize>) -> Triple<L::V> {
+    triple!(k => l.load(&columns[k][places.clone()]))
 }
 
 /// The nearest moment to `m` whose part along `n` is at most `spinning`, and that across at most `rolling`.
