@@ -333,6 +333,11 @@ fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
 }
 
 impl System {
+    /// Whether one of the rows `active` has friction, or any row moments.
+    pub fn resists(&self, active: &[u32]) -> bool {
+        !self.rolls.is_empty() || active.iter().any(|&k| self.rows[k as usize].friction > 0.0)
+    }
+
     /// From the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate
     /// whose motion is in the row's shift.
     pub fn arm(&self, k: usize, side: usize) -> Vec3 {

@@ -21,9 +21,7 @@ pub enum Laid {
 impl Laid {
     /// Starts from `reactions` and from the velocities that they lead to.
     pub fn new(system: &System, active: &[u32], reactions: &Reactions, records: &[Record]) -> Self {
-        let turns = !system.rolls.is_empty();
-        let frictional = turns || active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
-        match (&system.full, frictional) {
+        match (&system.full, system.resists(active)) {
             (None, true) => Laid::Diagonal(Problem::new(system, active, reactions, records)),
             (None, false) => Laid::Frictionless(Problem::new(system, active, reactions, records)),
             (Some(full), true) => Laid::Full(full::batches::Problem::new(system, full, active, reactions, records)),

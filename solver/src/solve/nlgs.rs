@@ -152,7 +152,7 @@ fn sweep_until(
     }
     let mut problem = Laid::new(system, active, reactions, &judge.records(&best.1));
     let turns = !system.rolls.is_empty();
-    let frictional = turns || active.iter().any(|&k| system.rows[k as usize].friction > 0.0);
+    let frictional = system.resists(active);
     let mut momentum = Momentum::new(frictional);
     let mut capped = false;
     let mut trial = reactions.clone();

@@ -138,16 +138,8 @@ pub trait Swept: Contacts {
         moved: &mut Moved<L::V>,
     );
 
-    /// Solves the moments that follow from the new impulses, and gives the change to the bodies at once.
-    fn resist<L: Lanes>(
-        &self,
-        l: L,
-        values: &Self::Impulses,
-        rolls: &mut Rolls,
-        places: std::ops::Range<usize>,
-        beta: L::V,
-        pair: &mut Motions<L::V>,
-    );
+    /// The normals, world frame, and r̂_n, N s, of the contacts at `places`.
+    fn pressing<L: Lanes>(&self, l: L, values: &Self::Impulses, places: std::ops::Range<usize>) -> ([L::V; 3], L::V);
 }
 
 /// I⁻¹ a + c, I⁻¹ by its six numbers.
@@ -219,22 +211,8 @@ impl Swept for Point {
     }
 
     #[inline(always)]
-    fn resist<L: Lanes>(
-        &self,
-        l: L,
-        values: &Impulses,
-        rolls: &mut Rolls,
-        at: std::ops::Range<usize>,
-        beta: L::V,
-        pair: &mut Motions<L::V>,
-    ) {
-        let Motions { wa, wb, inertia, .. } = pair;
-        let w = triple!(k => l.sub(wa[k], wb[k]));
-        let (n, pressing) = (load3!(l, at, self.axes[0]), load!(l, at, values.r[0]));
-        let change = rolls.solve(l, at, beta, n, pressing, w);
-        let zero = l.splat(0.0);
-        *wa = answer(l, inertia[0], change, *wa);
-        *wb = answer(l, inertia[1], triple!(k => l.sub(zero, change[k])), *wb);
+    fn pressing<L: Lanes>(&self, l: L, values: &Impulses, at: std::ops::Range<usize>) -> ([L::V; 3], L::V) {
+        (load3!(l, at, self.axes[0]), load!(l, at, values.r[0]))
     }
 }
 
@@ -271,17 +249,9 @@ impl Swept for Normal {
         moved.change2 = l.mul_add(change, change, moved.change2);
     }
 
-    /// Where something resists rolling, contacts have three unknowns.
     #[inline(always)]
-    fn resist<L: Lanes>(
-        &self,
-        _: L,
-        _: &Push,
-        _: &mut Rolls,
-        _: std::ops::Range<usize>,
-        _: L::V,
-        _: &mut Motions<L::V>,
-    ) {
+    fn pressing<L: Lanes>(&self, l: L, values: &Push, at: std::ops::Range<usize>) -> ([L::V; 3], L::V) {
+        (load3!(l, at, self.normal), load!(l, at, values.r))
     }
 }
 
@@ -318,7 +288,12 @@ fn solve_batch<L: Lanes, C: Swept>(
     for (point, values) in points.iter().zip(impulses) {
         point.solve(l, values, at.clone(), beta, &mut pair, &mut moved);
         if let Some(rolls) = rolls.next() {
-            point.resist(l, values, rolls, at.clone(), beta, &mut pair);
+            let (n, pressing) = point.pressing(l, values, at.clone());
+            let w = triple!(k => l.sub(pair.wa[k], pair.wb[k]));
+            let change = rolls.solve(l, at.clone(), beta, n, pressing, w);
+            let zero = l.splat(0.0);
+            pair.wa = answer(l, pair.inertia[0], change, pair.wa);
+            pair.wb = answer(l, pair.inertia[1], triple!(k => l.sub(zero, change[k])), pair.wb);
         }
     }
     l.store(&mut sums.uphill[at.clone()], moved.uphill);
