@@ -91,7 +91,7 @@ fn speed(scene: &Scene, drive: &Drive, v: &Vec3, times: [f64; 2]) -> f64 {
         Shape::Sphere { .. } => 0.0,
         Shape::Plane { half_lengths } => half_lengths.norm(),
         Shape::Parts => {
-            let parts = scene.parts.iter().filter(|part| part.body as usize == drive.body);
+            let parts = scene.parts_of(drive.body as u32).iter();
             parts.map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max)
         }
     };

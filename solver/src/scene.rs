@@ -191,6 +191,8 @@ pub struct Scene {
     pub planes: Vec<u32>,
     /// The contactors of all bodies, body by body, if some body is neither a sphere nor a plate; else none.
     pub parts: Vec<Part>,
+    /// Where in `parts` those of each body begin, and those of the last end; none where there are no parts.
+    pub part_starts: Vec<u32>,
     /// What users should know about the files' bodies.
     pub notes: Vec<String>,
     /// Free bodies whose moments of inertia differ, in order: their angular velocity changes without a torque.
@@ -254,10 +256,21 @@ impl Scene {
         }
     }
 
-    /// The contactor `rank` of a body of a scene that [`Self::is_general`].
+    /// The contactors of a body of a scene that [`Self::is_general`].
+    pub fn parts_of(&self, body: u32) -> &[Part] {
+        let at = |k: usize| self.part_starts[k] as usize;
+        &self.parts[at(body as usize)..at(body as usize + 1)]
+    }
+
+    /// Where in `parts` the contactor `rank` of a body is, if it has that many.
+    pub fn part_place(&self, body: u32, rank: u16) -> Option<usize> {
+        let starts = self.part_starts.get(body as usize..body as usize + 2)?;
+        let place = starts[0] + u32::from(rank);
+        (place < starts[1]).then_some(place as usize)
+    }
+
     fn part(&self, body: u32, rank: u16) -> Option<&Part> {
-        let place = self.parts.binary_search_by_key(&(body, rank), |part| (part.body, part.rank)).ok()?;
-        Some(&self.parts[place])
+        self.part_place(body, rank).map(|place| &self.parts[place])
     }
 
     /// What to add to the position `of` for its image nearest to `from`, m; 0 where the scene does not repeat.

@@ -108,6 +108,18 @@ impl Full {
         };
         side(0) + side(1)
     }
+
+    /// W_nn and the mean of W_tt and W_ss of row `k`, 1/kg.
+    fn diagonal(&self, k: usize, row: &Row, records: &[Record]) -> (f64, f64) {
+        let (mut w_n, mut trace) = (0.0, 0.0);
+        for (body, arm) in row.bodies.into_iter().zip(&self.arms[k]) {
+            let (inverse_mass, j) = (records[body as usize].inverse_mass, &self.inverse_inertia[body as usize]);
+            let turn = arm.cross(&row.normal);
+            w_n += inverse_mass + turn.dot(&(j * turn));
+            trace += 3.0 * inverse_mass + j.trace() * arm.norm_squared() - arm.dot(&(j * arm));
+        }
+        (w_n, 0.5 * (trace - w_n))
+    }
 }
 
 /// Velocity of the candidate against the antagonist at the contact point, world frame, m/s.
@@ -154,7 +166,8 @@ pub fn contact_problem(
         })
         .collect();
 
-    let setting = Setting { scene, state, q_c, v_free, w_free, records: &records, full: full.is_some() };
+    let speeds = v_free.iter().zip(w_free).map(|(v, w)| [(v - q_c.drift).norm(), w.norm()]).collect();
+    let setting = Setting { scene, state, q_c, v_free, w_free, speeds, records: &records, full: full.is_some() };
     let history = setting.history(contacts);
     let of_contact =
         |(contact, old): (&Contact, &Option<u32>)| setting.row(contact, old.map(|k| &state.contacts[k as usize]));
@@ -172,9 +185,7 @@ pub fn contact_problem(
     }
     if let Some(full) = &full {
         rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
-            let w = full.block(k, row, &records);
-            row.w_n = row.normal.dot(&(w * row.normal));
-            row.w_t = 0.5 * (w.trace() - row.w_n);
+            (row.w_n, row.w_t) = full.diagonal(k, row, &records);
         });
         for roll in &mut rolls {
             let [a, b] = rows[roll.row as usize].bodies.map(|body| full.inverse_inertia[body as usize]);
@@ -208,6 +219,8 @@ pub(super) struct Setting<'a> {
     pub q_c: &'a Configuration,
     v_free: &'a [Vec3],
     w_free: &'a [Vec3],
+    /// |v_free| past what all have in common, m/s, and |w_free|, rad/s.
+    speeds: Vec<[f64; 2]>,
     records: &'a [Record],
     full: bool,
 }
@@ -221,14 +234,13 @@ impl Setting<'_> {
 
     /// How far the two bodies may come nearer in the step at the contact, m, past what all have in common.
     fn travel(&self, contact: &Contact) -> f64 {
-        let Setting { q_c, v_free, w_free, .. } = *self;
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
-        let past = |v: Vec3| (v - q_c.drift).norm();
-        let plate = if self.on_plate(contact) { past(self.plate(contact)) } else { 0.0 };
-        let mut travel = q_c.h * (past(v_free[a]) + plate.max(past(v_free[b])));
+        let Setting { q_c, speeds, .. } = self;
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| speeds[i as usize]);
+        let plate = if self.on_plate(contact) { (self.plate(contact) - q_c.drift).norm() } else { 0.0 };
+        let mut travel = q_c.h * (a[0] + plate.max(b[0]));
         if self.full {
-            let sides = [a, b].into_iter().zip(arms(contact, &q_c.x));
-            travel += q_c.h * sides.map(|(i, arm)| w_free[i].norm() * arm.norm()).sum::<f64>();
+            let [at_a, at_b] = arms(contact, &q_c.x);
+            travel += q_c.h * (a[1] * at_a.norm() + b[1] * at_b.norm());
         }
         travel
     }
@@ -241,7 +253,7 @@ impl Setting<'_> {
 
     /// The row of a contact, with what the last step had of it.
     fn row(&self, contact: &Contact, previous: Option<&SolvedContact>) -> Row {
-        let Setting { state, q_c, records, full, .. } = *self;
+        let &Setting { state, q_c, records, full, .. } = self;
         let h = q_c.h;
         let frame = contact.frame();
         let n = frame[0];

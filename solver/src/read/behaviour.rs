@@ -38,8 +38,7 @@ fn contactor(scene: &Scene, side: &ContactSide) -> Option<(usize, u16)> {
         Shape::Sphere { .. } => (0, body.class),
         Shape::Plane { .. } => (1, body.class),
         Shape::Parts => {
-            let of_body = |part: &&Part| part.body as usize == side.body && part.rank as usize == side.rank;
-            let part = scene.parts.iter().find(of_body)?;
+            let part = scene.parts_of(side.body as u32).get(side.rank)?;
             (kind_of(&part.geometry), part.class)
         }
     };

@@ -28,6 +28,7 @@ pub fn scene(
     let mut colours: Vec<String> = Vec::new();
     let mut bodies = Vec::new();
     let mut parts = Vec::new();
+    let mut part_starts = vec![0];
     let mut frames = Vec::new();
     for (index, record) in records.0.iter().enumerate() {
         let made = make(record, bulk, &mut colours).unwrap_or_else(|(found, expected)| {
@@ -36,6 +37,7 @@ pub fn scene(
         });
         bodies.push(made.body);
         parts.extend(made.parts.into_iter().map(|part| Part { body: index as u32, ..part }));
+        part_starts.push(parts.len() as u32);
         frames.push((made.shift, made.axes));
     }
     let (drives, loads) = motion_imposed(datbox, driven, &mut bodies, faults);
@@ -53,8 +55,8 @@ pub fn scene(
     }
     for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
         // Of what is larger not only the nearest image would be met.
-        let of_body = parts.iter().filter(|part| part.body as usize == index);
-        let extent = 2.0 * of_body.map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max);
+        let of_body = &parts[part_starts[index] as usize..part_starts[index + 1] as usize];
+        let extent = 2.0 * of_body.iter().map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max);
         for period in
             [options.xperiode, options.yperiode].into_iter().flatten().filter(|period| 2.0 * extent >= *period)
         {
@@ -70,6 +72,7 @@ pub fn scene(
     }
     if !bodies.iter().any(|body| body.shape == Shape::Parts) {
         parts.clear();
+        part_starts.clear();
     }
 
     let indices = |chosen: &dyn Fn(&Body) -> bool| -> Vec<u32> {
@@ -100,6 +103,7 @@ pub fn scene(
         spheres,
         planes,
         parts,
+        part_starts,
         notes: moved(&bodies, &frames).into_iter().collect(),
         turning,
         oriented,

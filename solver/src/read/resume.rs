@@ -186,10 +186,7 @@ fn attraction(scene: &Scene, snapshot: &Snapshot) -> Option<Attraction> {
 
 /// What a snapshot keeps of pairs of contactors that this scene has, `body` giving the body of each of its rows.
 fn pairs(scene: &Scene, shapes: &Shapes, body: impl Fn(u32) -> u32) -> Vec<PairMemory> {
-    let part = |row: u32, rank: u32| {
-        let key = (body(row), rank);
-        scene.parts.binary_search_by_key(&key, |part| (part.body, part.rank.into())).ok().map(|k| k as u32)
-    };
+    let part = |row: u32, rank: u32| scene.part_place(body(row), rank.try_into().ok()?).map(|k| k as u32);
     let rows = shapes.pairs.pair_body.iter().zip(&shapes.pairs.pair_rank).zip(&shapes.pairs.pair_memory);
     let mut pairs: Vec<PairMemory> = rows
         .filter_map(|((&[a, b], &[r, s]), &words)| {

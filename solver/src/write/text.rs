@@ -72,7 +72,7 @@ fn contacts(scene: &Scene, state: &State) -> VlocRloc {
             Shape::Sphere { .. } => "SPHER",
             Shape::Plane { .. } => "PLANx",
             Shape::Parts => {
-                let place = scene.parts.binary_search_by_key(&(body, rank), |part| (part.body, part.rank));
+                let place = scene.part_place(body, rank);
                 name(&scene.parts[place.unwrap_or_default()])
             }
         };
