@@ -33,23 +33,7 @@ pub fn fragments(frame: &Frame) -> Vec<Fragment> {
             groups.join(i, j);
         }
     }
-    // Sweep along x: a sphere can only touch those whose extent along x overlaps its own; images beside the cell too.
-    let reach = |i: usize| grains[i].radius * (1.0 + TOUCHING_GAP);
-    let spheres = || (0..grains.len()).filter(|&i| grains[i].solid.is_none());
-    let (cell, room) = (frame.cell(), 2.0 * spheres().map(reach).fold(0.0, f64::max));
-    let mut places: Vec<(usize, Vec3)> =
-        spheres().flat_map(|i| cell.images(grains[i].x, room).into_iter().map(move |x| (i, x))).collect();
-    let start = |(i, x): &(usize, Vec3)| x.x - reach(*i);
-    places.sort_by(|a, b| start(a).total_cmp(&start(b)));
-    for (k, (i, x)) in places.iter().enumerate() {
-        let end = x.x + reach(*i);
-        for (j, y) in places[k + 1..].iter().take_while(|other| start(other) <= end) {
-            let touching = grains[*i].radius + grains[*j].radius + touching_gap(frame, *i, *j);
-            if (x - y).norm_squared() <= touching * touching {
-                groups.join(*i, *j);
-            }
-        }
-    }
+    join_spheres(frame, &mut groups);
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); grains.len()];
     for i in 0..grains.len() {
         members[groups.root(i)].push(i);
@@ -63,6 +47,35 @@ pub fn fragments(frame: &Frame) -> Vec<Fragment> {
     let mut found: Vec<Fragment> = members.into_iter().map(fragment).collect();
     found.sort_by(|a, b| b.whole.mass.total_cmp(&a.whole.mass));
     found
+}
+
+/// Joins spheres that touch.
+///
+/// They are swept along x in columns as wide as the largest of them, each in up to four columns, as what touches shares one;
+/// images beside the cell too.
+fn join_spheres(frame: &Frame, groups: &mut Groups) {
+    let grains = &frame.grains;
+    let reach = |i: usize| grains[i].radius * (1.0 + TOUCHING_GAP);
+    let spheres = || (0..grains.len()).filter(|&i| grains[i].solid.is_none());
+    let (cell, width) = (frame.cell(), 2.0 * spheres().map(reach).fold(0.0, f64::max));
+    let mut places: Vec<([i64; 2], f64, usize, Vec3)> = Vec::new();
+    for i in spheres() {
+        for x in cell.images(grains[i].x, width) {
+            let columns = |c: f64| ((c - reach(i)) / width).floor() as i64..=((c + reach(i)) / width).floor() as i64;
+            let both = columns(x.y).flat_map(|y| columns(x.z).map(move |z| [y, z]));
+            places.extend(both.map(|column| (column, x.x - reach(i), i, x)));
+        }
+    }
+    places.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    for (k, (column, _, i, x)) in places.iter().enumerate() {
+        let end = x.x + reach(*i);
+        for (_, _, j, y) in places[k + 1..].iter().take_while(|other| other.0 == *column && other.1 <= end) {
+            let touching = grains[*i].radius + grains[*j].radius + touching_gap(frame, *i, *j);
+            if (x - y).norm_squared() <= touching * touching {
+                groups.join(*i, *j);
+            }
+        }
+    }
 }
 
 /// The number of the fragment of each grain, 0 the heaviest.

@@ -11,6 +11,9 @@ use crate::shapes::hull::{self, Misfit};
 /// Vertices nearer to each other than this share of the solid's extent are one.
 const SAME: f64 = 1e-12;
 
+/// Seeds about another that nearly always suffice to cut its cell out.
+const NEAREST: usize = 64;
+
 /// Points that are tried for one that lies in the solid.
 const ATTEMPTS: usize = 100_000;
 
@@ -104,18 +107,32 @@ fn cell(planes: &[Plane], extent: f64, seeds: &[Vector3<f64>], k: usize) -> Resu
     let seed = seeds[k];
     let mut others: Vec<(f64, usize)> =
         (0..seeds.len()).filter(|&j| j != k).map(|j| ((seeds[j] - seed).norm(), j)).collect();
-    others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    // Of many only the nearest matter: the others are hardly ever put in order.
+    let nearest = NEAREST.min(others.len());
+    if nearest < others.len() {
+        others.select_nth_unstable_by(nearest, nearer);
+    }
+    others[..nearest].sort_by(nearer);
     // Relative to the seed, so that small cells keep their digits.
     let mut cell = Cell::cube(2.0 * extent);
-    for (distance, other) in others {
+    for i in 0..others.len() {
+        if i == nearest {
+            others[nearest..].sort_by(nearer);
+        }
+        let (distance, other) = others[i];
         if 0.5 * distance > cell.reach() {
             break; // nor do those farther away cut it
         }
         let normal = (seeds[other] - seed) / distance;
         cell.cut(&Plane { normal, offset: 0.5 * distance }, SAME * extent);
     }
+    let reach = cell.reach();
     for plane in planes {
-        cell.cut(&Plane { normal: plane.normal, offset: -plane.above(&seed) }, SAME * extent);
+        let offset = -plane.above(&seed);
+        if offset <= reach {
+            cell.cut(&Plane { normal: plane.normal, offset }, SAME * extent);
+        }
     }
     cell.surface(&seed)
 }
