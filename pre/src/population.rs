@@ -1,5 +1,6 @@
 //! The bodies that a scene asks for: grains and plates with their initial motion.
 
+use std::cell::OnceCell;
 use std::path::Path;
 
 use cd_formats::compute::Compute;
@@ -222,6 +223,19 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
         (0..scene.grains.len()).map(|group| grains.partition_point(|grain| grain.group < group)).collect();
     let name = |k: usize| format!("grain {} of grains {}", k + 1 - firsts[grains[k].group], grains[k].group + 1);
     let mut overlaps: Vec<(usize, String)> = Vec::new();
+    // Made of those alone that come near another, and once.
+    let made: Vec<OnceCell<Vec<Convex>>> = vec![OnceCell::new(); grains.len()];
+    let pieces = |k: usize| made[k].get_or_init(|| grains[k].pieces()).as_slice();
+    let with_ball = |k: usize, ball: &Grain| {
+        pieces(k).iter().map(|piece| piece.overlap_of_ball(&ball.position, ball.radius)).fold(0.0, f64::max)
+    };
+    // How deep two grains are in each other, m, if the balls around them are by `overlap`.
+    let deep = |a: usize, b: usize, overlap: f64| match [a, b].map(|k| grains[k].polyhedron.is_some()) {
+        [false, false] => overlap,
+        [true, false] => with_ball(a, &grains[b]),
+        [false, true] => with_ball(b, &grains[a]),
+        [true, true] => deepest(pieces(a), pieces(b), TOUCHING * grains[a].radius.min(grains[b].radius)),
+    };
 
     let mut order: Vec<usize> = (0..grains.len()).collect();
     order.sort_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
@@ -229,13 +243,12 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
     for &k in &order {
         let grain = &grains[k];
         cells.overlaps(&grain.position, grain.reach, |number, overlap| {
-            let other = &grains[order[number]];
             let (a, b) = (k.min(order[number]), k.max(order[number]));
             if allowed[grains[a].group] || allowed[grains[b].group] || overlap <= TOUCHING * grain.radius {
                 return;
             }
-            let overlap = grain_overlap(grain, other, overlap);
-            if overlap > TOUCHING * grain.radius.min(other.radius) {
+            let overlap = deep(k, order[number], overlap);
+            if overlap > TOUCHING * grains[a].radius.min(grains[b].radius) {
                 overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b))));
             }
         });
@@ -247,7 +260,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
                     return overlap;
                 }
                 let solid = Convex::cuboid(plate.centre + shift, &plate.axes, &plate.half_lengths);
-                deepest(&grain.pieces(), &[solid], TOUCHING * grain.radius)
+                deepest(pieces(k), &[solid], TOUCHING * grain.radius)
             };
             let shifts = images(&scene.compute, &(grain.position - plate.centre));
             let overlap = shifts.into_iter().map(of_image).fold(f64::NEG_INFINITY, f64::max);
@@ -266,19 +279,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
     }
 }
 
-/// How deep two grains are in each other, m, if the balls around them are by `overlap`.
-fn grain_overlap(a: &Grain, b: &Grain, overlap: f64) -> f64 {
-    let allowed = TOUCHING * a.radius.min(b.radius);
-    match (&a.polyhedron, &b.polyhedron) {
-        (None, None) => overlap,
-        (Some(_), None) => {
-            a.pieces().iter().map(|piece| piece.overlap_of_ball(&b.position, b.radius)).fold(0.0, f64::max)
-        }
-        (None, Some(_)) => grain_overlap(b, a, overlap),
-        (Some(_), Some(_)) => deepest(&a.pieces(), &b.pieces(), allowed),
-    }
-}
-
+/// How deep two bodies are in each other, m, by their convex pieces.
 fn deepest(a: &[Convex], b: &[Convex], allowed: f64) -> f64 {
     let pairs = a.iter().flat_map(|a| b.iter().map(move |b| (a, b)));
     pairs.map(|(a, b)| depth(a, b, allowed)).fold(0.0, f64::max)

@@ -106,33 +106,31 @@ fn cells(planes: &[Plane], extent: f64, seeds: &[Vector3<f64>]) -> Result<Vec<Su
 fn cell(planes: &[Plane], extent: f64, seeds: &[Vector3<f64>], k: usize) -> Result<Surface, String> {
     let seed = seeds[k];
     let mut others: Vec<(f64, usize)> =
-        (0..seeds.len()).filter(|&j| j != k).map(|j| ((seeds[j] - seed).norm(), j)).collect();
+        (0..seeds.len()).filter(|&j| j != k).map(|j| ((seeds[j] - seed).norm_squared(), j)).collect();
     let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
     // Of many only the nearest matter: the others are hardly ever put in order.
     let nearest = NEAREST.min(others.len());
     if nearest < others.len() {
         others.select_nth_unstable_by(nearest, nearer);
     }
-    others[..nearest].sort_by(nearer);
+    let (near, far) = others.split_at_mut(nearest);
+    near.sort_by(nearer);
     // Relative to the seed, so that small cells keep their digits.
     let mut cell = Cell::cube(2.0 * extent);
-    for i in 0..others.len() {
-        if i == nearest {
-            others[nearest..].sort_by(nearer);
-        }
-        let (distance, other) = others[i];
-        if 0.5 * distance > cell.reach() {
-            break; // nor do those farther away cut it
-        }
-        let normal = (seeds[other] - seed) / distance;
-        cell.cut(&Plane { normal, offset: 0.5 * distance }, SAME * extent);
-    }
+    let closed = cell.cut_between(&seed, seeds, near, SAME * extent);
+    // Cells at the surface are open to it until it cuts them.
     let reach = cell.reach();
     for plane in planes {
         let offset = -plane.above(&seed);
         if offset <= reach {
             cell.cut(&Plane { normal: plane.normal, offset }, SAME * extent);
         }
+    }
+    if !closed {
+        let reach = cell.reach();
+        let mut far: Vec<(f64, usize)> = far.iter().copied().filter(|other| 0.5 * other.0.sqrt() <= reach).collect();
+        far.sort_by(nearer);
+        cell.cut_between(&seed, seeds, &far, SAME * extent);
     }
     cell.surface(&seed)
 }
@@ -166,6 +164,20 @@ impl Cell {
 
     fn reach(&self) -> f64 {
         self.faces.iter().flatten().map(|&k| self.vertices[k].norm()).fold(0.0, f64::max)
+    }
+
+    /// Takes away what is nearer to the `others`, by their squared distances and in the order of these, than to the seed about which
+    /// it is; says whether those farther away cannot cut it.
+    fn cut_between(&mut self, seed: &Vector3<f64>, seeds: &[Vector3<f64>], others: &[(f64, usize)], same: f64) -> bool {
+        for &(square, other) in others {
+            let distance = square.sqrt();
+            if 0.5 * distance > self.reach() {
+                return true;
+            }
+            let normal = (seeds[other] - seed) / distance;
+            self.cut(&Plane { normal, offset: 0.5 * distance }, same);
+        }
+        false
     }
 
     /// Takes away what is above the plane; vertices within `same` of it stay.
