@@ -407,7 +407,10 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     if !scene.has_self_gravity() {
         return outer;
     }
-    let gravity = Gravity::new(Method::Auto, ENERGY_ERROR);
+    let gravity = match scene.gravity() {
+        asked if asked.method_for(positions.len()) == Method::Direct => asked,
+        _ => Gravity::new(Method::Auto, ENERGY_ERROR),
+    };
     let potential = gravity.field(&positions, &masses, scene.options.gravity_constant, &[]).potential;
     let points = 0.5 * potential.iter().zip(&masses).map(|(p, m)| p * m).sum::<f64>();
     outer + points + near_field(scene, x, &state.q).energy
