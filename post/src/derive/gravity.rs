@@ -101,16 +101,14 @@ impl Tree {
             let quadrupole = first.quadrupole * second.mass + second.quadrupole * first.mass;
             return first.mass * second.mass / distance + 0.5 * to.dot(&(quadrupole * to)) / distance.powi(5);
         }
-        let (larger, other) = if first.radius >= second.radius { (a, b) } else { (b, a) };
-        let split = |node: usize| self.nodes[node].halves.map(|halves| (node, halves));
-        match split(larger).or(split(other)) {
-            Some((node, [left, right])) => {
-                let other = a + b - node;
-                let (left, right) = self.both(node, || self.between(left, other), || self.between(right, other));
-                left + right
-            }
-            None => self.own(a).iter().map(|point| pull(self.own(b), point)).sum(),
-        }
+        let (larger, smaller) = if first.radius >= second.radius { (a, b) } else { (b, a) };
+        let (node, halves, other) = match [larger, smaller].map(|node| self.nodes[node].halves) {
+            [Some(halves), _] => (larger, halves, smaller),
+            [None, Some(halves)] => (smaller, halves, larger),
+            [None, None] => return self.own(a).iter().map(|point| pull(self.own(b), point)).sum(),
+        };
+        let (left, right) = self.both(node, || self.between(halves[0], other), || self.between(halves[1], other));
+        left + right
     }
 
     fn own(&self, node: usize) -> &[(Vec3, f64)] {
