@@ -17,6 +17,8 @@ pub struct Places(HashMap<String, Place>);
 struct Place {
     /// On which its name or, without one, the value begins, 1-based.
     line: usize,
+    /// The byte at which they begin there.
+    start: usize,
     /// Bytes of the value.
     span: Range<usize>,
     /// Behind its opening bracket, if it has fields or items.
@@ -26,7 +28,7 @@ struct Place {
 impl Places {
     pub fn of(text: &str) -> Self {
         let mut walk = Walk { text: text.as_bytes(), at: 0, line: 1, places: HashMap::new() };
-        walk.value("", 1);
+        walk.value("", 1, 0);
         Places(walk.places)
     }
 
@@ -42,11 +44,11 @@ impl Places {
         }
     }
 
-    /// The path of the innermost value at a byte of the text.
+    /// The path of the innermost value at a byte of the text, on its name too.
     fn at(&self, byte: usize) -> Option<&str> {
-        let holds = |place: &Place| place.span.start <= byte && byte <= place.span.end;
+        let holds = |place: &Place| place.start <= byte && byte <= place.span.end;
         let holders = self.0.iter().filter(|(_, place)| holds(place));
-        holders.max_by_key(|(path, place)| (place.span.start, path.len())).map(|(path, _)| path.as_str())
+        holders.max_by_key(|(path, place)| (place.start, path.len())).map(|(path, _)| path.as_str())
     }
 }
 
@@ -105,7 +107,7 @@ fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
         return Err(refuse("is no pair", "PATH=VALUE, such as grains.1.number=2000"));
     };
     let mut walk = Walk { text: value.as_bytes(), at: 0, line: 1, places: HashMap::new() };
-    walk.value("", 1);
+    walk.value("", 1, 0);
     if walk.at < value.len() || walk.places[""].span.end < value.len() || value.is_empty() {
         return Err(refuse(&format!("'{value}'"), "one value in RON"));
     }
@@ -187,9 +189,10 @@ impl Walk<'_> {
         None
     }
 
-    fn value(&mut self, path: &str, line: usize) {
+    /// Goes behind the value at `path`, which or whose name begins at a byte of a line.
+    fn value(&mut self, path: &str, line: usize, start: usize) {
         self.skip_blank();
-        let mut place = Place { line, span: self.at..self.at, inside: None };
+        let mut place = Place { line, start, span: self.at..self.at, inside: None };
         loop {
             self.skip_blank();
             match self.here() {
@@ -223,10 +226,10 @@ impl Walk<'_> {
             if self.at >= self.text.len() || matches!(self.here(), b')' | b']' | b'}') {
                 break;
             }
-            let line = self.line;
+            let (line, start) = (self.line, self.at);
             let key = self.field().unwrap_or_else(|| index.to_string());
             let path = if path.is_empty() { key } else { format!("{path}.{key}") };
-            self.value(&path, line);
+            self.value(&path, line, start);
             if self.here() == b',' {
                 self.advance(1);
             }
@@ -260,7 +263,7 @@ mod tests {
         let places = Places::of(text);
         let at = |what: &str| places.at(text.find(what).unwrap());
         let found = ["a:", "1", "x", "c:", "(2", "3"].map(at);
-        assert_eq!(found, ["", "a", "list.0.b", "list.0", "list.0.c", "list.0.c.1"].map(Some));
+        assert_eq!(found, ["a", "a", "list.0.b", "list.0.c", "list.0.c", "list.0.c.1"].map(Some));
         assert_eq!(places.at(text.len() + 1), None);
         let settings = ["list.1.b=x", "list.1=(b: 1)", "a=2", "no pair"].map(String::from);
         let of = |path| setting(&settings, path);
@@ -268,7 +271,7 @@ mod tests {
         assert_eq!([of("list"), of("list.1.b"), of("ab"), of("")], [None; 4]);
         let text = "(\n  ä: 1,\n  a: x)";
         let found = [(2, 5), (3, 4), (3, 5), (3, 6)].map(|(line, column)| setting_at(&settings, text, line, column));
-        assert_eq!(found, [None, None, Some("a=2"), Some("a=2")]);
+        assert_eq!(found, [None, Some("a=2"), Some("a=2"), Some("a=2")]);
     }
 
     fn set_to(text: &str, setting: &str) -> Result<String, String> {
