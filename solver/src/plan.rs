@@ -144,17 +144,17 @@ pub fn not_needed(scene: &Scene) -> Vec<&'static str> {
     absent.into_iter().filter(|(absent, _)| *absent).map(|(_, what)| what).collect()
 }
 
-/// Bytes that a run needs, about: what is kept of bodies and contacts, and what a step makes of them.
-pub fn memory(scene: &Scene, contacts: usize) -> usize {
-    let vector = size_of::<Vec3>();
-    let gravity = if scene.options.self_gravity { 300 } else { 0 };
-    let body = size_of::<Body>() + 20 * vector + 3 * size_of::<[f64; 8]>() + gravity;
-    let contact = size_of::<Contact>()
-        + 2 * size_of::<SolvedContact>()
-        + size_of::<crate::assemble::Row>()
-        + size_of::<Batch>() / crate::solve::batches::BATCH
-        + 8 * vector;
-    scene.bodies.len() * body + contacts * contact
+/// Most bytes of memory that this program has held so far; known on Linux.
+fn held() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(1024 * most.trim().strip_suffix(" kB")?.parse::<u64>().ok()?)
+}
+
+/// Bytes that a contact takes, about: what is kept of it, and what a step makes of it.
+fn contact_size() -> usize {
+    let row = size_of::<crate::assemble::Row>() + size_of::<Batch>() / crate::solve::batches::BATCH;
+    size_of::<Contact>() + 2 * size_of::<SolvedContact>() + row + 8 * size_of::<Vec3>()
 }
 
 /// The plan as text.
@@ -164,7 +164,8 @@ pub fn text(scene: &Scene, state: &State) -> String {
     lines.push(("not needed", not_needed(scene).join("; ")));
     let (listed, active) = (report.contacts_listed, report.contacts_active);
     lines.push(("contacts", format!("{listed} listed, {active} carry force, now")));
-    lines.push(("memory", format!("{:.1} MB, about", memory(scene, listed) as f64 / 1e6)));
+    let until_now = held().map_or(String::new(), |held| format!("{:.1} MB at most until now; ", held as f64 / 1e6));
+    lines.push(("memory", format!("{until_now}{:.1} kB more for each further contact, about", contact_size() as f64 / 1e3)));
     let seconds = |time: Duration| time.as_secs_f64() / steps.max(1) as f64;
     let Clock { gravity, detection, assembly, solve, integration, .. } = clock;
     let each = seconds(gravity + detection + assembly + solve + integration);
