@@ -67,6 +67,10 @@ pub(super) const NEARLY_PARALLEL: f64 = 1e-11;
 /// A face must be better aligned by this to be preferred to its neighbour.
 const ALIGNED: f64 = 1e-9;
 const LANES: [f64; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+/// Points of the difference that are kept: of the start, four about a face on a face, of the best of either body's faces.
+const WITNESSES: usize = 7;
+/// Faces are taken to lie on each other up to this angle, rad.
+const ON_EACH_OTHER: f64 = 1e-3;
 /// Edges of B that are held in columns at a time; the same for all widths, so that the order is.
 const BLOCK: usize = 8;
 
@@ -146,14 +150,7 @@ impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
     fn call(self) -> Found {
         let (axis, met) = self.axis();
         let faces = if axis.s > self.enough { (0, 0) } else { support_faces(self.l, self.pair, &axis, met) };
-        let lost = match axis.feature {
-            // Crossed arcs may promise too much: of shapes rounded in files, which are convex to their digits alone, and of
-            // short edges nearly parallel to long ones, whose ends are rounded by more than they are apart.
-            Feature::Edges(..) => separation(self.l, self.pair, &axis.n) < axis.s - self.pair.tie(),
-            Feature::None => axis.s <= 0.0,
-            _ => false,
-        };
-        Found { axis, faces, lost }
+        Found { axis, faces, lost: axis.feature == Feature::None && axis.s <= 0.0 }
     }
 }
 
@@ -162,13 +159,18 @@ impl<L: Lanes> Search<'_, L> {
     #[inline(always)]
     fn axis(&self) -> (Axis, Option<u32>) {
         let &Search { l, pair, start, narrow, enough } = self;
-        let mut witnesses = Witnesses { points: [Vec3::zeros(); 3], count: 0 };
+        let mut witnesses = Witnesses { points: [Vec3::zeros(); WITNESSES], count: 0 };
         let (mut best, met) = begin(l, pair, start, &mut witnesses);
         let from_direction = matches!(start, Start::Direction(_)) && best.s > 0.0;
         if best.s > enough || from_direction || is_best(l, pair, &best, &witnesses.points[0], narrow) {
             return (best, met);
         }
         let (a, b) = (pair.pa, pair.pb);
+        match (best.feature, met) {
+            (Feature::FaceOfA(f), Some(v)) => around(l, pair, [a, b], f, v, 1.0, &mut witnesses),
+            (Feature::FaceOfB(f), Some(v)) => around(l, pair, [b, a], f, v, -1.0, &mut witnesses),
+            _ => {}
+        }
         if faces(l, pair, a, b, 1.0, &mut best, &mut witnesses, enough)
             || faces(l, pair, b, a, -1.0, &mut best, &mut witnesses, enough)
         {
@@ -181,18 +183,58 @@ impl<L: Lanes> Search<'_, L> {
 
 /// Points of the difference B - A, m.
 struct Witnesses {
-    points: [Vec3; 3],
+    points: [Vec3; WITNESSES],
     count: usize,
 }
 
 impl Witnesses {
     #[inline(always)]
     fn add(&mut self, x: Vec3) {
-        if self.count < 3 {
+        if self.count < WITNESSES {
             self.points[self.count] = x;
             self.count += 1;
         }
     }
+}
+
+/// Adds corners of the facet that the face `f` of `own` makes with the face of `other` that lies on it at the vertex `v`: the
+/// least one in each of four directions. About the foot of the origin, they leave no direction but those near the normal.
+#[inline(always)]
+fn around<L: Lanes>(
+    l: L,
+    pair: &Pair,
+    [own, other]: [&Posed; 2],
+    f: u32,
+    v: u32,
+    sign: f64,
+    witnesses: &mut Witnesses,
+) {
+    let n = own.normal(f);
+    let g = seen(l, other, &-n, Some(v));
+    if n.cross(&other.normal(g)).norm_squared() > ON_EACH_OTHER * ON_EACH_OTHER {
+        return;
+    }
+    let corners = own.shape.corners(f as usize);
+    let along = own.vertex(corners[1]) - own.vertex(corners[0]);
+    for direction in [along, n.cross(&along), -along, -n.cross(&along)] {
+        let (on_own, on_other) = (own.vertex(utmost(own, f, &direction)), other.vertex(utmost(other, g, &-direction)));
+        witnesses.add((on_other - on_own) * sign + pair.c);
+    }
+}
+
+/// The first corner of a face that is farthest along `n`.
+#[inline(always)]
+fn utmost(posed: &Posed, f: u32, n: &Vec3) -> Number {
+    let (shape, n) = (posed.shape, posed.local(n));
+    let corners = shape.corners(f as usize);
+    let (mut best, mut most) = (corners[0], f64::NEG_INFINITY);
+    for &corner in corners {
+        let height = shape.vertex(corner.into()).dot(&n);
+        if height > most {
+            (best, most) = (corner, height);
+        }
+    }
+    best
 }
 
 /// What is remembered, at the new poses, with the vertex that a face meets; or the direction between the centres.
@@ -215,7 +257,7 @@ fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -
         }
         Start::Feature(Feature::Edges(ea, eb)) => {
             let (n, s, crossed) = edge_axis(pair, ea, eb);
-            if crossed {
+            if crossed && true_separation(l, pair, &n, s) == s {
                 let [a, b] = [pair.a.edges()[ea as usize].ends[0], pair.b.edges()[eb as usize].ends[0]];
                 witnesses.add(pair.pb.vertex(b) + pair.c - pair.pa.vertex(a));
                 return (Axis { n, s, feature: Feature::Edges(ea, eb) }, None);
@@ -279,6 +321,14 @@ pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> (u32, f64) {
 fn separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> f64 {
     let low = lowest(l, pair.pb, n).1;
     n.dot(&pair.c) + low + lowest(l, pair.pa, &-n).1
+}
+
+/// What is true of the separation `s` that the crossed arcs of two edges promise: shapes rounded in files are convex to their
+/// digits alone, and of short edges nearly parallel to long ones the ends are rounded by more than they are apart.
+#[inline(always)]
+fn true_separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3, s: f64) -> f64 {
+    let found = separation(l, pair, n);
+    if found < s - pair.tie() { found } else { s }
 }
 
 /// Whether no direction is better than a feature's, told from the facet of the Minkowski difference that it makes.
@@ -440,7 +490,7 @@ fn cone<L: Lanes>(
     // In the frame of the body whose faces they are.
     let shape = own.shape;
     let c = own.local(&pair.c) * sign;
-    let mut witness = [Vec3::zeros(); 3];
+    let mut witness = [Vec3::zeros(); WITNESSES];
     let mut i = 0;
     while i < witnesses.count {
         witness[i] = own.local(&witnesses.points[i]) * sign;
@@ -536,7 +586,10 @@ fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, en
                         if values[lane] > better_than(best, tie) {
                             let eb = of_b[from + k + lane];
                             let (n, s, _) = edge_axis(pair, ea, eb);
-                            *best = Axis { n, s, feature: Feature::Edges(ea, eb) };
+                            let s = true_separation(l, pair, &n, s);
+                            if s > better_than(best, tie) {
+                                *best = Axis { n, s, feature: Feature::Edges(ea, eb) };
+                            }
                             if best.s > enough {
                                 return;
                             }
@@ -615,7 +668,7 @@ fn arcs<L: Lanes>(
     let slack = slack(pair, best);
     let shape = posed.shape;
     let c = posed.local(&pair.c) * sign;
-    let mut x = [Vec3::zeros(); 3];
+    let mut x = [Vec3::zeros(); WITNESSES];
     let mut i = 0;
     while i < witnesses.count {
         x[i] = posed.local(&witnesses.points[i]) * sign;
