@@ -215,7 +215,10 @@ fn values_are_set_from_the_command_line() {
     assert!(said.ends_with("; expected a scene as described in docs/scene.md\n"), "{said}");
     let refused = run(&["grains.1.sizes=Single(9.0)", "grains.1.colours=REDxx"]);
     let said = text(&refused.stderr);
-    assert!(said.starts_with("cd-pre: options: set grains.1.colours=REDxx: Unexpected field named `colours`"), "{said}");
+    assert!(
+        said.starts_with("cd-pre: options: set grains.1.colours=REDxx: Unexpected field named `colours`"),
+        "{said}"
+    );
     let refused = run(&["grains.1.material=NOPE"]);
     let said = text(&refused.stderr);
     assert!(said.starts_with("cd-pre: options: set grains.1.material=NOPE: "), "{said}");

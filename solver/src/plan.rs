@@ -165,7 +165,10 @@ pub fn text(scene: &Scene, state: &State) -> String {
     let (listed, active) = (report.contacts_listed, report.contacts_active);
     lines.push(("contacts", format!("{listed} listed, {active} carry force, now")));
     let until_now = held().map_or(String::new(), |held| format!("{:.1} MB at most until now; ", held as f64 / 1e6));
-    lines.push(("memory", format!("{until_now}{:.1} kB more for each further contact, about", contact_size() as f64 / 1e3)));
+    lines.push((
+        "memory",
+        format!("{until_now}{:.1} kB more for each further contact, about", contact_size() as f64 / 1e3),
+    ));
     let seconds = |time: Duration| time.as_secs_f64() / steps.max(1) as f64;
     let Clock { gravity, detection, assembly, solve, integration, .. } = clock;
     let each = seconds(gravity + detection + assembly + solve + integration);

@@ -164,7 +164,15 @@ fn a_plan_tells_and_writes_nothing() {
     let plan = process(&case, "--plan").output().unwrap();
     assert!(plan.status.success());
     let text = String::from_utf8(plan.stdout).unwrap();
-    for words in ["40 spheres", "not needed", "polyhedra", "kB more for each further contact", "ms a step", "300 steps", "shortest orbit"] {
+    for words in [
+        "40 spheres",
+        "not needed",
+        "polyhedra",
+        "kB more for each further contact",
+        "ms a step",
+        "300 steps",
+        "shortest orbit",
+    ] {
         assert!(text.contains(words), "{words}: {text}");
     }
     assert_eq!(files(case.path()), before);
