@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use cd_formats::compute::Action;
 use cd_formats::snapshot::{Fallback, Ledger};
+use rayon::prelude::*;
 
 use crate::geometry::Memory;
 use crate::laws::Law;
-use crate::math::{Quat, Vec3, local_frame};
+use crate::math::{MANY, Quat, Vec3, local_frame};
 use crate::scene::Scene;
 
 /// First feature of a contact of polyhedra that a text file tells without its features; the second is a running number.
@@ -179,7 +180,7 @@ impl State {
 
     /// Whether every number of the bodies and of the ledger is finite.
     pub fn is_finite(&self) -> bool {
-        let finite = |vectors: &[Vec3]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
+        let finite = |vectors: &[Vec3]| vectors.par_iter().with_min_len(MANY).all(|v| v.iter().all(|x| x.is_finite()));
         let Ledger { energy_start, contact_work, friction_work, outside_work, momentum_scale, .. } = self.ledger;
         let sums = [energy_start, contact_work, friction_work, outside_work, momentum_scale];
         let momenta = [self.ledger.momentum_expected, self.ledger.angular_momentum_expected];
@@ -187,7 +188,7 @@ impl State {
             && finite(&self.v)
             && finite(&self.w)
             && finite(&self.spin)
-            && self.q.iter().all(|q| q.coords.iter().all(|x| x.is_finite()))
+            && self.q.par_iter().with_min_len(MANY).all(|q| q.coords.iter().all(|x| x.is_finite()))
             && sums.iter().chain(momenta.iter().flatten()).all(|x| x.is_finite())
     }
 }

@@ -5,11 +5,11 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::assemble::{self, Free, GravityReport, Row, System, relative_velocity};
+use crate::assemble::{self, Free, GravityReport, Record, Row, System, relative_velocity};
 use crate::detect::{self, Missed};
 use crate::integrate::{self, Configuration};
 use crate::math::lanes::Width;
-use crate::math::{Quat, Vec3, to_local, to_world};
+use crate::math::{MANY, Quat, Vec3, to_local, to_world};
 use crate::scene::Scene;
 use crate::solve::norms::{Norms, norms};
 use crate::solve::{self, Solution, Task, Until};
@@ -163,11 +163,12 @@ fn end_of_contacts(
     system: &System,
     solution: &Solution,
 ) -> Solved {
-    let (mut v, mut w) = (free.v.clone(), free.w.clone());
-    for &i in &scene.free {
-        let record = &solution.records[i as usize];
-        (v[i as usize], w[i as usize]) = (record.v, record.w);
-    }
+    // What is imposed stays as it was.
+    let motion = |((record, v), w): ((&Record, &Vec3), &Vec3)| {
+        if record.inverse_mass > 0.0 { (record.v, record.w) } else { (*v, *w) }
+    };
+    let bodies = solution.records.par_iter().zip(&free.v).zip(&free.w);
+    let (v, w): (Vec<Vec3>, Vec<Vec3>) = bodies.with_min_len(MANY).map(motion).unzip();
     let tol = scene.options.tol();
     let solved = |(k, (contact, (row, r))): (usize, (Contact, (&Row, &Vec3)))| {
         let frame = contact.frame();
@@ -248,6 +249,7 @@ fn book(
         let flies = solved.v[i] == free.v[i];
         if flies { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
     };
+    let flights: Vec<f64> = scene.free.par_iter().with_min_len(MANY).map(flight).collect();
     let motion = Motion::of(scene, &q_c.q, &solved.v, &solved.w);
     ledger.momentum_scale = ledger.momentum_scale.max(motion.scale);
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
@@ -278,7 +280,7 @@ fn book(
         missed: None,
         given_up: false,
         virial: given.virial / h,
-        flight: scene.free.iter().map(flight).sum(),
+        flight: flights.iter().sum(),
         kinetic: motion.kinetic,
         rotational: motion.rotational,
         potential: free.potential,

@@ -75,6 +75,9 @@ impl Setting<'_> {
         let before = &self.state.contacts;
         let may_go = |old: &SolvedContact| self.has_names(&old.contact) && carried(old);
         let mut gone: Vec<bool> = before.par_iter().with_min_len(CHUNK).map(may_go).collect();
+        if !gone.contains(&true) {
+            return gone;
+        }
         let stays =
             |(k, contact): (usize, &Contact)| found[k].filter(|&old| gone[old as usize] && self.in_reach(contact));
         let stay: Vec<u32> = contacts.par_iter().enumerate().with_min_len(256).filter_map(stays).collect();

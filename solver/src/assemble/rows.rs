@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::history::warm_start;
 use crate::integrate::Configuration;
 use crate::laws::{Approach, Rolling};
-use crate::math::{Quat, Vec3, to_local, to_world};
+use crate::math::{MANY, Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Scene, Shape};
 use crate::state::{Bonding, Contact, SolvedContact, State, Status};
 
@@ -146,8 +146,9 @@ pub fn contact_problem(
     let mut full = full(scene, q_c);
     let records: Vec<Record> = scene
         .bodies
-        .iter()
-        .zip(v_free.iter().zip(w_free))
+        .par_iter()
+        .zip(v_free.par_iter().zip(w_free))
+        .with_min_len(MANY)
         .map(|(body, (v, w))| match body.shape {
             Shape::Sphere { radius } => Record {
                 v: *v,
@@ -166,7 +167,8 @@ pub fn contact_problem(
         })
         .collect();
 
-    let speeds = v_free.iter().zip(w_free).map(|(v, w)| [(v - q_c.drift).norm(), w.norm()]).collect();
+    let speeds = v_free.par_iter().zip(w_free).with_min_len(MANY);
+    let speeds = speeds.map(|(v, w)| [(v - q_c.drift).norm(), w.norm()]).collect();
     let setting = Setting { scene, state, q_c, v_free, w_free, speeds, records: &records, full: full.is_some() };
     let history = setting.history(contacts);
     let of_contact =

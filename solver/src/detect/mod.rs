@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use cd_formats::compute::NarrowPhase;
 use rayon::prelude::*;
 
-use crate::math::{Vec3, group};
+use crate::math::{MANY, Vec3, group};
 use crate::scene::{Scene, Shape};
 use crate::state::{Contact, PairMemory};
 
@@ -45,7 +45,7 @@ pub fn contacts(
 
 /// How far each body can get in the step beside the others, m.
 fn travel(q_c: &Configuration, v_free: &[Vec3]) -> Vec<f64> {
-    v_free.iter().map(|v| q_c.ahead * (v - q_c.drift).norm()).collect()
+    v_free.par_iter().with_min_len(MANY).map(|v| q_c.ahead * (v - q_c.drift).norm()).collect()
 }
 
 /// What the fast narrow phase misses, m.

@@ -14,7 +14,7 @@ pub use length::{fastest_turn, shortest_orbit, units};
 use rayon::prelude::*;
 
 use crate::math::rotation::{angular_momentum, angular_velocity, turn_freely};
-use crate::math::{Quat, Vec3, morton, rotate};
+use crate::math::{MANY, Quat, Vec3, morton, rotate};
 use crate::scene::Scene;
 use crate::state::State;
 
@@ -45,7 +45,7 @@ const FEW: usize = 64;
 pub fn predict(scene: &Scene, state: &State, units: u64) -> Configuration {
     let h = units as f64 * scene.options.dt;
     let before = h * (1.0 - scene.options.theta);
-    let x: Vec<Vec3> = state.x.iter().zip(&state.v).map(|(x, v)| x + v * before).collect();
+    let x: Vec<Vec3> = state.x.par_iter().zip(&state.v).with_min_len(MANY).map(|(x, v)| x + v * before).collect();
     let (mut q, mut w) = (state.q.clone(), state.w.clone());
     for (i, _) in scene.oriented.iter().enumerate().filter(|(_, oriented)| **oriented) {
         q[i] = rotate(&q[i], &(state.w[i] * before));
@@ -85,13 +85,14 @@ fn turn_in_axes(q: &Quat, momentum: &mut Vec3, inertia: &[f64; 3], rate: &Vec3, 
 pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
     let h = q_c.h;
     let after = h * scene.options.theta;
-    state.x.iter_mut().zip(&q_c.x).zip(&v).for_each(|((x, x_c), v)| *x = x_c + v * after);
+    let moved = |((x, x_c), v): ((&mut Vec3, &Vec3), &Vec3)| *x = x_c + v * after;
+    state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(MANY).for_each(moved);
     let turned = |(i, (q, oriented)): (usize, (&mut Quat, &bool))| {
         if *oriented {
             *q = rotate(&q_c.q[i], &(w[i] * after));
         }
     };
-    state.q.par_iter_mut().zip(&scene.oriented).with_min_len(512).enumerate().for_each(turned);
+    state.q.par_iter_mut().zip(&scene.oriented).with_min_len(MANY).enumerate().for_each(turned);
     let rate = scene.rate();
     let turn = |((&i, momentum), carried): ((&u32, &mut Vec3), &Vec3)| {
         let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);

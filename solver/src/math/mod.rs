@@ -69,6 +69,9 @@ pub fn rotate(q: &Quat, angle: &Vec3) -> Quat {
     if off.abs() < 1e-8 { Quat::new_unchecked(turned * (1.0 - 0.5 * off)) } else { Quat::new_normalize(turned) }
 }
 
+/// Items of a loop of little work each, of which a task takes at least so many.
+pub const MANY: usize = 2048;
+
 /// Places 0.. of `keys` grouped by key (each below `groups`) and in order within a group, and where
 /// each group starts, with the end of the last: a sort by counting.
 ///

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::assemble::{Record, System};
 use crate::math::lanes::{Half, Line};
-use crate::math::{Vec3, group};
+use crate::math::{MANY, Vec3, group};
 use crate::solve::nlgs::Reactions;
 use crate::solve::rolling::Rolls;
 
@@ -140,9 +140,12 @@ impl<B: Body> Problem<B> {
     /// The problem of the rows `active`, starting from `reactions` and from the velocities that they lead to.
     pub fn new(system: &System, active: &[u32], reactions: &Reactions, records: &[Record]) -> Self {
         let layout = Layout::new(system, active);
+        let of_body = |&body: &u32| B::new(&records[body as usize]);
+        let moving: Vec<B> = layout.bodies.par_iter().with_min_len(MANY).map(of_body).collect();
         let mut lines = vec![B::UNUSED; layout.starts[layout.starts.len() - 1] as usize];
-        for (&line, &body) in layout.lines.iter().zip(&layout.bodies) {
-            lines[line as usize] = B::new(&records[body as usize]);
+        for (range, &start) in layout.cuts.windows(2).zip(&layout.starts) {
+            let moving = &moving[range[0] as usize..range[1] as usize];
+            lines[start as usize..start as usize + moving.len()].copy_from_slice(moving);
         }
         let fill = Fill { system, active, reactions, records };
         let blocks: Vec<(Block, Vec<B>)> =
@@ -202,18 +205,17 @@ struct Layout {
 
 impl Layout {
     fn new(system: &System, active: &[u32]) -> Self {
-        let mut pairs: Vec<[u32; 2]> = active.iter().map(|&k| system.rows[k as usize].bodies).collect();
+        let bodies_of = |&k: &u32| system.rows[k as usize].bodies;
+        let mut pairs: Vec<[u32; 2]> = active.par_iter().with_min_len(MANY).map(bodies_of).collect();
+        let mut touched = vec![false; system.records.len()];
+        pairs.as_flattened().iter().for_each(|&body| touched[body as usize] = true);
+        let moves = |&body: &u32| touched[body as usize] && system.records[body as usize].inverse_mass > 0.0;
+        let bodies: Vec<u32> = system.order.par_iter().copied().with_min_len(MANY).filter(moves).collect();
         let mut rank = vec![NONE; system.records.len()];
-        for &body in pairs.as_flattened() {
-            if system.records[body as usize].inverse_mass > 0.0 {
-                rank[body as usize] = 0;
-            }
-        }
-        let bodies: Vec<u32> = system.order.iter().copied().filter(|&body| rank[body as usize] != NONE).collect();
         for (place, &body) in bodies.iter().enumerate() {
             rank[body as usize] = place as u32;
         }
-        pairs.as_flattened_mut().iter_mut().for_each(|body| *body = rank[*body as usize]);
+        pairs.par_iter_mut().with_min_len(MANY).for_each(|pair| *pair = pair.map(|body| rank[body as usize]));
 
         let ranges = (bodies.len() / RANGE).max(1);
         let ranges = 1 << ranges.ilog2(); // a power of two, so that halves can be halved again

@@ -11,8 +11,8 @@
 use rayon::prelude::*;
 
 use crate::assemble::{Record, System};
-use crate::math::Vec3;
 use crate::math::lanes::Width;
+use crate::math::{MANY, Vec3};
 use crate::solve::laid::Laid;
 use crate::solve::residual::{Judge, Motion, Residual};
 
@@ -102,7 +102,8 @@ impl Until {
 /// nevertheless - a body may become faster than its free velocity - is taken in, and sweeping goes on.
 pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
     let Until { tol, max_sweeps, .. } = until;
-    let mut active: Vec<u32> = (0..system.rows.len() as u32).filter(|&k| system.rows[k as usize].can_close).collect();
+    let rows = (0..system.rows.len() as u32).into_par_iter().with_min_len(MANY);
+    let mut active: Vec<u32> = rows.filter(|&k| system.rows[k as usize].can_close).collect();
     let mut reactions = Reactions::start(system, &active);
     let mut sweeps = 0;
     loop {

@@ -12,8 +12,8 @@ use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 use crate::assemble::{Record, Roll, System};
-use crate::math::Vec3;
 use crate::math::lanes::{Lanes, Scalar, Width};
+use crate::math::{MANY, Vec3};
 
 /// Below this share of what the velocities at the contacts are the sums of, and of those that attractions would give
 /// them, a residual is rounding: steps in which nothing closes count as solved.
@@ -89,8 +89,11 @@ impl<'a> Judge<'a> {
             (balance[k as usize], attracted) = (row.normal * row.balance(), true);
         }
         let free = |record: &Record| motion(&record.v, &record.w);
-        let motions =
-            if attracted { judge.motions(&balance) } else { system.records.iter().map(free).collect::<Vec<Motion>>() };
+        let motions = if attracted {
+            judge.motions(&balance)
+        } else {
+            system.records.par_iter().with_min_len(MANY).map(free).collect()
+        };
         judge.unsolved = judge.norm(&balance, &[], &motions).0;
         judge
     }
