@@ -9,7 +9,7 @@
 //! as those of the directions tried before.
 
 use pulp::NullaryFnOnce;
-use smallvec::SmallVec;
+use smallvec::{Array, SmallVec};
 
 use super::patch::Corner;
 use super::polyhedron::Number;
@@ -195,6 +195,18 @@ impl Witnesses {
             self.count += 1;
         }
     }
+
+    /// In the frame of a body, as seen from it; `sign` is -1 for B.
+    #[inline(always)]
+    fn local(&self, posed: &Posed, sign: f64) -> [Vec3; WITNESSES] {
+        let mut points = [Vec3::zeros(); WITNESSES];
+        let mut i = 0;
+        while i < self.count {
+            points[i] = posed.local(&self.points[i]) * sign;
+            i += 1;
+        }
+        points
+    }
 }
 
 /// Adds corners of the facet that the face `f` of `own` makes with the face of `other` that lies on it at the vertex `v`: the
@@ -235,6 +247,18 @@ fn utmost(posed: &Posed, f: u32, n: &Vec3) -> Number {
         }
     }
     best
+}
+
+/// Adds the lanes of a mask, places from `k` on, as far as they are below `count`.
+#[inline(always)]
+fn keep(kept: &mut SmallVec<impl Array<Item = u32>>, mut mask: u32, k: usize, count: usize) {
+    while mask != 0 {
+        let place = k + mask.trailing_zeros() as usize;
+        mask &= mask - 1;
+        if place < count {
+            kept.push(place as u32);
+        }
+    }
 }
 
 /// What is remembered, at the new poses, with the vertex that a face meets; or the direction between the centres.
@@ -490,12 +514,7 @@ fn cone<L: Lanes>(
     // In the frame of the body whose faces they are.
     let shape = own.shape;
     let c = own.local(&pair.c) * sign;
-    let mut witness = [Vec3::zeros(); WITNESSES];
-    let mut i = 0;
-    while i < witnesses.count {
-        witness[i] = own.local(&witnesses.points[i]) * sign;
-        i += 1;
-    }
+    let witness = witnesses.local(own, sign);
     let pad = shape.normals.len() / 3;
     let (x, y, z) = (&shape.normals[..pad], &shape.normals[pad..2 * pad], &shape.normals[2 * pad..]);
     let least = best.s - slack(pair, best);
@@ -514,13 +533,7 @@ fn cone<L: Lanes>(
             mask &= l.mask_greater(along!(witness[i]), l.splat(least));
             i += 1;
         }
-        while mask != 0 {
-            let f = k + mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            if f < count {
-                kept.push(f as u32);
-            }
-        }
+        keep(kept, mask, k, count);
         k += L::WIDTH;
     }
 }
@@ -668,12 +681,7 @@ fn arcs<L: Lanes>(
     let slack = slack(pair, best);
     let shape = posed.shape;
     let c = posed.local(&pair.c) * sign;
-    let mut x = [Vec3::zeros(); WITNESSES];
-    let mut i = 0;
-    while i < witnesses.count {
-        x[i] = posed.local(&witnesses.points[i]) * sign;
-        i += 1;
-    }
+    let witness = witnesses.local(posed, sign);
     let cone = l.splat(best.s + pair.inner() - slack);
     let square = l.splat(c.norm_squared());
     let limit = l.splat(best.s.min(0.0) - slack);
@@ -713,17 +721,11 @@ fn arcs<L: Lanes>(
         let mut i = 0;
         while i < witnesses.count {
             // Where both ends are below, all between are: s <= 0 or, apart, no direction at all.
-            let (e0, e1) = (dot!(x[i], 0), dot!(x[i], 3));
+            let (e0, e1) = (dot!(witness[i], 0), dot!(witness[i], 3));
             mask &= l.mask_greater(l.select_greater(e0, e1, e0, e1), limit);
             i += 1;
         }
-        while mask != 0 {
-            let e = k + mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            if e < count {
-                kept.push(e as u32);
-            }
-        }
+        keep(kept, mask, k, count);
         k += L::WIDTH;
     }
 }
