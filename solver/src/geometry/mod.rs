@@ -181,7 +181,7 @@ pub fn polyhedron_polyhedron(
 /// The direction to be remembered, and the contact along it.
 fn contact(pair: &Pair, start: Start, narrow: Narrow, range: Range) -> (Axis, Option<Manifold>) {
     let alert = range.alert;
-    let search::Found { axis, faces, .. } = search::search(pair, start, narrow, alert);
+    let search::Found { axis, faces } = search::search(pair, start, narrow, alert);
     if axis.s > alert {
         return (axis, None);
     }

@@ -120,9 +120,10 @@ pub(super) fn search(pair: &Pair, start: Start, narrow: Narrow, enough: f64) -> 
         #[cfg(target_arch = "x86_64")]
         Width::Eight(l) => l.run(Search { l, pair, start, narrow, enough }),
     };
-    if found.lost {
+    if found.axis.feature == Feature::None && found.axis.s <= 0.0 {
+        // Gone astray by rounding.
         let axis = all(pair, enough);
-        return Found { axis, faces: support_faces(Scalar, pair, &axis, None), lost: false };
+        return Found { axis, faces: support_faces(Scalar, pair, &axis, None) };
     }
     found
 }
@@ -131,8 +132,6 @@ pub(super) fn search(pair: &Pair, start: Start, narrow: Narrow, enough: f64) -> 
 pub(super) struct Found {
     pub axis: Axis,
     pub faces: (u32, u32),
-    /// Whether the search has gone astray by rounding, and all must be tried.
-    lost: bool,
 }
 
 struct Search<'a, L> {
@@ -150,7 +149,7 @@ impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
     fn call(self) -> Found {
         let (axis, met) = self.axis();
         let faces = if axis.s > self.enough { (0, 0) } else { support_faces(self.l, self.pair, &axis, met) };
-        Found { axis, faces, lost: axis.feature == Feature::None && axis.s <= 0.0 }
+        Found { axis, faces }
     }
 }
 
