@@ -9,7 +9,7 @@
 //! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, pressure going as its -4th power; and of bodies in flight, that no contact acts on, Σ ¼ m \|h a\|² over the largest of the energies at play, a the acceleration beyond uniform gravity: by that kinetic energy wavers on a circular orbit | `dt` |
 //! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean of the looks | `gravity_error` |
 //! | narrow | 2 δ/r̄, δ the mean of what the fast narrow phase misses of the gap of a pair that touches, mean of the looks | `narrow_phase` |
-//! | chance | 0.35 w (1/√N + s): N pairs in contact whose forces differ as their mean (the points of one pair share theirs), s the share of the forces of driven bodies that they balance among themselves, since grains between walls can be wedged by any force, and w the share of the energy that contacts have taken, the way on which what happened could have happened otherwise; 0.35 is from the scenes of examples/trade | none |
+//! | chance | w (0.35/√N + s/√D): N pairs in contact whose forces differ as their mean (the points of one pair share theirs), s the share of the forces of driven bodies that they balance among themselves, since grains between walls can be wedged by any force, D the pairs that bear them, and w the share of the energy that contacts have taken, the way on which what happened could have happened otherwise; 0.35 is from the scenes of examples/trade | none |
 //! | energy | what the ledger does not explain over the largest of the energies at play | `theta` |
 //! | momentum | the energy of its drift as a motion of the whole, over the same | none: rounding |
 
@@ -107,7 +107,7 @@ impl Tally {
             of("step", "dt", 2.0 * mean + flight, detection + integration),
             of("gravity", "gravity_error", mean_of(&self.virials).abs(), gravity),
             of("narrow", "narrow_phase", 2.0 * mean_of(&self.missed), none),
-            of("chance", "", CHANCE * (over(lost, (pairs.len() as f64).sqrt()) + lost * wedged(scene, state)), none),
+            of("chance", "", lost * (over(CHANCE, (pairs.len() as f64).sqrt()) + wedged(scene, state)), none),
             of("energy", "theta", drift.abs(), none),
             of("momentum", "", over(0.5 * stray * stray / mass, scale), none),
             of("writing", "output_every", 0.0, writing),
@@ -115,19 +115,22 @@ impl Tally {
     }
 }
 
-/// The share of the forces of driven bodies on free ones that sums up to nothing.
+/// The share of the forces of driven bodies on free ones that sums up to nothing, over the root of the number of such pairs.
 fn wedged(scene: &Scene, state: &State) -> f64 {
     let (mut each, mut all) = (0.0, Vec3::zeros());
+    let mut pairs = Vec::new();
     for SolvedContact { contact, impulse, .. } in &state.contacts {
-        let [candidate, antagonist] =
-            [contact.candidate, contact.antagonist].map(|body| scene.bodies[body as usize].driven);
-        if candidate || antagonist {
+        let bodies = [contact.candidate, contact.antagonist];
+        let [candidate, antagonist] = bodies.map(|body| scene.bodies[body as usize].driven);
+        if (candidate || antagonist) && *impulse != Vec3::zeros() {
             let force = to_world(&contact.frame(), impulse);
             each += force.norm();
             all += if candidate { -force } else { force };
+            pairs.push(bodies);
         }
     }
-    if each > 0.0 { (1.0 - all.norm() / each).max(0.0) } else { 0.0 }
+    pairs.dedup();
+    if each > 0.0 { (1.0 - all.norm() / each).max(0.0) / (pairs.len() as f64).sqrt() } else { 0.0 }
 }
 
 /// 0 of nothing.
