@@ -45,6 +45,7 @@ impl Kind {
             "track.csv" => some(&track::COLUMNS, &["depth", "force"]),
             "crater.csv" => some(&track::CRATER, &["before", "after"]),
             "profile.csv" => some(&state::PROFILE, &["nu", "Z", "pressure", "radial_stress", "tangential_stress"]),
+            "layers.csv" => some(&state::LAYERS, &["nu", "Z", "vertical_stress", "horizontal_stress", "weight"]),
             "forces.csv" => some(&state::FORCES, &["P_normal", "P_tangential"]),
             "mobilisation.csv" => some(&state::MOBILISATION, &["P"]),
             "ejecta.csv" => some(&state::EJECTA, &["mass_share_faster"]),
@@ -97,7 +98,10 @@ pub fn write(
         faults.push(option("table", table.display().to_string(), expected.into()));
         return Err(faults);
     };
-    let columns = if columns.is_empty() { &kind.drawn } else { columns };
+    let unasked = columns.is_empty();
+    let columns = if unasked { &kind.drawn } else { columns };
+    // Of the plots what no run has, such as the bed of aggregates, is left out.
+    let sparse = unasked && table == Path::new("series.csv");
     let against = against.unwrap_or(kind.column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
     let asked = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
     for (asking, name) in asked.clone().filter(|(_, name)| kind.column(name).is_none()) {
@@ -116,7 +120,9 @@ pub fn write(
         .collect();
     faults.into_result(())?;
     let mut notes = Vec::new();
-    for name in columns {
+    let has = |name: &&String| runs.iter().any(|run| run.columns[*name].iter().any(|value| value.is_finite()));
+    let columns: Vec<&String> = columns.iter().filter(|name| !sparse || has(name)).collect();
+    for name in &columns {
         let (figure, table) = draw(&runs, &kind, name, against);
         notes.extend(figure.alike());
         atomic::write(&output.join(format!("{name}.svg")), figure.svg().as_bytes())?;

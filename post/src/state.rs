@@ -7,6 +7,7 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use vtkio::model::{Attributes, PolyDataPiece};
 
+use crate::derive::bed::{Bed, Layer};
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::fabric::{anisotropy, distribution, eigenvalues, fabric, mobilisation};
 use crate::derive::fragments::{Fragment, fragments};
@@ -36,6 +37,18 @@ pub const PROFILE: [Column; 8] = [
     ("radial_stress", "Pa", "radial stress by radius"),
     ("tangential_stress", "Pa", "tangential stress by radius"),
 ];
+/// Columns of layers.csv.
+pub const LAYERS: [Column; 9] = [
+    ("lower", "m", "height above the floor"),
+    ("upper", "m", ""),
+    ("nu", "1", "solid fraction by height"),
+    ("grains", "1", "grains with their centre in the layer"),
+    ("Z", "1", "neighbours per grain by height"),
+    ("pressure", "Pa", "pressure by height"),
+    ("vertical_stress", "Pa", "vertical stress by height"),
+    ("horizontal_stress", "Pa", "horizontal stress by height"),
+    ("weight", "Pa", "weight above over the area by height"),
+];
 /// Columns of forces.csv.
 pub const FORCES: [Column; 4] = [
     ("force_over_mean", "1", ""),
@@ -60,7 +73,7 @@ pub const SLOPES: [Column; 2] =
 
 /// Shares of the surface whose slopes are told: every twentieth.
 const SHARES: usize = 20;
-/// Shells of the radial profiles.
+/// Shells of the radial profiles, layers of a bed.
 const SHELLS: usize = 20;
 /// Width of a bin of the distributions of forces, over the mean.
 const BIN: f64 = 0.25;
@@ -117,6 +130,9 @@ pub fn files(frame: &Frame, newcomers: &HashSet<u64>) -> Vec<File> {
     let mut files = forces(frame);
     files.push(("fabric.csv", fabric_table(frame).into_bytes()));
     files.extend(ejecta(frame, &fragments, newcomers));
+    if let Some(bed) = Bed::of(frame, &fragments) {
+        files.extend(layers(frame, &bed));
+    }
     if !frame.cell().repeats() {
         files.extend(profiles(frame, &fragments[0]));
         files.extend(surface_files(frame, &fragments[0]));
@@ -152,6 +168,31 @@ fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
         text("profile_nu.svg", figure("Solid fraction by radius", "ν", "1", nu)),
         text("profile_Z.svg", figure("Neighbours per grain by radius", "Z", "1", z)),
         text("profile_stress.svg", figure("Stress by radius", "stress", "Pa", stress)),
+    ]
+}
+
+/// The layers of a bed.
+fn layers(frame: &Frame, bed: &Bed) -> Vec<File> {
+    let layers = bed.layers(frame, SHELLS);
+    let row =
+        |l: &Layer| vec![l.lower, l.upper, l.nu, l.grains as f64, l.z, l.pressure, l.vertical, l.horizontal, l.weight];
+    let curve = |name: &str, of: fn(&Layer) -> f64| {
+        Curve::line(name, layers.iter().map(|l| (0.5 * (l.lower + l.upper), of(l))).collect())
+    };
+    let figure = |title: &str, quantity: &str, unit: &str, curves: Vec<Curve>| {
+        let (x, y) = (Axis::linear("height above the floor", "m"), Axis::linear(quantity, unit));
+        Figure { title: title.into(), x, y, curves }.svg()
+    };
+    let stress = vec![
+        curve("vertical", |l| l.vertical),
+        curve("horizontal", |l| l.horizontal),
+        curve("weight above", |l| l.weight),
+    ];
+    vec![
+        text("layers.csv", table(&LAYERS, layers.iter().map(row))),
+        text("layers_nu.svg", figure("Solid fraction by height", "ν", "1", vec![curve("ν", |l| l.nu)])),
+        text("layers_Z.svg", figure("Neighbours per grain by height", "Z", "1", vec![curve("Z", |l| l.z)])),
+        text("layers_stress.svg", figure("Stress by height", "stress", "Pa", stress)),
     ]
 }
 

@@ -22,8 +22,8 @@ pub const COLUMNS: [(&str, &str, &str); 14] = [
         "1",
         "median error of the neighbours per grain at the snapshots that count, over the median of the finest run",
     ),
-    ("nu", "1", "of the solid fraction"),
-    ("pressure", "1", "of the pressure"),
+    ("nu", "1", "of the solid fraction, where grains make a bed of that of the bed"),
+    ("pressure", "1", "of the pressure, where grains make a bed of that of the bed"),
     ("a", "1", "of the longest semi-axis"),
     ("b", "1", "of the middle semi-axis"),
     ("c", "1", "of the shortest semi-axis"),
@@ -50,8 +50,8 @@ struct Run {
     value: f64,
     accuracy: Option<Accuracy>,
     seconds: f64,
-    /// Z, nu, pressure, a, b, c and the energy at the times (s) of the series.
-    observed: Vec<(f64, [f64; 7])>,
+    /// Z, nu, pressure, a, b, c, the energy, nu and pressure of the bed at the times (s) of the series.
+    observed: Vec<(f64, [f64; 9])>,
     estimated: f64,
     end: Positions,
     mean_radius: f64,
@@ -122,12 +122,13 @@ fn series_of(case: &Path) -> PathBuf {
 
 fn measured(case: &Path, name: String, group: String, value: f64) -> Result<Run, Faults> {
     let energies = ["n_grains", "Ec_mean", "E_grav", "E_uniform", "E_fields"];
-    let shown = ["Z", "nu", "pressure", "a", "b", "c"];
+    let shown = ["Z", "nu", "pressure", "a", "b", "c", "bed_nu", "bed_pressure"];
     let series = compare::read(&series_of(case), &[&["time"], &shown[..], &energies[..]].concat())?;
     let observed = |k: usize| {
-        let [z, nu, pressure, a, b, c] = shown.map(|name| series[name][k]);
+        let [z, nu, pressure, a, b, c, bed_nu, bed_pressure] = shown.map(|name| series[name][k]);
         let [count, kinetic, gravity, uniform, fields] = energies.map(|name| series[name][k]);
-        (series["time"][k], [z, nu, pressure, a, b, c, count * kinetic + (gravity + uniform + fields)])
+        let energy = count * kinetic + (gravity + uniform + fields);
+        (series["time"][k], [z, nu, pressure, a, b, c, energy, bed_nu, bed_pressure])
     };
     let timer = compare::read(&case.join("TIMER.csv"), &TIMED)?;
     let seconds = TIMED.iter().flat_map(|room| &timer[*room]).sum();
@@ -214,7 +215,7 @@ fn span(times: &[f64]) -> String {
 struct Exact<'a> {
     finest: &'a Run,
     /// Of the snapshots that count: what [`Run::observed`] has.
-    observed: Vec<(f64, [f64; 7])>,
+    observed: Vec<(f64, [f64; 9])>,
     early: Option<Positions>,
 }
 
@@ -242,19 +243,22 @@ impl Exact<'_> {
             faults.push(Fault::new(&run.case.join("OUTBOX"), None, "bodies", found, expected));
         }
         let at = |time: f64| run.observed.iter().find(|(t, _)| same_time(*t, time)).map(|(_, found)| *found);
-        let shared: Vec<([f64; 7], [f64; 7])> =
+        let shared: Vec<([f64; 9], [f64; 9])> =
             self.observed.iter().filter_map(|(time, exact)| Some((at(*time)?, *exact))).collect();
         if shared.is_empty() {
-            let times = |rows: &[(f64, [f64; 7])]| span(&rows.iter().map(|row| row.0).collect::<Vec<_>>());
+            let times = |rows: &[(f64, [f64; 9])]| span(&rows.iter().map(|row| row.0).collect::<Vec<_>>());
             let expected = format!("expected a time of those that count of {}, {}", finest.name, times(&self.observed));
             faults.push(Fault::new(&series_of(&run.case), None, "time", times(&run.observed), expected));
         }
         faults.into_result(())?;
-        let errors: [f64; 7] = std::array::from_fn(|k| {
+        let errors: [f64; 9] = std::array::from_fn(|k| {
             let away = median(shared.iter().map(|(found, exact)| (found[k] - exact[k]).abs()));
             away / median(shared.iter().map(|(_, exact)| exact[k].abs()))
         });
-        let [z, nu, pressure, a, b, c, energy] = errors;
+        let [z, nu, pressure, a, b, c, energy, bed_nu, bed_pressure] = errors;
+        // The ball around a bed is as large as its highest grain is high.
+        let bed = bed_nu.is_finite() && bed_pressure.is_finite();
+        let [nu, pressure] = if bed { [bed_nu, bed_pressure] } else { [nu, pressure] };
         let early = match &self.early {
             Some(exact) => {
                 early_positions(&run.case, exact.0)?.map_or(f64::NAN, |own| away(&own, exact, run.mean_radius))
@@ -425,7 +429,7 @@ mod tests {
             value: f64::NAN,
             accuracy: None,
             seconds: 1.0,
-            observed: vec![(time, [4.0, 0.5, pressure, 3.0, 2.0, 1.0, -1.0])],
+            observed: vec![(time, [4.0, 0.5, pressure, 3.0, 2.0, 1.0, -1.0, f64::NAN, f64::NAN])],
             estimated: 0.01,
             end: (time, vec![[0.0, 0.0, x], [0.0; 3]]),
             mean_radius: 2.0,
@@ -443,6 +447,16 @@ mod tests {
         {
             assert!((found.of(name) - expected).abs() < 1e-12, "{name} {}", found.of(name));
         }
+        // Of a bed its own solid fraction and pressure count.
+        let bed = |nu: f64, pressure: f64| {
+            let mut run = measured(1.0, 1.0, 0.0);
+            run.observed[0].1[7..].copy_from_slice(&[nu, pressure]);
+            run
+        };
+        let finest = bed(0.5, 8.0);
+        let exact = Exact { finest: &finest, observed: finest.observed.clone(), early: None };
+        let found = exact.compared(&bed(0.75, 9.0)).unwrap();
+        assert_eq!(["nu", "pressure", "worst"].map(|name| found.of(name)), [0.5, 0.125, 0.5]);
     }
 
     #[test]
@@ -458,7 +472,7 @@ mod tests {
         let exact = Exact { finest: &finest, observed: finest.observed.clone(), early: None };
         // It ends before, but has the time that counts; nothing of it can be told but that.
         let mut short = measured(1.0, 1.0, 0.0);
-        short.observed.push((2.0, [f64::NAN; 7]));
+        short.observed.push((2.0, [f64::NAN; 9]));
         let found = exact.compared(&short).unwrap();
         assert!(found.of("positions").is_nan() && found.of("worst").is_nan());
         let front = figure(&[found]).curves.into_iter().find(|curve| curve.marks == Marks::Expected).unwrap();

@@ -229,6 +229,44 @@ fn a_wrong_command_line_is_refused() {
 }
 
 #[test]
+fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
+    // Two columns of two grains on a floor, each pushed by the weight above.
+    let mut scene = Scene::default();
+    let meta = &mut scene.snapshot.meta;
+    meta.parameters.uniform_gravity = [0.0, 0.0, -2.0];
+    (meta.parameters.xperiode, meta.parameters.yperiode) = (Some(2.0), Some(1.0));
+    let floor = scene.plate([0.0, 0.0, -0.1], [5.0, 5.0, 0.1]);
+    for x in [-0.5, 0.5] {
+        let mut below = floor;
+        for k in 0..2 {
+            let grain = scene.grain([x, 0.0, f64::from(k) + 0.5], 0.5);
+            let weight = f64::from(2 - k) * 2.0 * scene.snapshot.bodies.body_mass[grain];
+            scene.contact_at(grain, below, [x, 0.0, f64::from(k)], [0.0, 0.0, weight].into());
+            below = grain;
+        }
+    }
+    let case = tempfile::tempdir().unwrap();
+    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 0)).unwrap();
+    assert_eq!(cd_post(&[], case.path()).status.code(), Some(0));
+    let series = case.path().join("POSTPRO/series.csv");
+    let found = |name: &str| column(&series, name)[0];
+    // The weight of two spheres of density 1 over an area of 1, half of it in the mean; rounding.
+    let pi = std::f64::consts::PI;
+    for (name, expected) in [("bed_height", 2.0), ("bed_nu", pi / 6.0), ("bed_pressure", pi / 9.0)] {
+        assert!((found(name) - expected).abs() < 1e-14, "{name} {}", found(name));
+    }
+    let plot = fs::read_to_string(case.path().join("POSTPRO/solid_fraction.svg")).unwrap();
+    assert!(plot.contains("of the bed"));
+    assert_eq!(cd_post(&["state"], case.path()).status.code(), Some(1)); // a note: no profile by radius
+    let state = case.path().join("POSTPRO/state-000000");
+    let layers = names(&state).into_iter().filter(|name| name.starts_with("layers")).collect::<Vec<_>>();
+    assert_eq!(layers, ["layers.csv", "layers_Z.svg", "layers_nu.svg", "layers_stress.svg"]);
+    // Each sphere fills what it is high, ten layers of twenty.
+    let nu = column(&state.join("layers.csv"), "nu");
+    assert!((nu.iter().sum::<f64>() / 20.0 - pi / 6.0).abs() < 1e-14, "{nu:?}");
+}
+
+#[test]
 fn a_state_in_depth_has_its_tables_and_figures() {
     let case = case(&[0, 10]);
     assert_eq!(cd_post(&["state"], case.path()).status.code(), Some(0));

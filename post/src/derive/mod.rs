@@ -9,12 +9,14 @@
 //! | [`energy`], [`gravity`] | kinetic and potential energies |
 //! | [`motion`] | centre of mass, momenta, spin, semi-axes |
 //! | [`fragments`], [`orbits`] | groups of grains that touch, and how they go round the largest |
+//! | [`bed`] | grains that rest in a room: level, solid fraction, layers |
 //! | [`profile`] | means over spherical shells |
 //! | [`surface`] | heights and slopes by direction |
 //!
 //! Every function takes grains in any number. A mean over nothing is 0/0, so a value that is not
 //! defined comes out as NaN; the writers leave it blank.
 
+pub mod bed;
 pub mod coordination;
 pub mod enclosing;
 pub mod energy;
@@ -154,6 +156,10 @@ columns! {
     E_friction: f64, "J", "work of the tangential forces of all contacts since the start";
     E_shocks: f64, "J", "work of the normal forces of all contacts since the start";
     E_outside: f64, "J", "work from outside since the start";
+    bed_height: f64, "m", "thickness of the uniform bed of equal centre of mass";
+    bed_nu: f64, "1", "solid fraction of the bed";
+    bed_pressure: f64, "Pa", "a third of the trace of the bed's mean stress, walls included";
+    bed_stress_ratio: f64, "1", "horizontal over vertical stress of the bed";
 }
 
 impl Row {
@@ -188,6 +194,8 @@ impl Row {
         let invariants = stress::Invariants::of(&stress);
         let (mobilised, sliding_fraction) = fabric::mobilised(frame);
         let largest = Largest::of(&fragments, gravity, whole.mass);
+        let bed = bed::Bed::of(frame, &fragments);
+        let of_bed = |value: &dyn Fn(&bed::Bed) -> f64| bed.as_ref().map_or(f64::NAN, value);
         let e_grav = gravity.map_or(0.0, |g| energy::gravitational(grains.iter().map(|k| (k.x, k.mass)), g, summation));
         let e_uniform = energy::uniform(grains, Vec3::from(frame.meta.parameters.uniform_gravity));
         let e_fields = energy::in_fields(grains, &energy::outside(frame));
@@ -266,6 +274,10 @@ impl Row {
             E_friction: ledger.friction_work,
             E_shocks: ledger.contact_work - ledger.friction_work,
             E_outside: ledger.outside_work,
+            bed_height: of_bed(&|bed| bed.height),
+            bed_nu: of_bed(&|bed| bed.nu()),
+            bed_pressure: of_bed(&|bed| stress::pressure(&bed.stress())),
+            bed_stress_ratio: of_bed(&|bed| bed.stress_ratio()),
         };
         row.forget_arms(&cell);
         row

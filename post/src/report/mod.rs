@@ -17,7 +17,13 @@ use crate::write::scale::significant;
 use crate::{Options, compare, series, state, write};
 
 /// Figures of the last state, with their captions.
-const STATE_FIGURES: [(&str, &str); 8] = [
+const STATE_FIGURES: [(&str, &str); 11] = [
+    ("layers_nu.svg", "Share of layers parallel to the floor that the grains of the bed fill."),
+    ("layers_Z.svg", "Neighbours that a grain touches with force, by the layer of the grain's centre."),
+    (
+        "layers_stress.svg",
+        "Stress of the grains by layer: along the normal of the floor, mean across it, and the weight above over the area.",
+    ),
     (
         "profile_nu.svg",
         "Share of spherical shells about the centre of mass of the largest remnant that grains fill, polyhedra as spheres of equal volume.",
@@ -49,7 +55,7 @@ const CAPTIONS: [(&str, &str); 6] = [
     ),
     (
         "solid_fraction.svg",
-        "Volume of the grains over that of the smallest ball around them, or of the cell of a scene that repeats.",
+        "Volume of the grains over that of the smallest ball around them, or of the cell of a scene that repeats; of a bed, over that of the room up to its mean level.",
     ),
     (
         "pressure.svg",

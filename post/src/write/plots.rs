@@ -36,14 +36,14 @@ pub const PLOTS: [Plot; 6] = [
         title: "Solid fraction",
         quantity: "ν",
         logarithmic: false,
-        curves: &[("nu", "ν")],
+        curves: &[("nu", "ν"), ("bed_nu", "of the bed")],
     },
     Plot {
         file: "pressure.svg",
         title: "Mean pressure",
         quantity: "pressure",
         logarithmic: false,
-        curves: &[("pressure", "contacts"), ("pressure_virial", "virial of the loads")],
+        curves: &[("pressure", "contacts"), ("pressure_virial", "virial of the loads"), ("bed_pressure", "of the bed")],
     },
     Plot {
         file: "semi_axes.svg",
@@ -80,7 +80,10 @@ impl Plot {
     }
 
     pub fn figure(&self, rows: &[Row]) -> Figure {
-        let curves = self.curves.iter().map(|(name, label)| Curve::line(label, points(rows, name))).collect();
+        // What a scene has not, such as a bed, is not in the legend.
+        let has = |curve: &Curve| curve.name == self.curves[0].1 || curve.points.iter().any(|(_, y)| y.is_finite());
+        let curves = self.curves.iter().map(|(name, label)| Curve::line(label, points(rows, name)));
+        let curves = curves.filter(has).collect();
         Figure { title: self.title.into(), x: Axis::linear("time", "s"), y: self.y(), curves }
     }
 }

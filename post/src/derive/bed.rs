@@ -1,0 +1,431 @@
+//! A bed of grains in a room: its level, its solid fraction, its stress, and the same by layers.
+
+use crate::derive::coordination::neighbour_counts;
+use crate::derive::fragments::Fragment;
+use crate::derive::stress::{grain_stresses, pressure};
+use crate::frame::{Cell, Frame, Grain, Mat3, Side, Vec3, WallShape};
+
+/// Cosines nearer to 0 or 1 than this are of walls upright or level: some roundings of an orientation from a file.
+const UPRIGHT: f64 = 1e-6;
+
+/// The grains that rest on walls under uniform gravity, between upright plates or in a cell that repeats.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bed {
+    /// Normal of the floor, length 1.
+    pub up: Vec3,
+    /// Where the floor is along it, m.
+    pub floor: f64,
+    /// Of the section of the room, m^2.
+    pub area: f64,
+    /// Thickness of the uniform bed of the same centre of mass, m: twice the height of that above the floor.
+    pub height: f64,
+    /// Indices into [`Frame::grains`], rising: of the groups that a wall touches with force.
+    pub grains: Vec<usize>,
+    /// sum V_i sigma_i over them, J ([`grain_stresses`]).
+    moment: Mat3,
+    /// Volume of the grains, m^3.
+    filled: f64,
+}
+
+impl Bed {
+    /// The bed of a frame; `fragments`: its groups of touching grains. None without uniform gravity, where no wall is touched
+    /// with force, where the room is open to a side, and where its sides are not upright.
+    ///
+    /// The floor is the plate that bears most of the weight; where none does (a floor of held spheres) it is level, at the lowest
+    /// point of a grain. A plate bounds the room by those of its faces that have the centres of all the bed's grains before them.
+    pub fn of(frame: &Frame, fragments: &[Fragment]) -> Option<Bed> {
+        let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
+        let grains = borne(frame, fragments);
+        if grains.is_empty() {
+            return None;
+        }
+        let members = || grains.iter().map(|&i| &frame.grains[i]);
+        let mass: f64 = members().map(|g| g.mass).sum();
+        let faces: Vec<Face> = (0..frame.walls.len()).flat_map(|k| bounding_faces(frame, k, &grains)).collect();
+        let mut bears = vec![0.0; frame.walls.len()];
+        for contact in frame.active() {
+            for side in [contact.candidate, contact.antagonist] {
+                if let Side::Wall(k) = side {
+                    bears[k] += contact.on_grains().map(|(_, force, _)| force.dot(&against)).sum::<f64>();
+                }
+            }
+        }
+        let share = |face: &&Face| bears[face.wall] * face.normal.dot(&against);
+        let floor = faces.iter().filter(|f| share(f) > 0.0).max_by(|a, b| share(a).total_cmp(&share(b)));
+        let up = floor.map_or(if frame.cell().repeats() { Vec3::z() } else { against }, |floor| floor.normal);
+        let lowest = || members().map(|g| extent(g, &up)[0]).fold(f64::INFINITY, f64::min);
+        let floor = floor.map_or_else(lowest, |floor| floor.place);
+        let centre = members().map(|g| g.mass * g.x).sum::<Vec3>() / mass;
+        let area = section(&faces, &frame.cell(), &up, &centre, members())?;
+        let stresses = grain_stresses(frame);
+        Some(Bed {
+            up,
+            floor,
+            area,
+            height: 2.0 * (centre.dot(&up) - floor),
+            moment: grains.iter().map(|&i| stresses[i] * frame.grains[i].volume()).sum(),
+            filled: members().map(|g| g.volume()).sum(),
+            grains,
+        })
+    }
+
+    /// Share of the room up to [`Bed::height`] that grains would fill.
+    pub fn nu(&self) -> f64 {
+        self.filled / (self.area * self.height)
+    }
+
+    /// Mean stress over the same volume, Pa, walls included: at rest its vertical component is half of weight over area.
+    pub fn stress(&self) -> Mat3 {
+        self.moment / (self.area * self.height)
+    }
+
+    /// Mean of the two horizontal stresses over the vertical one; NaN without.
+    pub fn stress_ratio(&self) -> f64 {
+        horizontal(&self.moment, &self.up) / vertical(&self.moment, &self.up)
+    }
+
+    /// `count` layers of equal thickness from the floor to the highest point of the bed's grains.
+    ///
+    /// Stresses are those of each grain, each with the share of its volume that lies in the layer.
+    pub fn layers(&self, frame: &Frame, count: usize) -> Vec<Layer> {
+        let (stresses, neighbours) = (grain_stresses(frame), neighbour_counts(frame));
+        let members = || self.grains.iter().map(|&i| (i, &frame.grains[i]));
+        let top = members().map(|(_, g)| extent(g, &self.up)[1]).fold(self.floor, f64::max) - self.floor;
+        let (width, up) = (top / count as f64, &self.up);
+        let gravity = -Vec3::from(frame.meta.parameters.uniform_gravity).dot(up);
+        let empty = Layer {
+            nu: 0.0,
+            grains: 0,
+            z: 0.0,
+            pressure: 0.0,
+            vertical: 0.0,
+            horizontal: 0.0,
+            weight: 0.0,
+            lower: 0.0,
+            upper: 0.0,
+        };
+        let mut layers = vec![empty; count];
+        for (k, layer) in layers.iter_mut().enumerate() {
+            (layer.lower, layer.upper) = (k as f64 * width, (k + 1) as f64 * width);
+        }
+        for (i, grain) in members() {
+            let [low, high] = extent(grain, up).map(|h| h - self.floor);
+            let home = (((grain.x.dot(up) - self.floor) / width).max(0.0) as usize).min(count - 1);
+            layers[home].grains += 1;
+            layers[home].z += f64::from(neighbours[i]);
+            let (whole, volume) = (raw_below(grain, up, f64::INFINITY), grain.volume());
+            // Its share below a height above the floor; what sinks below the floor is in the first layer.
+            let below = |height: f64| raw_below(grain, up, height + self.floor) / whole;
+            let (sigma, over) = (&stresses[i], 1.0 / (self.area * width));
+            let first = ((low / width).max(0.0) as usize).min(count - 1);
+            let mut up_to = 0.0;
+            for layer in &mut layers[..first] {
+                layer.weight += grain.mass * gravity / self.area;
+            }
+            for (k, layer) in layers.iter_mut().enumerate().skip(first) {
+                let beyond = if k + 1 == count { 1.0 } else { below(layer.upper) };
+                let part = (beyond - up_to) * volume * over;
+                layer.nu += part;
+                layer.pressure += part * pressure(sigma);
+                layer.vertical += part * vertical(sigma, up);
+                layer.horizontal += part * horizontal(sigma, up);
+                layer.weight += (1.0 - below(0.5 * (layer.lower + layer.upper))) * grain.mass * gravity / self.area;
+                up_to = beyond;
+                if layer.upper >= high {
+                    break;
+                }
+            }
+        }
+        layers.iter_mut().for_each(|layer| layer.z /= layer.grains as f64);
+        layers
+    }
+}
+
+/// The mean state in one layer of a bed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Layer {
+    /// Above the floor, m.
+    pub lower: f64,
+    /// m
+    pub upper: f64,
+    /// Share of the layer that grains fill.
+    pub nu: f64,
+    /// Grains with their centre in the layer.
+    pub grains: u64,
+    /// Their mean number of neighbours touched with force; NaN without.
+    pub z: f64,
+    /// A third of the trace of the stress, Pa.
+    pub pressure: f64,
+    /// Its component along the normal of the floor, Pa.
+    pub vertical: f64,
+    /// The mean of its two components across, Pa.
+    pub horizontal: f64,
+    /// Weight above the middle of the layer over the area, Pa: the vertical stress that walls take nothing of.
+    pub weight: f64,
+}
+
+fn vertical(stress: &Mat3, up: &Vec3) -> f64 {
+    up.dot(&(stress * up))
+}
+
+fn horizontal(stress: &Mat3, up: &Vec3) -> f64 {
+    0.5 * (stress.trace() - vertical(stress, up))
+}
+
+/// The grains of all groups that a wall touches with force.
+fn borne(frame: &Frame, fragments: &[Fragment]) -> Vec<usize> {
+    let mut touched = vec![false; frame.grains.len()];
+    let walls = frame.active().filter(|contact| contact.pair().is_none());
+    walls.flat_map(|contact| contact.on_grains()).for_each(|(i, _, _)| touched[i] = true);
+    let borne = fragments.iter().filter(|fragment| fragment.grains.iter().any(|&i| touched[i]));
+    let mut grains: Vec<usize> = borne.flat_map(|fragment| fragment.grains.iter().copied()).collect();
+    grains.sort_unstable();
+    grains
+}
+
+/// A face of a plate: n.x >= place for all centres.
+struct Face {
+    /// Index into [`Frame::walls`].
+    wall: usize,
+    normal: Vec3,
+    place: f64,
+}
+
+fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face> {
+    let WallShape::Plate(half) = &frame.walls[wall].shape else { return Vec::new() };
+    let (x, rotation) = (frame.walls[wall].x, frame.walls[wall].rotation);
+    let face = |(axis, sign): (usize, f64)| {
+        let normal = rotation * Vec3::ith(axis, sign);
+        Face { wall, normal, place: normal.dot(&x) + half[axis] }
+    };
+    let all_before = |face: &Face| grains.iter().all(|&i| frame.grains[i].x.dot(&face.normal) >= face.place);
+    (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]).map(face).filter(all_before).collect()
+}
+
+/// Area of the room across `up`, m^2: what the cell and the upright faces leave; None if it is open, or a face is oblique.
+fn section<'a>(
+    faces: &[Face],
+    cell: &Cell,
+    up: &Vec3,
+    centre: &Vec3,
+    grains: impl Iterator<Item = &'a Grain>,
+) -> Option<f64> {
+    let level = |face: &&Face| face.normal.dot(up).abs() > 1.0 - UPRIGHT;
+    let sides: Vec<(Vec3, f64)> =
+        faces.iter().filter(|f| !level(f)).map(|f| (f.normal, f.place - f.normal.dot(centre))).collect();
+    let along_z = up.z.abs() > 1.0 - UPRIGHT;
+    if cell.repeats() && !along_z || sides.iter().any(|(normal, _)| normal.dot(up).abs() > UPRIGHT) {
+        return None;
+    }
+    let first = if along_z { Vec3::x() } else { up.cross(&Vec3::z()).normalize() };
+    let axes = [first, if along_z { Vec3::y() } else { up.cross(&first) }];
+    // A room that grains nearly fill ends within a few times their extent.
+    let far = grains.map(|g| (g.x - centre).norm() + g.reach()).fold(0.0, f64::max);
+    let open = 16.0 * sides.iter().map(|(_, place)| place.abs()).fold(far, f64::max);
+    let half = cell.0.map(|period| period.map_or(open, |period| 0.5 * period));
+    let mut polygon =
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| [x * half[0], y * half[1]]).to_vec();
+    for (normal, place) in sides {
+        let before = |p: &[f64; 2]| (axes[0] * p[0] + axes[1] * p[1]).dot(&normal) - place;
+        polygon = cut(&polygon, before, |p, q, share| [0, 1].map(|k| p[k] + share * (q[k] - p[k])));
+    }
+    let closed = |p: &[f64; 2]| (0..2).all(|k| cell.0[k].is_some() || p[k].abs() < open);
+    let twice = |k: usize| {
+        let ([x, y], [u, v]) = (polygon[k], polygon[(k + 1) % polygon.len()]);
+        x * v - u * y
+    };
+    polygon.iter().all(closed).then(|| 0.5 * (0..polygon.len()).map(twice).sum::<f64>())
+}
+
+/// The part of a convex polygon where `value` is not negative; `between` gives the point that a share of an edge is along.
+fn cut<P: Copy>(polygon: &[P], value: impl Fn(&P) -> f64, between: impl Fn(&P, &P, f64) -> P) -> Vec<P> {
+    let mut left = Vec::with_capacity(polygon.len() + 1);
+    for (k, p) in polygon.iter().enumerate() {
+        let q = &polygon[(k + 1) % polygon.len()];
+        let (here, there) = (value(p), value(q));
+        if here >= 0.0 {
+            left.push(*p);
+        }
+        if (here < 0.0) != (there < 0.0) {
+            left.push(between(p, q, here / (here - there)));
+        }
+    }
+    left
+}
+
+/// Lowest and highest point of a grain along `up`, m.
+fn extent(grain: &Grain, up: &Vec3) -> [f64; 2] {
+    let balls = grain.balls().flat_map(|(x, radius)| [x.dot(up) - radius, x.dot(up) + radius]);
+    let points = grain.vertices().map(|v| v.dot(up));
+    balls.chain(points).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(h), high.max(h)])
+}
+
+/// Volume of a grain's pieces below a height along `up`, m^3; where pieces overlap, each for itself.
+///
+/// Of a ball the cap pi (r + s)^2 (2 r - s) / 3, s the plane above its centre; of a polyhedron the cones over what its faces
+/// have below, from a point of the plane: the cut itself is seen edge-on from there.
+fn raw_below(grain: &Grain, up: &Vec3, height: f64) -> f64 {
+    let ball = |(x, r): (Vec3, f64)| {
+        let s = (height - x.dot(up)).clamp(-r, r);
+        std::f64::consts::PI * (r + s).powi(2) * (2.0 * r - s) / 3.0
+    };
+    let [_, highest] = extent(grain, up);
+    let origin = grain.x + up * (height.min(highest) - grain.x.dot(up));
+    let vertices: Vec<Vec3> = grain.vertices().map(|v| v - origin).collect();
+    let cone = |face: &Vec<u32>| {
+        let corners: Vec<Vec3> = face.iter().map(|&v| vertices[v as usize]).collect();
+        let below = cut(&corners, |p| -p.dot(up), |p, q, share| p + (q - p) * share);
+        (2..below.len()).map(|k| below[0].dot(&below[k - 1].cross(&below[k])) / 6.0).sum::<f64>()
+    };
+    let faces = grain.solid.iter().flat_map(|solid| &solid.faces);
+    grain.balls().map(ball).sum::<f64>() + faces.map(cone).sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::derive::fragments::fragments;
+    use crate::samples::Scene;
+    use nalgebra::UnitQuaternion;
+
+    fn bed(scene: &Scene) -> Option<Bed> {
+        let frame = scene.frame();
+        Bed::of(&frame, &fragments(&frame))
+    }
+
+    fn assert_close(found: f64, expected: f64) {
+        // Some roundings of sums of some hundred numbers of order 1.
+        assert!((found - expected).abs() <= 1e-12 * expected.abs(), "{found:e} is not {expected:e}");
+    }
+
+    /// Three by two columns of `high` bodies of size 1 in the corner of a room that they fill, each pushed by the weight
+    /// above it; the plates of `sides`, of +x, -x, +y and -y, turned by `turn` about the origin with all else.
+    fn columns(high: usize, cubes: bool, sides: [bool; 4], turn: UnitQuaternion<f64>) -> Scene {
+        let mut scene = Scene::default();
+        let at = |x: [f64; 3]| (turn * Vec3::from(x)).into();
+        let down = turn * Vec3::new(0.0, 0.0, -2.0);
+        scene.snapshot.meta.parameters.uniform_gravity = down.into();
+        let floor = scene.plate(at([1.5, 1.0, -0.1]), [5.0, 5.0, 0.1]);
+        let walls = [([3.1, 1.0, 9.0], 0), ([-0.1, 1.0, 9.0], 0), ([1.5, 2.1, 9.0], 1), ([1.5, -0.1, 9.0], 1)];
+        for ((x, axis), _) in walls.iter().zip(sides).filter(|(_, there)| *there) {
+            let mut half = [9.0; 3];
+            half[*axis] = 0.1;
+            scene.plate(at(*x), half);
+        }
+        for (i, j) in (0..3).flat_map(|i| (0..2).map(move |j| (f64::from(i) + 0.5, f64::from(j) + 0.5))) {
+            let mut below = floor;
+            for k in 0..high {
+                let x = at([i, j, k as f64 + 0.5]);
+                let body = if cubes { scene.cube(x, 0.5) } else { scene.grain(x, 0.5) };
+                let weight = -down * (high - k) as f64 * scene.snapshot.bodies.body_mass[body];
+                scene.contact_at(body, below, at([i, j, k as f64]), weight);
+                below = body;
+            }
+        }
+        let [x, y, z] = [turn.i, turn.j, turn.k];
+        scene.snapshot.bodies.body_q.iter_mut().for_each(|q| *q = [turn.w, x, y, z]);
+        scene
+    }
+
+    fn turns() -> [UnitQuaternion<f64>; 3] {
+        let tilted = UnitQuaternion::from_euler_angles(0.3, -0.7, 1.1);
+        [UnitQuaternion::identity(), tilted, UnitQuaternion::from_euler_angles(std::f64::consts::PI, 0.0, 0.4)]
+    }
+
+    #[test]
+    fn a_bed_between_walls_has_their_area_and_half_its_weight_as_stress() {
+        for turn in turns() {
+            for (cubes, nu) in [(false, std::f64::consts::PI / 6.0), (true, 1.0)] {
+                let found = bed(&columns(5, cubes, [true; 4], turn)).unwrap();
+                assert!((found.up - turn * Vec3::z()).norm() < 1e-14 && found.floor.abs() < 1e-14);
+                for (value, expected) in [(found.area, 6.0), (found.height, 5.0), (found.nu(), nu)] {
+                    assert_close(value, expected);
+                }
+                // The weight of five, nu times 1 each, over an area of 1.
+                assert_close(vertical(&found.stress(), &found.up), 0.5 * 5.0 * nu * 2.0);
+                assert!(found.stress_ratio().abs() < 1e-14);
+            }
+        }
+    }
+
+    #[test]
+    fn layers_hold_what_lies_in_them() {
+        for turn in turns() {
+            let frame = columns(5, true, [true; 4], turn).frame();
+            let found = Bed::of(&frame, &fragments(&frame)).unwrap();
+            // Layers cut the cubes; stress is that of each cube: half of what it bears and what bears it.
+            for count in [1, 5, 7, 20] {
+                for layer in found.layers(&frame, count) {
+                    let middle = 0.5 * (layer.lower + layer.upper);
+                    assert_close(layer.nu, 1.0);
+                    assert_close(layer.weight, 2.0 * (5.0 - middle));
+                    let cube = middle.floor();
+                    if count == 5 {
+                        assert_close(layer.vertical, 2.0 * (4.5 - cube));
+                        assert_close(layer.pressure, layer.vertical / 3.0);
+                        assert_eq!((layer.grains, layer.z), (6, if cube == 4.0 { 1.0 } else { 2.0 }));
+                    }
+                }
+            }
+        }
+        // Of spheres each layer of half a diameter has half.
+        let frame = columns(4, false, [true; 4], UnitQuaternion::identity()).frame();
+        let found = Bed::of(&frame, &fragments(&frame)).unwrap();
+        for layer in found.layers(&frame, 8) {
+            assert_close(layer.nu, std::f64::consts::PI / 6.0);
+        }
+        let thin: f64 = found.layers(&frame, 13).iter().map(|layer| layer.nu).sum();
+        assert_close(thin / 13.0, std::f64::consts::PI / 6.0);
+    }
+
+    #[test]
+    fn what_walls_do_not_close_a_period_may() {
+        let identity = UnitQuaternion::identity();
+        assert!(bed(&columns(3, false, [true, true, true, false], identity)).is_none());
+        assert!(bed(&columns(3, false, [false; 4], identity)).is_none());
+        let mut scene = columns(3, false, [false, false, true, true], identity);
+        scene.snapshot.meta.parameters.xperiode = Some(3.0);
+        assert_close(bed(&scene).unwrap().area, 6.0);
+        let mut scene = columns(3, false, [false; 4], identity);
+        (scene.snapshot.meta.parameters.xperiode, scene.snapshot.meta.parameters.yperiode) = (Some(3.0), Some(2.5));
+        // Inclined, as on a slope: layers are those of the floor.
+        scene.snapshot.meta.parameters.uniform_gravity = [1.0, 0.0, -2.0];
+        let found = bed(&scene).unwrap();
+        assert_close(found.area, 7.5);
+        assert_eq!(found.up, Vec3::z());
+        assert_close(found.height, 3.0);
+    }
+
+    #[test]
+    fn what_flies_or_rests_on_nothing_is_no_bed() {
+        let mut scene = columns(3, false, [true; 4], UnitQuaternion::identity());
+        scene.grain([1.0, 1.0, 8.0], 0.5);
+        let found = bed(&scene).unwrap();
+        assert_eq!(found.grains.len(), 18);
+        assert_close(found.height, 3.0);
+        scene.snapshot.meta.parameters.uniform_gravity = [0.0; 3];
+        assert!(bed(&scene).is_none());
+        let mut falling = Scene::default();
+        falling.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+        falling.grain([0.0; 3], 1.0);
+        assert!(bed(&falling).is_none());
+        // A floor of held spheres: level, at the lowest point of a grain.
+        let mut rough = Scene::default();
+        rough.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+        (rough.snapshot.meta.parameters.xperiode, rough.snapshot.meta.parameters.yperiode) = (Some(2.0), Some(2.0));
+        let (held, grain) = (rough.grain([0.0; 3], 0.5), rough.grain([0.0, 0.0, 1.0], 0.5));
+        rough.snapshot.bodies.body_driven[held] = cd_formats::snapshot::DRIVEN_ALL;
+        rough.push(grain, held, 1.0);
+        let found = bed(&rough).unwrap();
+        assert_eq!((found.floor, found.height, found.area), (0.5, 1.0, 4.0));
+    }
+
+    #[test]
+    fn an_oblique_wall_makes_no_bed() {
+        let mut scene = columns(3, false, [true; 4], UnitQuaternion::identity());
+        let wall = scene.plate([-40.0, 0.0, 0.0], [30.0, 30.0, 0.1]);
+        let (sin, cos) = 0.3f64.sin_cos();
+        scene.snapshot.bodies.body_q[wall] = [cos, 0.0, sin, 0.0];
+        assert!(bed(&scene).is_none());
+    }
+}
