@@ -144,6 +144,11 @@ fn text(name: &'static str, text: String) -> File {
     (name, text.into_bytes())
 }
 
+/// A figure of curves against a length.
+fn by(length: &str, title: &str, quantity: &str, unit: &str, curves: Vec<Curve>) -> String {
+    Figure { title: title.into(), x: Axis::linear(length, "m"), y: Axis::linear(quantity, unit), curves }.svg()
+}
+
 /// Radial profiles of the largest remnant.
 fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
     let shells = shells(frame, &largest.grains, largest.whole.x, SHELLS);
@@ -152,10 +157,7 @@ fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
     let points = |of: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
         (0..shells.len()).map(|k| (0.5 * (shells[k].inner + shells[k].outer), of(k))).collect()
     };
-    let figure = |title: &str, quantity: &str, unit: &str, curves: Vec<Curve>| {
-        let (x, y) = (Axis::linear("distance from the centre of mass", "m"), Axis::linear(quantity, unit));
-        Figure { title: title.into(), x, y, curves }.svg()
-    };
+    let figure = |title, quantity, unit, curves| by("distance from the centre of mass", title, quantity, unit, curves);
     let nu = vec![Curve::line("ν", points(&|k| shells[k].nu))];
     let z = vec![Curve::line("Z", points(&|k| shells[k].z))];
     let stress = vec![
@@ -179,10 +181,7 @@ fn layers(frame: &Frame, bed: &Bed) -> Vec<File> {
     let curve = |name: &str, of: fn(&Layer) -> f64| {
         Curve::line(name, layers.iter().map(|l| (0.5 * (l.lower + l.upper), of(l))).collect())
     };
-    let figure = |title: &str, quantity: &str, unit: &str, curves: Vec<Curve>| {
-        let (x, y) = (Axis::linear("height above the floor", "m"), Axis::linear(quantity, unit));
-        Figure { title: title.into(), x, y, curves }.svg()
-    };
+    let figure = |title, quantity, unit, curves| by("height above the floor", title, quantity, unit, curves);
     let stress = vec![
         curve("vertical", |l| l.vertical),
         curve("horizontal", |l| l.horizontal),
