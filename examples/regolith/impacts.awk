@@ -44,14 +44,18 @@ function start(case_name,    parts) { sub(/^study\//, "", case_name); cohesion =
 
 function or_dash(x) { return x == "" ? "-" : sprintf("%.6g", x) }
 
-# At rest: what the walls carry against the weight of all grains, and what the grains still move.
-function bed(path,    files, n, k, all, most, weight, height) {
+# At rest: what the walls carry against the weight of all grains, and what the grains still move; solid fraction, horizontal
+# over vertical stress, and the sum of the vertical stress of all layers over that of the weight above them.
+function bed(path,    files, n, k, all, most, weight, height, nu, ratio, stress, above) {
     load(path "/POSTPRO/series.csv"); weight = cell[rows, "mass"] * g
     grains = cell[rows, "n_grains"]; energy = cell[rows, "Ec_mean"] * grains; height = cell[rows, "com_z"]
+    nu = cell[rows, "bed_nu"]; ratio = cell[rows, "bed_stress_ratio"]
+    n = found(path "/POSTPRO/state-*/layers.csv", files); load(files[n])
+    for (k = 1; k <= rows; k++) { stress += cell[k, "vertical_stress"]; above += cell[k, "weight"] }
     n = found(path "/POSTPRO/track-*/track.csv", files)
     for (k = 1; k <= n; k++) { load(files[k]); all -= cell[rows, "force"]; if (-cell[rows, "force"] > most) most = -cell[rows, "force"] }
-    put("rest.csv", "case,gravity,grains,weight,on_walls,on_walls_over_weight,floor_share,height,energy_over_potential", \
-        sprintf("%s,%g,%d,%.6g,%.6g,%.6f,%.4f,%.5f,%.2e", start(path), g, grains, weight, all, all / weight, most / all, height, energy / (weight * height)))
+    put("rest.csv", "case,gravity,grains,weight,on_walls,on_walls_over_weight,floor_share,height,nu,stress_ratio,stress_over_weight,energy_over_potential", \
+        sprintf("%s,%g,%d,%.6g,%.6g,%.6f,%.4f,%.5f,%.4f,%.4f,%.5f,%.2e", start(path), g, grains, weight, all, all / weight, most / all, height, nu, ratio, stress / above, energy / (weight * height)))
 }
 
 # The lander from the start to rest.
