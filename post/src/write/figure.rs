@@ -190,31 +190,13 @@ impl Figure {
             .x_label_formatter(&|x| x_ticks.label(*x, x_offset))
             .y_label_formatter(&|y| y_ticks.label(*y, y_offset))
             .draw()?;
-        // What names may not lie on: the dots that have one, and the names before.
-        let named = self.curves.iter().zip(&curves).filter(|(curve, _)| curve.marks == Marks::Named);
-        let dots = named.flat_map(|(_, points)| points).filter(|(_, y)| !y.is_nan());
-        let (across, down) = chart.plotting_area().get_pixel_range();
-        let plot = Rectangle { left: across.start, upper: down.start, right: across.end, lower: down.end };
-        let mut taken: Vec<Rectangle> = dots.map(|point| Rectangle::about(chart.backend_coord(point), NAMED)).collect();
-        for (k, (curve, points)) in self.curves.iter().zip(&curves).enumerate() {
+        let unnamed = |(_, (curve, _)): &(usize, (&Curve, &Vec<(f64, f64)>))| curve.marks != Marks::Named;
+        for (k, (curve, points)) in self.curves.iter().zip(&curves).enumerate().filter(unnamed) {
             let Style { colour, width, again } = self.style(k);
             let size = 2 + width as i32 / 2;
             let dot = |point: &(f64, f64)| mark(*point, size, colour, again);
-            let defined = points.iter().filter(|(_, y)| !y.is_nan());
-            if curve.marks == Marks::Named {
-                for point in defined {
-                    let place = chart.backend_coord(point);
-                    let name = beside(place, curve.name.chars().count() as i32, &plot, &taken);
-                    let shift = (name.left - place.0, name.upper - place.1);
-                    taken.push(name);
-                    let text = Text::new(curve.name.clone(), shift, font(13));
-                    let dot = Circle::new((0, 0), NAMED, colour.filled());
-                    chart.draw_series([EmptyElement::at(*point) + dot + text])?;
-                }
-                continue;
-            }
             if curve.marks == Marks::Dots {
-                chart.draw_series(defined.map(dot))?;
+                chart.draw_series(points.iter().filter(|(_, y)| !y.is_nan()).map(dot))?;
                 continue;
             }
             // A value that is not defined parts the line.
@@ -229,6 +211,27 @@ impl Figure {
                 }
             }
         }
+        // Over the lines. What names may not lie on: the dots that have one, and the names before.
+        let curves = self.curves.iter().zip(&curves).filter(|(curve, _)| curve.marks == Marks::Named);
+        let named: Vec<(&str, (f64, f64))> =
+            curves.flat_map(|(curve, points)| points.iter().map(|point| (curve.name.as_str(), *point))).collect();
+        let named = || named.iter().filter(|(_, (_, y))| !y.is_nan());
+        let (across, down) = chart.plotting_area().get_pixel_range();
+        let plot = Rectangle { left: across.start, upper: down.start, right: across.end, lower: down.end };
+        let mut taken: Vec<Rectangle> =
+            named().map(|(_, point)| Rectangle::about(chart.backend_coord(point), NAMED)).collect();
+        let mut name = |(name, point): &(&str, (f64, f64))| {
+            let place = chart.backend_coord(point);
+            let around = beside(place, name.chars().count() as i32, &plot, &taken);
+            taken.push(around);
+            let corners = [(around.left, around.upper), (around.right, around.lower)];
+            let corners = corners.map(|(x, y)| (x - place.0, y - place.1));
+            let ground = plotters::element::Rectangle::new(corners, WHITE.mix(0.8).filled());
+            EmptyElement::at(*point) + ground + Text::new(name.to_string(), corners[0], font(13))
+        };
+        let names: Vec<_> = named().map(&mut name).collect();
+        chart.draw_series(names)?;
+        chart.draw_series(named().map(|(_, point)| Circle::new(*point, NAMED, INK.filled())))?;
         self.legend(&right)
     }
 
