@@ -45,7 +45,9 @@ impl Kind {
             "track.csv" => some(&track::COLUMNS, &["depth", "force"]),
             "crater.csv" => some(&track::CRATER, &["before", "after"]),
             "profile.csv" => some(&state::PROFILE, &["nu", "Z", "pressure", "radial_stress", "tangential_stress"]),
-            "layers.csv" => some(&state::LAYERS, &["nu", "Z", "vertical_stress", "horizontal_stress", "weight"]),
+            "layers.csv" => {
+                some(&state::LAYERS, &["nu", "Z", "vertical_stress", "horizontal_stress", "shear_stress", "weight"])
+            }
             "forces.csv" => some(&state::FORCES, &["P_normal", "P_tangential"]),
             "mobilisation.csv" => some(&state::MOBILISATION, &["P"]),
             "ejecta.csv" => some(&state::EJECTA, &["mass_share_faster"]),

@@ -25,6 +25,8 @@ pub struct Solid {
     pub faces: Vec<Vec<u32>>,
     /// Centre and radius of each sphere, m.
     pub balls: Vec<(Vec3, f64)>,
+    /// Radius of a hollow cylinder about the third axis, with contact on the inside, m.
+    pub bore: Option<f64>,
 }
 
 /// Sides of the prism as which a cylinder is drawn.
@@ -163,7 +165,8 @@ pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
     let mut solid = Solid::default();
     for contactor in &body.contactors {
         match &contactor.shape {
-            Shape::Cylinder { half_height, radius, .. } => {
+            Shape::Cylinder { half_height, radius, hollow } => {
+                solid.bore = hollow.then_some(*radius);
                 // A lone one's frame is the body's.
                 let frame = contactor.local_frame.as_ref().filter(|_| !lone);
                 let turn = frame.map_or(Matrix3::identity(), |frame| Matrix3::from_fn(|i, j| frame.axes[j][i]));
@@ -326,7 +329,7 @@ mod tests {
         let mut drum = body(0.0, None);
         drum.contactors[0].shape = Shape::Cylinder { half_height: 1.5, radius: 2.0, hollow: true };
         let solid = solid(&drum).unwrap().unwrap();
-        assert_eq!((solid.vertices.len(), solid.faces.len()), (128, 66));
+        assert_eq!((solid.vertices.len(), solid.faces.len(), solid.bore), (128, 66, Some(2.0)));
         assert!((solid.reach() - 2.5).abs() < 1e-14);
         // Of the 64-gon: 32 sin(2π/64) r² over the height.
         let cone = |face: &Vec<u32>| -> f64 {

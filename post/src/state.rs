@@ -38,7 +38,7 @@ pub const PROFILE: [Column; 8] = [
     ("tangential_stress", "Pa", "tangential stress by radius"),
 ];
 /// Columns of layers.csv.
-pub const LAYERS: [Column; 9] = [
+pub const LAYERS: [Column; 13] = [
     ("lower", "m", "height above the floor"),
     ("upper", "m", ""),
     ("nu", "1", "solid fraction by height"),
@@ -47,7 +47,11 @@ pub const LAYERS: [Column; 9] = [
     ("pressure", "Pa", "pressure by height"),
     ("vertical_stress", "Pa", "vertical stress by height"),
     ("horizontal_stress", "Pa", "horizontal stress by height"),
+    ("shear_stress", "Pa", "shear stress by height"),
     ("weight", "Pa", "weight above over the area by height"),
+    ("v_x", "m/s", "mean velocity along x by height"),
+    ("v_y", "m/s", "mean velocity along y by height"),
+    ("v_z", "m/s", "mean velocity along z by height"),
 ];
 /// Columns of forces.csv.
 pub const FORCES: [Column; 4] = [
@@ -185,6 +189,7 @@ fn layers(frame: &Frame, bed: &Bed) -> Vec<File> {
     let stress = vec![
         curve("vertical", |l| l.vertical),
         curve("horizontal", |l| l.horizontal),
+        curve("shear", |l| l.shear.norm()),
         curve("weight above", |l| l.weight),
     ];
     vec![

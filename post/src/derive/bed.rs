@@ -8,7 +8,7 @@ use crate::frame::{Cell, Frame, Grain, Mat3, Side, Vec3, WallShape};
 /// Cosines nearer to 0 or 1 than this are of walls upright or level: some roundings of an orientation from a file.
 const UPRIGHT: f64 = 1e-6;
 
-/// The grains that rest on walls under uniform gravity, between upright plates or in a cell that repeats.
+/// The grains that rest on walls under uniform gravity, between upright walls or in a cell that repeats.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bed {
     /// Normal of the floor, length 1.
@@ -32,7 +32,8 @@ impl Bed {
     /// with force, where the room is open to a side, and where its sides are not upright.
     ///
     /// The floor is the plate that bears most of the weight; where none does (a floor of held spheres) it is level, at the lowest
-    /// point of a grain. A plate bounds the room by those of its faces that have the centres of all the bed's grains before them.
+    /// point of a grain. A plate bounds the room by those of its faces that have the centres of all the bed's grains before them, a
+    /// hollow cylinder if it has all of them within.
     pub fn of(frame: &Frame, fragments: &[Fragment]) -> Option<Bed> {
         let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
         let grains = borne(frame, fragments);
@@ -56,7 +57,8 @@ impl Bed {
         let lowest = || members().map(|g| extent(g, &up)[0]).fold(f64::INFINITY, f64::min);
         let floor = floor.map_or_else(lowest, |floor| floor.place);
         let centre = members().map(|g| g.mass * g.x).sum::<Vec3>() / mass;
-        let area = section(&faces, &frame.cell(), &up, &centre, members())?;
+        let bores: Vec<Bore> = (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &grains)).collect();
+        let area = section(&faces, &bores, &frame.cell(), &up, &centre, members())?;
         let stresses = grain_stresses(frame);
         Some(Bed {
             up,
@@ -93,21 +95,8 @@ impl Bed {
         let top = members().map(|(_, g)| extent(g, &self.up)[1]).fold(self.floor, f64::max) - self.floor;
         let (width, up) = (top / count as f64, &self.up);
         let gravity = -Vec3::from(frame.meta.parameters.uniform_gravity).dot(up);
-        let empty = Layer {
-            nu: 0.0,
-            grains: 0,
-            z: 0.0,
-            pressure: 0.0,
-            vertical: 0.0,
-            horizontal: 0.0,
-            weight: 0.0,
-            lower: 0.0,
-            upper: 0.0,
-        };
-        let mut layers = vec![empty; count];
-        for (k, layer) in layers.iter_mut().enumerate() {
-            (layer.lower, layer.upper) = (k as f64 * width, (k + 1) as f64 * width);
-        }
+        let layer = |k: usize| Layer { lower: k as f64 * width, upper: (k + 1) as f64 * width, ..Layer::default() };
+        let mut layers: Vec<Layer> = (0..count).map(layer).collect();
         for (i, grain) in members() {
             let [low, high] = extent(grain, up).map(|h| h - self.floor);
             let home = (((grain.x.dot(up) - self.floor) / width).max(0.0) as usize).min(count - 1);
@@ -129,6 +118,8 @@ impl Bed {
                 layer.pressure += part * pressure(sigma);
                 layer.vertical += part * vertical(sigma, up);
                 layer.horizontal += part * horizontal(sigma, up);
+                layer.shear -= part * (sigma * up - up * vertical(sigma, up));
+                layer.velocity += part * grain.v;
                 layer.weight += (1.0 - below(0.5 * (layer.lower + layer.upper))) * grain.mass * gravity / self.area;
                 up_to = beyond;
                 if layer.upper >= high {
@@ -136,13 +127,16 @@ impl Bed {
                 }
             }
         }
-        layers.iter_mut().for_each(|layer| layer.z /= layer.grains as f64);
+        for layer in &mut layers {
+            layer.z /= layer.grains as f64;
+            layer.velocity /= layer.nu;
+        }
         layers
     }
 }
 
 /// The mean state in one layer of a bed.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Layer {
     /// Above the floor, m.
     pub lower: f64,
@@ -160,8 +154,12 @@ pub struct Layer {
     pub vertical: f64,
     /// The mean of its two components across, Pa.
     pub horizontal: f64,
+    /// What acts across a plane of the layer along it, Pa: on the grains below by those above.
+    pub shear: Vec3,
     /// Weight above the middle of the layer over the area, Pa: the vertical stress that walls take nothing of.
     pub weight: f64,
+    /// Mean over the volume that grains fill, m/s; NaN without.
+    pub velocity: Vec3,
 }
 
 fn vertical(stress: &Mat3, up: &Vec3) -> f64 {
@@ -202,9 +200,28 @@ fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face> {
     (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]).map(face).filter(all_before).collect()
 }
 
-/// Area of the room across `up`, m^2: what the cell and the upright faces leave; None if it is open, or a face is oblique.
+/// A hollow cylinder around all centres.
+struct Bore {
+    x: Vec3,
+    axis: Vec3,
+    radius: f64,
+}
+
+fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<Bore> {
+    let wall = &frame.walls[wall];
+    let WallShape::Polyhedron(solid) = &wall.shape else { return None };
+    let bore = Bore { x: wall.x, axis: wall.rotation * Vec3::z(), radius: solid.bore? };
+    let within = |&i: &usize| (frame.grains[i].x - bore.x).cross(&bore.axis).norm() <= bore.radius;
+    grains.iter().all(within).then_some(bore)
+}
+
+/// Sides of the polygon for which the section of a hollow cylinder is taken: of the same area, and of the same shape where a plate cuts it.
+const SIDES: usize = 720;
+
+/// Area of the room across `up`, m^2: what the cell and the upright walls leave; None if it is open, or a wall is oblique.
 fn section<'a>(
     faces: &[Face],
+    bores: &[Bore],
     cell: &Cell,
     up: &Vec3,
     centre: &Vec3,
@@ -214,17 +231,30 @@ fn section<'a>(
     let sides: Vec<(Vec3, f64)> =
         faces.iter().filter(|f| !level(f)).map(|f| (f.normal, f.place - f.normal.dot(centre))).collect();
     let along_z = up.z.abs() > 1.0 - UPRIGHT;
-    if cell.repeats() && !along_z || sides.iter().any(|(normal, _)| normal.dot(up).abs() > UPRIGHT) {
+    let leans = |bore: &Bore| bore.axis.cross(up).norm() > UPRIGHT;
+    let oblique = sides.iter().any(|(normal, _)| normal.dot(up).abs() > UPRIGHT) || bores.iter().any(leans);
+    if cell.repeats() && !along_z || oblique {
         return None;
     }
     let first = if along_z { Vec3::x() } else { up.cross(&Vec3::z()).normalize() };
     let axes = [first, if along_z { Vec3::y() } else { up.cross(&first) }];
     // A room that grains nearly fill ends within a few times their extent.
     let far = grains.map(|g| (g.x - centre).norm() + g.reach()).fold(0.0, f64::max);
-    let open = 16.0 * sides.iter().map(|(_, place)| place.abs()).fold(far, f64::max);
-    let half = cell.0.map(|period| period.map_or(open, |period| 0.5 * period));
-    let mut polygon =
-        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| [x * half[0], y * half[1]]).to_vec();
+    let walls = sides.iter().map(|(_, place)| place.abs()).chain(bores.iter().map(|bore| bore.radius));
+    let open = 16.0 * walls.fold(far, f64::max);
+    let mut polygon = match bores.iter().min_by(|a, b| a.radius.total_cmp(&b.radius)) {
+        Some(bore) => {
+            let turn = std::f64::consts::TAU / SIDES as f64;
+            let radius = bore.radius * (turn / turn.sin()).sqrt();
+            let middle = axes.map(|axis| axis.dot(&(bore.x - centre)));
+            let corner = |k: usize| [turn * k as f64, turn * k as f64 - 0.25 * std::f64::consts::TAU].map(f64::cos);
+            (0..SIDES).map(corner).map(|c| [0, 1].map(|k| middle[k] + radius * c[k])).collect()
+        }
+        None => {
+            let half = cell.0.map(|period| period.map_or(open, |period| 0.5 * period));
+            [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| [x * half[0], y * half[1]]).to_vec()
+        }
+    };
     for (normal, place) in sides {
         let before = |p: &[f64; 2]| (axes[0] * p[0] + axes[1] * p[1]).dot(&normal) - place;
         polygon = cut(&polygon, before, |p, q, share| [0, 1].map(|k| p[k] + share * (q[k] - p[k])));
@@ -379,6 +409,29 @@ mod tests {
     }
 
     #[test]
+    fn a_column_on_a_slope_is_sheared_by_its_weight_along_it() {
+        let mut scene = Scene::default();
+        let down = Vec3::new(1.0, 0.0, -2.0);
+        scene.snapshot.meta.parameters.uniform_gravity = down.into();
+        (scene.snapshot.meta.parameters.xperiode, scene.snapshot.meta.parameters.yperiode) = (Some(1.0), Some(1.0));
+        let mut below = scene.plate([0.0, 0.0, -0.1], [5.0, 5.0, 0.1]);
+        for k in 0..5 {
+            let cube = scene.cube([0.0, 0.0, f64::from(k) + 0.5], 0.5);
+            scene.snapshot.bodies.body_v[cube] = [f64::from(k), 0.0, 0.0];
+            scene.contact_at(cube, below, [0.0, 0.0, f64::from(k)], -down * f64::from(5 - k));
+            below = cube;
+        }
+        let frame = scene.frame();
+        let layers = Bed::of(&frame, &fragments(&frame)).unwrap().layers(&frame, 5);
+        for (k, layer) in layers.iter().enumerate() {
+            // Half of what it bears and half of what bears it.
+            let borne = 4.5 - k as f64;
+            assert!((layer.shear - Vec3::x() * borne).norm() < 1e-14 && (layer.vertical - 2.0 * borne).abs() < 1e-14);
+            assert!((layer.velocity - Vec3::x() * k as f64).norm() < 1e-14, "{layer:?}");
+        }
+    }
+
+    #[test]
     fn what_walls_do_not_close_a_period_may() {
         let identity = UnitQuaternion::identity();
         assert!(bed(&columns(3, false, [true, true, true, false], identity)).is_none());
@@ -418,6 +471,30 @@ mod tests {
         rough.push(grain, held, 1.0);
         let found = bed(&rough).unwrap();
         assert_eq!((found.floor, found.height, found.area), (0.5, 1.0, 4.0));
+    }
+
+    #[test]
+    fn a_hollow_cylinder_closes_a_room() {
+        let hollow = |radius: f64, axis: Vec3| {
+            let mut frame = columns(3, false, [false; 4], UnitQuaternion::identity()).frame();
+            let shape = WallShape::Polyhedron(crate::shapes::Solid { bore: Some(radius), ..Default::default() }.into());
+            let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &axis).unwrap();
+            frame.walls.push(crate::frame::Wall { id: 99, x: Vec3::new(1.5, 1.0, 0.0), rotation, shape });
+            Bed::of(&frame, &fragments(&frame)).map(|bed| bed.area)
+        };
+        assert_close(hollow(2.0, Vec3::z()).unwrap(), 4.0 * std::f64::consts::PI);
+        // Grains are outside of one, and another lies on its side.
+        assert!(hollow(1.0, Vec3::z()).is_none() && hollow(9.0, Vec3::x()).is_none());
+        // A plate cuts off a half, on which no centre is.
+        let mut frame = columns(3, false, [true, false, false, false], UnitQuaternion::identity()).frame();
+        let shape = WallShape::Polyhedron(crate::shapes::Solid { bore: Some(4.0), ..Default::default() }.into());
+        frame.walls.push(crate::frame::Wall {
+            id: 99,
+            x: Vec3::x() * 3.0,
+            rotation: UnitQuaternion::identity(),
+            shape,
+        });
+        assert_close(Bed::of(&frame, &fragments(&frame)).unwrap().area, 8.0 * std::f64::consts::PI);
     }
 
     #[test]

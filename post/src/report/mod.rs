@@ -22,7 +22,7 @@ const STATE_FIGURES: [(&str, &str); 11] = [
     ("layers_Z.svg", "Neighbours that a grain touches with force, by the layer of the grain's centre."),
     (
         "layers_stress.svg",
-        "Stress of the grains by layer: along the normal of the floor, mean across it, and the weight above over the area.",
+        "Stress of the grains by layer: along the normal of the floor, mean across it, along planes of the layer, and the weight above over the area.",
     ),
     (
         "profile_nu.svg",
