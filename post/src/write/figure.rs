@@ -190,8 +190,10 @@ impl Figure {
             .x_label_formatter(&|x| x_ticks.label(*x, x_offset))
             .y_label_formatter(&|y| y_ticks.label(*y, y_offset))
             .draw()?;
-        let unnamed = |(_, (curve, _)): &(usize, (&Curve, &Vec<(f64, f64)>))| curve.marks != Marks::Named;
-        for (k, (curve, points)) in self.curves.iter().zip(&curves).enumerate().filter(unnamed) {
+        for (k, (curve, points)) in self.curves.iter().zip(&curves).enumerate() {
+            if curve.marks == Marks::Named {
+                continue;
+            }
             let Style { colour, width, again } = self.style(k);
             let size = 2 + width as i32 / 2;
             let dot = |point: &(f64, f64)| mark(*point, size, colour, again);
