@@ -180,8 +180,14 @@ fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
 /// The layers of a bed.
 fn layers(frame: &Frame, bed: &Bed) -> Vec<File> {
     let layers = bed.layers(frame, SHELLS);
-    let row =
-        |l: &Layer| vec![l.lower, l.upper, l.nu, l.grains as f64, l.z, l.pressure, l.vertical, l.horizontal, l.weight];
+    let row = |l: &Layer| {
+        let stresses = [l.pressure, l.vertical, l.horizontal, l.shear.norm(), l.weight];
+        [l.lower, l.upper, l.nu, l.grains as f64, l.z]
+            .into_iter()
+            .chain(stresses)
+            .chain(l.velocity.iter().copied())
+            .collect()
+    };
     let curve = |name: &str, of: fn(&Layer) -> f64| {
         Curve::line(name, layers.iter().map(|l| (0.5 * (l.lower + l.upper), of(l))).collect())
     };

@@ -264,6 +264,12 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
     // Each sphere fills what it is high, ten layers of twenty.
     let nu = column(&state.join("layers.csv"), "nu");
     assert!((nu.iter().sum::<f64>() / 20.0 - pi / 6.0).abs() < 1e-14, "{nu:?}");
+    // Nothing is sheared or moves; of the whole weight the lowest of twenty layers has all but half a twentieth above its
+    // middle, as spheres fill it: a cap of height 0.05, of volume pi 0.05^2 (1.5 - 0.05)/3 a sphere, of two spheres and two columns.
+    let layer = |name: &str| column(&state.join("layers.csv"), name)[0];
+    let cap = pi * 0.05f64.powi(2) * 1.45 / 3.0;
+    assert!((layer("weight") - 2.0 * (2.0 * pi / 6.0 - cap)).abs() < 1e-14, "{}", layer("weight"));
+    assert_eq!(["shear_stress", "v_x", "v_y", "v_z"].map(layer), [0.0; 4]);
 }
 
 #[test]

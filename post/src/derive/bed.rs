@@ -52,7 +52,9 @@ impl Bed {
             }
         }
         let share = |face: &&Face| bears[face.wall] * face.normal.dot(&against);
-        let floor = faces.iter().filter(|f| share(f) > 0.0).max_by(|a, b| share(a).total_cmp(&share(b)));
+        // A lid may bear more than the floor, for an instant, but from above.
+        let below = |face: &&Face| face.normal.dot(&against) > 0.0 && share(face) > 0.0;
+        let floor = faces.iter().filter(below).max_by(|a, b| share(a).total_cmp(&share(b)));
         let up = floor.map_or(if frame.cell().repeats() { Vec3::z() } else { against }, |floor| floor.normal);
         let lowest = || members().map(|g| extent(g, &up)[0]).fold(f64::INFINITY, f64::min);
         let floor = floor.map_or_else(lowest, |floor| floor.place);
@@ -379,6 +381,15 @@ mod tests {
     }
 
     #[test]
+    fn a_lid_is_no_floor_however_it_strikes() {
+        let mut scene = columns(3, true, [true; 4], UnitQuaternion::identity());
+        let (lid, top) = (scene.plate([1.5, 1.0, 3.1], [5.0, 5.0, 0.1]), 5 + 2);
+        scene.contact_at(top, lid, [0.5, 0.5, 3.0], Vec3::new(0.0, 0.0, -1e6));
+        let found = bed(&scene).unwrap();
+        assert_eq!((found.up, found.floor), (Vec3::z(), 0.0));
+    }
+
+    #[test]
     fn layers_hold_what_lies_in_them() {
         for turn in turns() {
             let frame = columns(5, true, [true; 4], turn).frame();
@@ -479,7 +490,8 @@ mod tests {
             let mut frame = columns(3, false, [false; 4], UnitQuaternion::identity()).frame();
             let shape = WallShape::Polyhedron(crate::shapes::Solid { bore: Some(radius), ..Default::default() }.into());
             let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &axis).unwrap();
-            frame.walls.push(crate::frame::Wall { id: 99, x: Vec3::new(1.5, 1.0, 0.0), rotation, shape });
+            let x = Vec3::new(1.5, 1.0, 0.0);
+            frame.walls.push(crate::frame::Wall { id: 99, x, v: None, rotation, shape });
             Bed::of(&frame, &fragments(&frame)).map(|bed| bed.area)
         };
         assert_close(hollow(2.0, Vec3::z()).unwrap(), 4.0 * std::f64::consts::PI);
@@ -491,6 +503,7 @@ mod tests {
         frame.walls.push(crate::frame::Wall {
             id: 99,
             x: Vec3::x() * 3.0,
+            v: None,
             rotation: UnitQuaternion::identity(),
             shape,
         });

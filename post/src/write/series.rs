@@ -22,7 +22,8 @@ pub type Column = (&'static str, &'static str, &'static str);
 
 /// A table of these columns; their number is that of each row.
 pub fn table(columns: &[Column], rows: impl IntoIterator<Item = Vec<f64>>) -> String {
-    csv(&columns.iter().map(|(name, _, _)| *name).collect::<Vec<_>>(), rows)
+    let whole = rows.into_iter().inspect(|row| debug_assert_eq!(row.len(), columns.len(), "{columns:?}"));
+    csv(&columns.iter().map(|(name, _, _)| *name).collect::<Vec<_>>(), whole)
 }
 
 /// Lines of a CSV file: names, then numbers; what is not defined is an empty field.
