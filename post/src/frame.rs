@@ -88,6 +88,8 @@ impl Grain {
 pub struct Wall {
     pub id: u64,
     pub x: Vec3,
+    /// Of a wall that is driven in part, m/s.
+    pub v: Option<Vec3>,
     /// From the body's frame to the world's.
     pub rotation: UnitQuaternion<f64>,
     pub shape: WallShape,
@@ -293,7 +295,7 @@ impl Cell {
 }
 
 fn is_wall(bodies: &BodyArrays, row: usize) -> bool {
-    bodies.body_driven[row] == DRIVEN_ALL || bodies.body_shape[row] == SHAPE_PLANE
+    bodies.body_driven[row] != 0 || bodies.body_shape[row] == SHAPE_PLANE
 }
 
 fn rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {
@@ -336,7 +338,8 @@ fn wall(bodies: &BodyArrays, row: usize, solid: Option<Arc<Solid>>) -> Wall {
         (None, SHAPE_PLANE) => WallShape::Plate(bodies.body_half_lengths[row].into()),
         (None, _) => WallShape::Ball(bodies.body_radius[row]),
     };
-    Wall { id: bodies.body_id[row], x: bodies.body_x[row].into(), rotation: rotation(bodies, row), shape }
+    let v = (bodies.body_driven[row] != DRIVEN_ALL).then(|| bodies.body_v[row].into());
+    Wall { id: bodies.body_id[row], x: bodies.body_x[row].into(), v, rotation: rotation(bodies, row), shape }
 }
 
 /// What keeps a sound snapshot from being measured: object, found.
@@ -373,8 +376,7 @@ mod tests {
             scene.grain([5.0, 0.0, 2.0], 0.5),
             scene.plate([0.0, 0.0, 9.0], [1.0, 1.0, 0.1]),
         );
-        scene.snapshot.bodies.body_driven[grain] = 0b00_0111; // held in place, free to turn
-        scene.snapshot.bodies.body_driven[stirrer] = DRIVEN_ALL;
+        scene.snapshot.bodies.body_driven[stirrer] = 0b11_1100; // pushed across z
         scene.snapshot.bodies.body_driven[piston] = 0b11_1011; // free along z
         scene.contact_at(grain, floor, [0.0; 3], Vec3::z());
         scene.contact_at(stirrer, floor, [0.0; 3], Vec3::z());

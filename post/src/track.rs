@@ -18,7 +18,7 @@ pub const COLUMNS: [Column; 13] = [
     ("x", "m", "centre of mass"),
     ("y", "m", ""),
     ("z", "m", ""),
-    ("v_x", "m/s", "velocity; empty where it is imposed"),
+    ("v_x", "m/s", "velocity; empty where all of it is imposed"),
     ("v_y", "m/s", ""),
     ("v_z", "m/s", ""),
     ("depth", "m", "depth of its lowest point below the surface that was under it at the start"),
@@ -54,7 +54,7 @@ const PLACES: usize = 48;
 struct Seen {
     time: f64,
     x: Vec3,
-    /// None where it is imposed.
+    /// None where all of it is imposed.
     v: Option<Vec3>,
     /// From the centre to the lowest point, m.
     reach: f64,
@@ -72,7 +72,9 @@ pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
     let shapes = Shapes::default();
     for (_, path) in select(&dir.join("OUTBOX"), 1)? {
         let frame = Frame::read(&path, &shapes)?;
-        (up, fall) = (upward(&frame), free_fall(&frame));
+        // A wall that is driven in part falls with what pushes it.
+        let free = frame.grains.iter().any(|grain| grain.id == body);
+        (up, fall) = (upward(&frame), free_fall(&frame).filter(|_| free));
         seen.push(find(&frame, body, &up).ok_or_else(|| {
             let expected = "expected the number of a sphere or polyhedron in BODIES.DAT";
             Fault::new(&path, None, format!("body {body}"), "is not there", expected)
@@ -145,7 +147,7 @@ fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
             }
             WallShape::Plate(half) => (0..3).map(|k| half[k] * (wall.rotation.inverse() * up)[k].abs()).sum(),
         };
-        (Side::Wall(k), wall.x, None, reach)
+        (Side::Wall(k), wall.x, wall.v, reach)
     };
     let (mut force, mut contacts) = (Vec3::zeros(), 0);
     for contact in frame.contacts.iter().filter(|contact| contact.active) {

@@ -182,7 +182,7 @@ pub(crate) fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
     let thermal_path = format!("{path}.thermal_velocity");
     report.expect(thermal >= 0.0 && finite(thermal), &thermal_path, format!("{thermal:?}"), "a speed >= 0 m/s");
     if let Some(driven) = &grains.driven {
-        check_evolutions(report, &format!("{path}.driven"), driven, "m/s");
+        check_evolutions(report, &format!("{path}.driven"), driven.iter().map(Option::as_ref), "m/s");
         let at_rest = grains.velocity == [0.0; 3] && grains.spin == [0.0; 3] && thermal == 0.0;
         report.expect(
             at_rest,
@@ -433,7 +433,7 @@ fn direction(report: &mut Report, path: &str, name: &str, vector: &[f64; 3]) {
 
 fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
     match wall {
-        Wall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, rotation } => {
+        Wall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, force, rotation } => {
             worn(scene, report, path, material, colour);
             three(report, &format!("{path}.centre"), "", centre, "m");
             direction(report, path, "normal", normal);
@@ -447,6 +447,12 @@ fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
             let fits = half_lengths.iter().all(|length| positive(*length));
             report.expect(fits, &format!("{path}.half_lengths"), format!("{half_lengths:?}"), "lengths > 0 m");
             check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
+            check_evolutions(report, &format!("{path}.force"), force.iter().map(Option::as_ref), "N");
+            for (k, velocity) in velocity.iter().enumerate().filter(|(k, _)| force[*k].is_some()) {
+                let found = format!("{velocity:?}, and a force along the same axis");
+                let still = *velocity == Evolution::default();
+                report.expect(still, &format!("{path}.velocity.{k}"), found, "one of the two");
+            }
             check_evolutions(report, &format!("{path}.rotation"), rotation, "rad/s");
         }
         Wall::Box { material, colour, centre, lengths, orientation, half_thickness, lid: _, velocity } => {
@@ -462,8 +468,14 @@ fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
     }
 }
 
-pub(crate) fn check_evolutions(report: &mut Report, path: &str, evolutions: &[Evolution; 3], unit: &str) {
-    for (k, evolution) in evolutions.iter().enumerate() {
+pub(crate) fn check_evolutions<'a>(
+    report: &mut Report,
+    path: &str,
+    evolutions: impl IntoIterator<Item = impl Into<Option<&'a Evolution>>>,
+    unit: &str,
+) {
+    for (k, evolution) in evolutions.into_iter().enumerate() {
+        let Some(evolution) = evolution.into() else { continue };
         let path = format!("{path}.{k}");
         let values = match evolution {
             Evolution::Constant(value) => vec![*value],

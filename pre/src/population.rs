@@ -11,7 +11,7 @@ use crate::place::cells::Cells;
 use crate::place::room::Room;
 use crate::place::{self, Placed};
 use crate::random::{Purpose, Random};
-use crate::scene::{Grains, Place, Scene};
+use crate::scene::{Evolution, Grains, Place, Scene};
 use crate::shapes::overlap::{Convex, depth};
 use crate::shapes::{Drawn, Polyhedron, Shapes, Wrong};
 use crate::sizes::MOST_BODIES;
@@ -126,7 +126,9 @@ fn in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed) -> Ve
     let density = scene.materials.iter().find(|m| m.name == grains.material).map_or(0.0, |m| m.density);
     let masses: Vec<f64> = placed.grains.iter().map(|grain| density * grain.volume()).collect();
     let (velocity, spin) = match &grains.driven {
-        Some(driven) => (Vector3::from_fn(|k, _| driven[k].at_start()), Vector3::zeros()),
+        Some(driven) => {
+            (Vector3::from_fn(|k, _| driven[k].as_ref().map_or(0.0, Evolution::at_start)), Vector3::zeros())
+        }
         None => (grains.velocity.into(), grains.spin.into()),
     };
     let rigid = motion::rigid(&velocity, &spin, &placed.positions, &masses);

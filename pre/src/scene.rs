@@ -152,9 +152,9 @@ pub struct Grains {
     /// Root mean square of an additional random velocity without net momentum, m/s.
     #[serde(default)]
     pub thermal_velocity: f64,
-    /// Imposes the velocity of every grain, m/s, along the fixed axes; the grains do not turn.
+    /// Imposes the velocity of every grain, m/s, along the fixed axes but those without a function; the grains do not turn.
     #[serde(default)]
-    pub driven: Option<[Evolution; 3]>,
+    pub driven: Option<[Option<Evolution>; 3]>,
 }
 
 /// Shape of the grains.
@@ -382,7 +382,7 @@ impl Default for Rotation {
     }
 }
 
-/// Walls are plates; every one of their motions is imposed.
+/// Walls are plates; their motion is imposed, but for the components along which a force is.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Wall {
@@ -403,6 +403,9 @@ pub enum Wall {
         /// Velocity, m/s, along the fixed axes.
         #[serde(default)]
         velocity: [Evolution; 3],
+        /// Force, N, along the fixed axes: where there is one the plate moves as this, its weight and contacts push it.
+        #[serde(default)]
+        force: [Option<Evolution>; 3],
         /// Angular velocity, rad/s, about the plate's first axis, second axis and normal.
         #[serde(default)]
         rotation: [Evolution; 3],

@@ -7,7 +7,7 @@ use crate::place::rotation;
 use crate::scene::{Evolution, Wall};
 use crate::{round_point, round8};
 
-/// A rectangular plate whose motion is imposed; numbers have the digits of the files.
+/// A rectangular plate; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plate {
     /// Which wall of the scene it belongs to, 0-based.
@@ -22,6 +22,8 @@ pub struct Plate {
     pub half_lengths: Vector3<f64>,
     /// Along the fixed axes, m/s; about the plate's own axes, rad/s.
     pub motion: [Evolution; 6],
+    /// Along the fixed axes, N; in place of a velocity.
+    pub force: [Option<Evolution>; 3],
 }
 
 impl Plate {
@@ -41,7 +43,7 @@ pub fn plates(walls: &[Wall]) -> Vec<Plate> {
 
 fn of_wall(number: usize, wall: &Wall) -> Vec<Plate> {
     match wall {
-        Wall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, rotation } => {
+        Wall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, force, rotation } => {
             let [a, b, c] = velocity.clone();
             let [d, e, f] = rotation.clone();
             vec![Plate {
@@ -52,6 +54,7 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<Plate> {
                 axes: plate_axes(&(*normal).into(), first_axis.map(Vector3::from)),
                 half_lengths: round_point(&(*half_lengths).into()),
                 motion: [a, b, c, d, e, f],
+                force: force.clone(),
             }]
         }
         Wall::Box { material, colour, centre, lengths, orientation, half_thickness, lid, velocity } => {
@@ -78,6 +81,7 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<Plate> {
                     axes: Matrix3::from_rows(&rows),
                     half_lengths: round_point(&Vector3::new(reach(first), reach(second), *half_thickness)),
                     motion: [a, b, c, Evolution::default(), Evolution::default(), Evolution::default()],
+                    force: [None, None, None],
                 }
             };
             sides.into_iter().map(plate).collect()

@@ -142,24 +142,29 @@ pub fn default_alert(scene: &Scene, population: &Population) -> f64 {
     (0.1 * mean_radius).max(2.0 * scene.compute.dt * fastest)
 }
 
-/// All six components of every plate and of every driven grain; and the tables of their files.
+/// The components of every plate and of every driven grain that are imposed; and the tables of their files.
 pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, Tables) {
     let mut tables = Tables::default();
     let mut driven = Vec::new();
-    let mut drive = |body: usize, component: usize, evolution: &Evolution| {
+    let mut drive = |body: usize, component: usize, kind: DrivenKind, evolution: &Evolution| {
         let evolution = tables.written(evolution);
-        driven.push(Driven { line: 0, body, component, kind: DrivenKind::Velocity, evolution });
+        driven.push(Driven { line: 0, body, component, kind, evolution });
     };
     for (body, grain) in population.grains.iter().enumerate() {
         if let Some(motion) = &scene.grains[grain.group].driven {
-            for component in 0..6 {
-                drive(body, component, motion.get(component).unwrap_or(&Evolution::Constant(0.0)));
+            let still = Some(Evolution::default());
+            for (component, velocity) in motion.iter().chain([&still; 3]).enumerate() {
+                velocity.iter().for_each(|velocity| drive(body, component, DrivenKind::Velocity, velocity));
             }
         }
     }
     for (k, plate) in population.plates.iter().enumerate() {
-        for (component, evolution) in plate.motion.iter().enumerate() {
-            drive(population.grains.len() + k, component, evolution);
+        for (component, velocity) in plate.motion.iter().enumerate() {
+            let (kind, evolution) = match plate.force.get(component) {
+                Some(Some(force)) => (DrivenKind::Force, force),
+                _ => (DrivenKind::Velocity, velocity),
+            };
+            drive(population.grains.len() + k, component, kind, evolution);
         }
     }
     (DrvDof(driven), tables)

@@ -160,6 +160,42 @@ fn moving_walls_driven_grains_and_tables() {
 }
 
 #[test]
+fn presses_and_guided_grains_are_driven_in_part() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.ron");
+    std::fs::write(
+        &scene,
+        r#"(
+            materials: [(name: "ROCKx", density: 2700)],
+            laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
+            contacts: [(between: ("BALLx", "BALLx"), law: "iqsc0"), (between: ("PLATE", "BALLx"), law: "iqsc0")],
+            grains: [(
+                material: "ROCKx", colour: "BALLx", sizes: Single(0.1), place: List(positions: [(0, 0, 0.1)]),
+                driven: (Constant(2), None, Constant(0)),
+            )],
+            walls: [Plate(
+                material: "ROCKx", colour: "PLATE", centre: (0, 0, 1), half_lengths: (3, 2, 0.5),
+                velocity: (Constant(0.25), Constant(0), Constant(0)),
+                force: (None, None, Table([(0, -1), (1, -50)])),
+            )],
+        )"#,
+    )
+    .unwrap();
+    assert_eq!(cd_pre(&[&scene]).status.code(), Some(0));
+    let datbox = folder.path().join("DATBOX");
+    let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT")).unwrap().0;
+    let of = |body: usize, kind: DrivenKind| -> Vec<(usize, f64)> {
+        let rows = driven.iter().filter(|row| row.body == body && row.kind == kind);
+        rows.map(|row| (row.component, row.evolution.at(1.0))).collect()
+    };
+    assert_eq!(of(0, DrivenKind::Velocity), [(0, 2.0), (2, 0.0), (3, 0.0), (4, 0.0), (5, 0.0)]);
+    assert_eq!(of(1, DrivenKind::Velocity), [(0, 0.25), (1, 0.0), (3, 0.0), (4, 0.0), (5, 0.0)]);
+    assert_eq!((of(0, DrivenKind::Force), of(1, DrivenKind::Force)), (vec![], vec![(2, -50.0)]));
+    let velocity = |body: usize| Dof::read(&datbox.join("DOF.INI")).unwrap().bodies[body].velocity;
+    assert_eq!([velocity(0), velocity(1)], [[2.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.25, 0.0, 0.0, 0.0, 0.0, 0.0]]);
+}
+
+#[test]
 fn the_seed_decides_every_byte() {
     let scene = std::fs::read_to_string(example("two-aggregates")).unwrap();
     let bytes = |scene: &str| {

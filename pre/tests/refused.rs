@@ -235,6 +235,11 @@ fn places_and_motion() {
         ),
         (
             "centre: (0.0, 0.0, -11.0)",
+            "centre: (0, 0, -11), velocity: (Constant(1), Constant(0), Constant(0)), force: (Constant(2), None, None)",
+            "13: wall 1, velocity 1: Constant(1.0), and a force along the same axis; expected one of the two",
+        ),
+        (
+            "centre: (0.0, 0.0, -11.0)",
             "centre: (0, 0, -11), velocity: (Constant(0), Constant(0), Table([(1, 0), (0, 0)]))",
             "13: wall 1, velocity 3: 2 points; expected at least two points, their times rising (s)",
         ),

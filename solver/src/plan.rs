@@ -95,8 +95,9 @@ fn speed(scene: &Scene, drive: &Drive, v: &Vec3, times: [f64; 2]) -> f64 {
             parts.map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max)
         }
     };
-    let past = Vec3::from_fn(|k, _| drive.velocity[k].farthest_from(v[k], times));
-    let turn = Vec3::from_fn(|k, _| drive.velocity[3 + k].farthest_from(0.0, times));
+    let imposed = |k: usize, from: f64| drive.velocity[k].as_ref().map_or(0.0, |v| v.farthest_from(from, times));
+    let past = Vec3::from_fn(|k, _| imposed(k, v[k]));
+    let turn = Vec3::from_fn(|k, _| imposed(3 + k, 0.0));
     past.norm() + turn.norm() * reach
 }
 

@@ -71,8 +71,11 @@ pub struct Body {
     pub mass: f64,
     /// Principal moments, kg m^2; a sphere's are equal.
     pub inertia: [f64; 3],
-    /// All motion imposed: a wall, or a driven sphere. Such a body has no inverse mass.
+    /// Motion imposed, all or in part: a wall, or a driven sphere. It is no part of what the ledger counts, and rotates as
+    /// imposed.
     pub driven: bool,
+    /// Of a driven body the fixed axes along which it is pushed; where there are none it has no inverse mass.
+    pub pushed: [bool; 3],
     /// Index into `Scene::materials`.
     pub material: u16,
     /// Index into `Scene::colours`.
@@ -82,9 +85,25 @@ pub struct Body {
 }
 
 impl Body {
-    /// 1/kg; 0 for a body whose motion is imposed.
+    /// 1/kg; 0 for a body whose motion is all imposed.
     pub fn inverse_mass(&self) -> f64 {
-        if self.driven { 0.0 } else { 1.0 / self.mass }
+        if self.driven && !self.is_driven_in_part() { 0.0 } else { 1.0 / self.mass }
+    }
+
+    /// Whether some components of the velocity are imposed, and others are not.
+    pub fn is_driven_in_part(&self) -> bool {
+        self.driven && self.pushed.contains(&true)
+    }
+
+    /// 1 for each fixed axis along which the velocity of a body driven in part is imposed, else 0.
+    pub fn held(&self) -> Vec3 {
+        Vec3::from(self.pushed.map(|pushed| if self.is_driven_in_part() && !pushed { 1.0 } else { 0.0 }))
+    }
+
+    /// Which components of the velocity are imposed, as the snapshots have it: bit k of component k.
+    pub fn imposed(&self) -> u8 {
+        let along = |k: usize| if self.pushed[k] { 0 } else { 1 << k };
+        if self.driven { (0..3).map(along).sum::<u8>() | 0b11_1000 } else { 0 }
     }
 
     /// 1/(kg m^2) of a sphere; 0 for a body whose motion is imposed.
@@ -117,17 +136,17 @@ impl Body {
     }
 }
 
-/// The imposed velocity of a body: components along the fixed axes, then about the body's axes.
+/// The imposed velocity of a body: components along the fixed axes, then about the body's axes; none where it is pushed.
 #[derive(Debug, Clone)]
 pub struct Drive {
     pub body: usize,
-    pub velocity: [Evolution; 6],
+    pub velocity: [Option<Evolution>; 6],
 }
 
 impl Drive {
     /// Whether some component is ever other than 0.
     pub fn moves(&self) -> bool {
-        self.velocity.iter().any(|component| *component != Evolution::constant(0.0))
+        self.velocity.iter().any(|component| *component != Some(Evolution::constant(0.0)))
     }
 }
 
@@ -189,7 +208,8 @@ pub struct Scene {
     pub spheres: Vec<u32>,
     /// Plates, in order.
     pub planes: Vec<u32>,
-    /// The contactors of all bodies, body by body, if some body is neither a sphere nor a plate; else none.
+    /// The contactors of all bodies, body by body, if some body is neither a sphere nor a plate, or driven in part; else
+    /// none.
     pub parts: Vec<Part>,
     /// Where in `parts` those of each body begin, and those of the last end; none where there are no parts.
     pub part_starts: Vec<u32>,
@@ -221,7 +241,7 @@ impl Scene {
 
     /// Whether an imposed velocity or force depends on time.
     pub fn changes_in_time(&self) -> bool {
-        let of_drives = self.drives.iter().flat_map(|drive| &drive.velocity);
+        let of_drives = self.drives.iter().flat_map(|drive| drive.velocity.iter().flatten());
         !of_drives.chain(self.loads.iter().map(|load| &load.value)).all(Evolution::is_constant)
     }
 
@@ -358,6 +378,7 @@ impl Scene {
             (parts(false, ball) + parts(true, ball), "spherical contactor"),
             (parts(true, cylinder), "cylinder"),
             (self.planes.len(), "plane"),
+            (self.bodies.iter().filter(|body| body.is_driven_in_part()).count(), "partly driven wall"),
             (self.loads.len(), "imposed force"),
         ];
         let plural = |n: usize| if n == 1 { "" } else { "s" };

@@ -154,7 +154,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
         attraction: pull.next,
         impulse: Vec3::zeros(),
         angular_impulse: Vec3::zeros(),
-        loads: loads(scene, state, q_c),
+        loads: Vec::new(),
     };
     for (k, &i) in scene.free.iter().enumerate() {
         let i = i as usize;
@@ -167,12 +167,18 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
         free.angular_impulse += x.cross(&weight);
     }
     free.potential += of_extent(scene, &outside, &q_c.q);
-    for (i, force, moment) in &free.loads {
-        let body = &scene.bodies[*i];
-        free.v[*i] += force * (h * body.inverse_mass());
-        free.w[*i] += body.angular_velocity(&q_c.q[*i], &(moment * h));
-        free.impulse += force * h;
-        free.angular_impulse += (q_c.x[*i].cross(force) + moment) * h;
+    for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i].is_driven_in_part()) {
+        free.v[body] += pushed(&outside, state.gravity, &q_c.x[body]).0 * h;
+    }
+    for (i, force, moment) in loads(scene, state, q_c) {
+        let body = &scene.bodies[i];
+        free.v[i] += force * (h * body.inverse_mass());
+        free.w[i] += body.angular_velocity(&q_c.q[i], &(moment * h));
+        if !body.driven {
+            free.impulse += force * h;
+            free.angular_impulse += (q_c.x[i].cross(&force) + moment) * h;
+            free.loads.push((i, force, moment));
+        }
     }
     for (i, force, torque) in near.loads {
         let body = &scene.bodies[i];
@@ -182,10 +188,10 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
     coriolis(scene, state, q_c, &mut free);
     let end = state.time + h;
     for drive in &scene.drives {
-        let value = Vec3::from_fn(|k, _| drive.velocity[k].at(end));
-        let spin = Vec3::from_fn(|k, _| drive.velocity[3 + k].at(end));
-        free.v[drive.body] = value;
-        free.w[drive.body] = q_c.q[drive.body] * spin;
+        let imposed = |k: usize, free: f64| drive.velocity[k].as_ref().map_or(free, |v| v.at(end));
+        let v = free.v[drive.body];
+        free.v[drive.body] = Vec3::from_fn(|k, _| imposed(k, v[k]));
+        free.w[drive.body] = q_c.q[drive.body] * Vec3::from_fn(|k, _| imposed(3 + k, 0.0));
     }
     free
 }

@@ -19,7 +19,7 @@ use crate::state::{Bonding, Contact, SolvedContact, State, Status};
 pub struct Record {
     /// m/s
     pub v: Vec3,
-    /// 1/kg, 0 for a body whose motion is imposed.
+    /// 1/kg, 0 for a body whose motion is all imposed.
     pub inverse_mass: f64,
     /// rad/s
     pub w: Vec3,
@@ -94,6 +94,8 @@ pub struct System {
 pub struct Full {
     /// By row: from the centres of candidate and antagonist to the contact point, m.
     pub arms: Vec<[Vec3; 2]>,
+    /// By body: 1 for each fixed axis along which the velocity of a body driven in part is imposed, else 0. Empty where none is.
+    pub held: Vec<Vec3>,
     /// By body: inverse inertia about the centre of mass in the contact configuration, world frame, 1/(kg m²); 0 for a
     /// body whose motion is imposed.
     pub inverse_inertia: Vec<Matrix3<f64>>,
@@ -104,9 +106,20 @@ impl Full {
     pub fn block(&self, k: usize, row: &Row, records: &[Record]) -> Matrix3<f64> {
         let side = |side: usize| {
             let (body, arm) = (row.bodies[side] as usize, self.arms[k][side].cross_matrix());
-            Matrix3::identity() * records[body].inverse_mass + arm.transpose() * self.inverse_inertia[body] * arm
+            let inverse_mass = Vec3::repeat(records[body].inverse_mass).component_mul(&self.pushed(body));
+            Matrix3::from_diagonal(&inverse_mass) + arm.transpose() * self.inverse_inertia[body] * arm
         };
         side(0) + side(1)
+    }
+
+    /// Whether a body that moves does not along some fixed axis.
+    pub fn holds(&self, body: usize) -> bool {
+        self.held.get(body).is_some_and(|held| *held != Vec3::zeros())
+    }
+
+    /// 1 for each fixed axis along which a body that moves is pushed, else 0.
+    pub fn pushed(&self, body: usize) -> Vec3 {
+        self.held.get(body).map_or(Vec3::repeat(1.0), |held| Vec3::repeat(1.0) - held)
     }
 
     /// W_nn and the mean of W_tt and W_ss of row `k`, 1/kg.
@@ -115,8 +128,11 @@ impl Full {
         for (body, arm) in row.bodies.into_iter().zip(&self.arms[k]) {
             let (inverse_mass, j) = (records[body as usize].inverse_mass, &self.inverse_inertia[body as usize]);
             let turn = arm.cross(&row.normal);
-            w_n += inverse_mass + turn.dot(&(j * turn));
-            trace += 3.0 * inverse_mass + j.trace() * arm.norm_squared() - arm.dot(&(j * arm));
+            let held = self.held.get(body as usize);
+            let along = held.map_or(1.0, |held| 1.0 - held.dot(&row.normal.component_mul(&row.normal)));
+            w_n += inverse_mass * along + turn.dot(&(j * turn));
+            let all = held.map_or(3.0, |held| 3.0 - held.sum());
+            trace += all * inverse_mass + j.trace() * arm.norm_squared() - arm.dot(&(j * arm));
         }
         (w_n, 0.5 * (trace - w_n))
     }
@@ -342,7 +358,12 @@ fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
         let axes = q.to_rotation_matrix();
         axes * Matrix3::from_diagonal(&Vec3::from(body.inertia.map(|j| 1.0 / j))) * axes.transpose()
     };
-    let full = || Full { arms: Vec::new(), inverse_inertia: scene.bodies.iter().zip(&q_c.q).map(of).collect() };
+    let held = || scene.bodies.iter().map(Body::held).collect();
+    let full = || Full {
+        arms: Vec::new(),
+        held: if scene.bodies.iter().any(Body::is_driven_in_part) { held() } else { Vec::new() },
+        inverse_inertia: scene.bodies.iter().zip(&q_c.q).map(of).collect(),
+    };
     scene.is_general().then(full)
 }
 
@@ -362,6 +383,12 @@ impl System {
                 row.normal * ([-row.arm, row.arm][side] * self.records[row.bodies[side] as usize].radius)
             }
         }
+    }
+
+    /// Change of the velocity of `body` by an impulse.
+    pub fn push(&self, body: u32, impulse: &Vec3) -> Vec3 {
+        let change = impulse * self.records[body as usize].inverse_mass;
+        self.full.as_ref().map_or(change, |full| change.component_mul(&full.pushed(body as usize)))
     }
 
     /// Change of the angular velocity of `body` by an angular impulse, world frame.
@@ -392,9 +419,9 @@ impl System {
         }
         for (side, r) in [(0, *r), (1, -r)] {
             let body = self.rows[k].bodies[side];
-            let turn = self.spin(body, &self.arm(k, side).cross(&r));
+            let (push, turn) = (self.push(body, &r), self.spin(body, &self.arm(k, side).cross(&r)));
             let record = &mut self.records[body as usize];
-            record.v += r * record.inverse_mass;
+            record.v += push;
             record.w += turn;
         }
     }

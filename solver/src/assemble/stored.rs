@@ -56,8 +56,7 @@ fn answer(system: &System, here: usize, there: usize, r: &Vec3) -> Vec3 {
         for by in sides.into_iter().filter(|by| body(there, by.0) == body(here, at.0)) {
             let impulse = r * by.1;
             let spin = system.spin(body(here, at.0), &system.arm(there, by.0).cross(&impulse));
-            let inverse_mass = system.records[body(here, at.0) as usize].inverse_mass;
-            change += (impulse * inverse_mass + spin.cross(&system.arm(here, at.0))) * at.1;
+            change += (system.push(body(here, at.0), &impulse) + spin.cross(&system.arm(here, at.0))) * at.1;
         }
     }
     change

@@ -40,7 +40,8 @@ pub fn scene(
         part_starts.push(parts.len() as u32);
         frames.push((made.shift, made.axes));
     }
-    let (drives, loads) = motion_imposed(datbox, driven, &mut bodies, faults);
+    let mut notes = Vec::new();
+    let (drives, loads) = motion_imposed(datbox, driven, &mut bodies, &mut notes, faults);
     for part in parts.iter().filter(|part: &&Part| !bodies[part.body as usize].driven) {
         let (name, kind) = match part.geometry {
             Geometry::Plane { .. } => ("PLANx", "plates"),
@@ -49,7 +50,7 @@ pub fn scene(
             Geometry::Sphere { .. } | Geometry::Polyhedron(_) => continue,
         };
         let expected =
-            format!("expected six vlocy lines in DRV_DOF.DAT: {kind} are walls, all their motion is imposed");
+            format!("expected vlocy lines in DRV_DOF.DAT: {kind} are walls, some or all of their motion is imposed");
         let (line, object) = (Some(records.0[part.body as usize].line), format!("body {}", part.body + 1));
         faults.push(Fault::new(&file, line, object, format!("a {name} that may move freely"), expected));
     }
@@ -70,7 +71,7 @@ pub fn scene(
             ));
         }
     }
-    if !bodies.iter().any(|body| body.shape == Shape::Parts) {
+    if !bodies.iter().any(|body| body.shape == Shape::Parts || body.is_driven_in_part()) {
         parts.clear();
         part_starts.clear();
     }
@@ -86,7 +87,7 @@ pub fn scene(
     with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body] = true);
     let turning = indices(&|body| !body.driven && !body.is_isotropic());
     let radii: Vec<f64> = free.iter().map(|&i| bodies[i as usize].radius).collect();
-    Scene {
+    let scene = Scene {
         drives,
         loads,
         laws: Vec::new(),
@@ -104,20 +105,37 @@ pub fn scene(
         planes,
         parts,
         part_starts,
-        notes: moved(&bodies, &frames).into_iter().collect(),
+        notes: moved(&bodies, &frames).into_iter().chain(notes).collect(),
         turning,
         oriented,
         mean_radius: radii.iter().sum::<f64>() / radii.len().max(1) as f64,
         listing_range: 0.0,
         bodies,
+    };
+    if scene.rate() != Vec3::zeros() {
+        for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i].is_driven_in_part()) {
+            let (object, found) = (format!("body {}", body + 1), "driven in part in axes that turn");
+            let expected = "expected all six components driven or none: Coriolis' force on such a body is not computed";
+            faults.push(Fault::new(&datbox.join("DRV_DOF.DAT"), None, object, found, expected));
+        }
     }
+    scene
 }
 
 /// Stands in for a body that was refused, so that the rest can be checked.
 fn placeholder() -> Made {
     let shape = Shape::Sphere { radius: 1.0 };
-    let body =
-        Body { shape, radius: 1.0, mass: 1.0, inertia: [1.0; 3], driven: false, material: 0, colour: 0, class: 0 };
+    let body = Body {
+        shape,
+        radius: 1.0,
+        mass: 1.0,
+        inertia: [1.0; 3],
+        driven: false,
+        pushed: [true; 3],
+        material: 0,
+        colour: 0,
+        class: 0,
+    };
     Made { body, parts: Vec::new(), shift: Vec3::zeros(), axes: Quat::identity() }
 }
 
@@ -177,7 +195,13 @@ pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], 
     }
 }
 
-fn motion_imposed(datbox: &Path, driven: &DrvDof, bodies: &mut [Body], faults: &mut Faults) -> (Vec<Drive>, Vec<Load>) {
+fn motion_imposed(
+    datbox: &Path,
+    driven: &DrvDof,
+    bodies: &mut [Body],
+    notes: &mut Vec<String>,
+    faults: &mut Faults,
+) -> (Vec<Drive>, Vec<Load>) {
     let file = datbox.join("DRV_DOF.DAT");
     let mut velocities: Vec<(usize, usize, [Option<Evolution>; 6])> = Vec::new();
     let mut loads = Vec::new();
@@ -208,18 +232,27 @@ fn motion_imposed(datbox: &Path, driven: &DrvDof, bodies: &mut [Body], faults: &
         }
     }
     let mut drives = Vec::new();
-    for (body, line, components) in velocities {
-        let missing: Vec<String> = (0..6).filter(|&k| components[k].is_none()).map(|k| (k + 1).to_string()).collect();
+    for (body, line, velocity) in velocities {
+        let missing: Vec<String> = (3..6).filter(|&k| velocity[k].is_none()).map(|k| (k + 1).to_string()).collect();
         if !missing.is_empty() {
             let found = format!("velocity components {} are free while others are driven", missing.join(", "));
-            let expected = "expected all six or none: bodies driven in part are not computed";
+            let expected = "expected 4 to 6 driven, which may be at 0: a body driven in part turns as imposed";
             faults.push(Fault::new(&file, Some(line), format!("body {}", body + 1), found, expected));
             continue;
         }
         bodies[body].driven = true;
-        drives.push(Drive { body, velocity: components.map(|c| c.unwrap_or_else(|| Evolution::constant(0.0))) });
+        bodies[body].pushed = [0, 1, 2].map(|k| velocity[k].is_none());
+        drives.push(Drive { body, velocity });
     }
     drives.sort_by_key(|drive| drive.body);
+    for load in &loads {
+        if bodies[load.body].imposed() & (1 << load.component) != 0 {
+            let (body, component) = (load.body + 1, load.component + 1);
+            notes.push(format!(
+                "DRV_DOF.DAT: the force on component {component} of body {body} does nothing: its velocity is imposed"
+            ));
+        }
+    }
     (drives, loads)
 }
 

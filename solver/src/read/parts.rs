@@ -104,6 +104,7 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
         mass,
         inertia: nearly_equal(inertia),
         driven: false,
+        pushed: [true; 3],
         material: material as u16,
         colour: pieces[0].colour,
         class: 0,

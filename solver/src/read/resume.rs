@@ -63,13 +63,13 @@ fn check(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> 
         refuse("snapshot".into(), found, format!("expected the {} of DATBOX", scene.bodies.len()));
     } else {
         let there =
-            |i: usize| (bodies.body_mass[i], bodies.body_radius[i], bodies.body_inertia[i], bodies.body_driven[i] != 0);
+            |i: usize| (bodies.body_mass[i], bodies.body_radius[i], bodies.body_inertia[i], bodies.body_driven[i]);
         let here = |i: usize| {
             let body = &scene.bodies[i];
-            (body.mass, body.radius, body.inertia, body.driven)
+            (body.mass, body.radius, body.inertia, body.imposed())
         };
-        let text = |(mass, radius, inertia, driven): (f64, f64, [f64; 3], bool)| {
-            format!("mass {mass} kg, radius {radius} m, moments {inertia:?} kg m², driven {driven}")
+        let text = |(mass, radius, inertia, imposed): (f64, f64, [f64; 3], u8)| {
+            format!("mass {mass} kg, radius {radius} m, moments {inertia:?} kg m², imposed components {imposed:06b}")
         };
         if let Some(i) = (0..scene.bodies.len()).find(|&i| there(i) != here(i)) {
             refuse(format!("body {}", i + 1), text(there(i)), format!("expected as in DATBOX: {}", text(here(i))));

@@ -137,7 +137,7 @@ impl<'a> Judge<'a> {
             for part in &parts {
                 (0..6).for_each(|k| sum[k] += part[body][k]);
             }
-            let v = record.v + Vec3::new(sum[0], sum[1], sum[2]) * record.inverse_mass;
+            let v = record.v + self.system.push(body as u32, &Vec3::new(sum[0], sum[1], sum[2]));
             let w = record.w + self.system.spin(body as u32, &Vec3::new(sum[3], sum[4], sum[5]));
             motion(&v, &w)
         };

@@ -2,14 +2,14 @@
 
 use cd_formats::compute::Adaptive;
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, DRIVEN_ALL, FORMAT, GravityArrays, LawName, MemoryArrays, Meta, Parameters, SHAPE_PARTS,
+    BodyArrays, ContactArrays, FORMAT, GravityArrays, LawName, MemoryArrays, Meta, Parameters, SHAPE_PARTS,
     SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
 };
 use cd_formats::tact_behav::LAWS;
 
 use crate::laws::{Cohesion, Law};
 use crate::math::Vec3;
-use crate::scene::{Part, Scene, Shape};
+use crate::scene::{Body, Part, Scene, Shape};
 use crate::state::{SolvedContact, State, Status};
 
 /// All of the state, with what of the scene its reader needs.
@@ -111,7 +111,7 @@ fn bodies(scene: &Scene, state: &State) -> BodyArrays {
                 Shape::Parts => SHAPE_PARTS,
             })
             .collect(),
-        body_driven: body.iter().map(|b| if b.driven { DRIVEN_ALL } else { 0 }).collect(),
+        body_driven: body.iter().map(Body::imposed).collect(),
         body_colour: body.iter().map(|b| b.colour).collect(),
         body_material: body.iter().map(|b| b.material).collect(),
     }

@@ -175,6 +175,12 @@ impl Case {
         self.driven.push(Driven { line: 0, body, component, kind: DrivenKind::Force, evolution });
     }
 
+    /// Leaves a driven body to a constant force (N) along an axis.
+    pub fn press(&mut self, body: usize, axis: usize, force: f64) {
+        self.driven.retain(|driven| driven.body != body || driven.component != axis);
+        self.pull(body, axis, force);
+    }
+
     /// One law for all contacts.
     pub fn law(&mut self, kind: &str, parameters: &[f64]) {
         self.tact = TactBehav::default();

@@ -5,7 +5,7 @@ use std::fs;
 use std::process::Command;
 
 use cd_formats::bodies::Shape;
-use cd_formats::compute::{Action, Event};
+use cd_formats::compute::{Action, Event, Field};
 use cd_formats::drv_dof::{Driven, DrivenKind, Evolution};
 
 use crate::case::Case;
@@ -139,12 +139,19 @@ fn motion_imposed_in_part() {
     let mut case = sound();
     case.driven.truncate(4);
     let partial = "CASE/DATBOX/DRV_DOF.DAT:6: body 1: velocity components 5, 6 are free while others are driven; \
-                   expected all six or none: bodies driven in part are not computed";
+                   expected 4 to 6 driven, which may be at 0: a body driven in part turns as imposed";
     let free = "CASE/DATBOX/BODIES.DAT:1: body 1: a PLANx that may move freely; \
-                expected six vlocy lines in DRV_DOF.DAT: plates are walls, all their motion is imposed";
+                expected vlocy lines in DRV_DOF.DAT: plates are walls, some or all of their motion is imposed";
     written_refused(&case, &[], &[partial, free]);
     case.driven.clear();
     written_refused(&case, &[], &[free]);
+    // Coriolis' force acts on grains alone.
+    let mut case = sound();
+    case.press(0, 2, 1.0);
+    case.options.fields = vec![Field::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] }];
+    let turning = "CASE/DATBOX/DRV_DOF.DAT: body 1: driven in part in axes that turn; \
+                   expected all six components driven or none: Coriolis' force on such a body is not computed";
+    written_refused(&case, &[], &[turning]);
 }
 
 #[test]
@@ -169,8 +176,8 @@ fn shapes_that_are_not_computed() {
     for (hollow, name, kind) in [(false, "CYLND", "cylinders"), (true, "DNLYC", "hollow cylinders")] {
         case.bodies[1].contactors[0].shape = Shape::Cylinder { half_height: 1.0, radius: 1.0, hollow };
         let line = format!(
-            "CASE/DATBOX/BODIES.DAT:11: body 2: a {name} that may move freely; expected six vlocy lines in DRV_DOF.DAT: \
-             {kind} are walls, all their motion is imposed"
+            "CASE/DATBOX/BODIES.DAT:11: body 2: a {name} that may move freely; expected vlocy lines in DRV_DOF.DAT: \
+             {kind} are walls, some or all of their motion is imposed"
         );
         written_refused(&case, &[], &[&line]);
     }

@@ -239,3 +239,67 @@ fn a_moment_turns_with_its_body() {
         assert!(errors[2] < 1e-3, "{errors:?}");
     }
 }
+
+/// A plate of 4 x 4 x 1 m and 16 kg at a height, pressed down with 32 N in 8 m/s^2, that moves along x at 1/4 m/s.
+fn press(case: &mut Case, height: f64) -> usize {
+    case.gravity = [0.0, 0.0, -8.0];
+    case.options.dt = STEP;
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let plate = case.plate([2.0, 2.0, 0.5], [0.0, 0.0, height + 0.5], axes);
+    case.drive_along(plate, 0, Evolution::constant(0.25));
+    case.press(plate, 2, -32.0);
+    plate
+}
+
+#[test]
+fn a_plate_driven_in_part_falls_by_its_weight_and_force() {
+    let mut case = Case::new();
+    let plate = press(&mut case, 0.0);
+    case.sphere(0.5, [9.0, 9.0, 9.0]); // somebody must be free
+    for state in case.states(256, 32) {
+        let t = state.meta.time;
+        // 8 + 32/16 m/s^2; sums of 256 terms.
+        near(state.x(plate), [0.25 * t, 0.0, 0.5 - 5.0 * t * t], 1e-12);
+        near(state.v(plate), [0.25, 0.0, -10.0 * t], 1e-12);
+        assert_eq!(state.bodies.body_driven[plate], 0b11_1011);
+    }
+}
+
+#[test]
+fn a_press_gives_its_load_to_the_floor() {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    let floor = case.floor();
+    case.drive_along(floor, 0, Evolution::constant(0.25));
+    let plate = press(&mut case, 1.0);
+    let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
+    case.launch(ball, [0.25, 0.0, 0.0], [0.0; 3]); // as both
+    for state in &case.states(256, 32)[1..] {
+        let load = 16.0 * 8.0 + 32.0;
+        equal(state.force(ball, plate).unwrap().x, load, 1e-10); // of some hundred newtons, to the solver's tolerance
+        equal(state.force(ball, floor).unwrap().x, load + 8.0 * state.mass(ball), 1e-10);
+        near(state.x(plate) - state.x(ball), [0.0, 0.0, 1.0], 1e-12); // sums of 256 terms
+    }
+    // The floor takes what press and weight bring.
+    assert!(case.column("momentum_drift").iter().all(|drift| *drift < 1e-12));
+}
+
+#[test]
+fn a_guided_sphere_is_struck() {
+    let mut case = Case::new();
+    case.law("RST_CLB", &[1.0, 0.0, 0.0]);
+    case.options.dt = STEP.powi(4); // the way of half a step turns the normal
+    let guided = case.sphere(0.5, [0.0; 3]);
+    case.drive(guided, [0.0; 6].map(Evolution::constant));
+    case.press(guided, 0, 0.0);
+    let ball = case.sphere(0.5, [0.6, 0.8, 0.0]);
+    case.launch(ball, [-1.0, 0.0, 0.0], [0.0; 3]);
+    let state = case.run(1);
+    // Along n = (0.6, 0.8) each kilogram of the ball has 1/m, of the guided sphere 0.6^2/m:
+    // r/m = 2 * 0.6 / (1 + 0.36), and all energy is kept.
+    let r = 1.2 / 1.36;
+    near(state.v(ball), [-1.0 + 0.6 * r, 0.8 * r, 0.0], 1e-8); // h
+    near(state.v(guided), [-0.6 * r, 0.0, 0.0], 1e-8);
+    let energy = state.v(ball).norm_squared() + state.v(guided).norm_squared();
+    equal(energy, 1.0, 1e-12); // the law's, to rounding
+}

@@ -32,6 +32,8 @@ pub struct Batch {
     pub bodies: [[u32; BATCH]; 2],
     /// First and last + 1 of its points.
     pub points: [usize; 2],
+    /// Whether some of its bodies are pushed along some of the fixed axes alone.
+    pub held: bool,
 }
 
 /// One contact of each pair of a batch: what is constant of it. Unused places are pushed by nothing and stay at rest.
@@ -122,7 +124,8 @@ pub struct Range<C: Contacts> {
     pub sums: Sums,
 }
 
-/// Lines of the touched bodies, range by range: v, 1/m, w and an unused place; inverse inertia xx, xy, xz, yy, yz, zz.
+/// Lines of the touched bodies, range by range: v, 1/m, w and an unused place; inverse inertia xx, xy, xz, yy, yz, zz, and
+/// two unused places. Of bodies that are [held](Full::held) the three hold 1 for x, y and z along which these are pushed, else 0.
 pub struct Problem<C: Contacts> {
     pub lines: Vec<Line>,
     pub previous: Vec<Line>,
@@ -188,9 +191,10 @@ impl<C: Contacts> Problem<C> {
         for range in 0..count {
             for &body in members[range].iter().chain(&fixed[range]) {
                 let Record { v, inverse_mass, w, .. } = &records[body as usize];
-                lines.push([v.x, v.y, v.z, *inverse_mass, w.x, w.y, w.z, 0.0]);
+                let pushed = full.pushed(body as usize);
+                lines.push([v.x, v.y, v.z, *inverse_mass, w.x, w.y, w.z, pushed.x]);
                 let m = &full.inverse_inertia[body as usize];
-                inertia.push([m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], 0.0, 0.0]);
+                inertia.push([m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], pushed.y, pushed.z]);
             }
             lines.push([0.0; 8]);
             inertia.push([0.0; 8]);
@@ -290,7 +294,9 @@ impl<C: Contacts> Batches<C> {
     ) {
         let Reactions { impulses, moments } = reactions;
         let first = self.points.len();
-        let mut batch = Batch { bodies: [[unused; BATCH]; 2], points: [first, first] };
+        let mut bodies = members.iter().flat_map(|&k| pairs[k as usize].bodies);
+        let held = bodies.any(|body| full.holds(body as usize));
+        let mut batch = Batch { bodies: [[unused; BATCH]; 2], points: [first, first], held };
         for (lane, &k) in members.iter().enumerate() {
             let pair = &pairs[k as usize];
             for side in 0..2 {

@@ -39,7 +39,13 @@ mod tests {
         let mut pairs: Vec<[u32; 2]> = (1..count).flat_map(|k| vec![[k, k - 1]; 1 + (k % 5) as usize]).collect();
         pairs.extend((1..count / 3).map(|k| [3 * k, 3 * k - 2]));
         pairs.sort_unstable();
-        let mut full = Full { arms: Vec::new(), inverse_inertia: (0..count).map(inertia).collect() };
+        // Some are not pushed along one axis.
+        let held = |k: u32| if k % 7 == 3 { Vec3::x() } else { Vec3::zeros() };
+        let mut full = Full {
+            arms: Vec::new(),
+            held: (0..count).map(held).collect(),
+            inverse_inertia: (0..count).map(inertia).collect(),
+        };
         let records: Vec<Record> = (0..count).map(record).collect();
         let mut rows = Vec::new();
         for (k, bodies) in pairs.into_iter().enumerate() {

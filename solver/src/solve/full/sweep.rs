@@ -102,7 +102,11 @@ impl<L: Lanes, C: Swept> NullaryFnOnce for Run<'_, L, C> {
             for from in (0..BATCH).step_by(L::WIDTH) {
                 let (points, impulses) = (&points[first..end], &mut impulses[first..end]);
                 let rolls = rolls.get_mut(first..end).unwrap_or_default();
-                solve_batch(lanes, lines, inertia, batch, points, impulses, rolls, beta, sums, from);
+                if batch.held {
+                    solve_batch::<true, _, _>(lanes, lines, inertia, batch, points, impulses, rolls, beta, sums, from);
+                } else {
+                    solve_batch::<false, _, _>(lanes, lines, inertia, batch, points, impulses, rolls, beta, sums, from);
+                }
             }
         }
     }
@@ -115,6 +119,8 @@ pub struct Motions<V> {
     vb: [V; 3],
     wb: [V; 3],
     inverse_mass: [V; 2],
+    /// 1 for each fixed axis along which they are pushed, else 0.
+    pushed: [[V; 3]; 2],
     /// Inverse inertia xx, xy, xz, yy, yz, zz.
     inertia: [[V; 8]; 2],
 }
@@ -127,8 +133,9 @@ pub struct Moved<V> {
 
 /// What a sweep does with the contacts of a batch.
 pub trait Swept: Contacts {
-    /// Solves those at `places`, from y = r + beta (r - r_before), and gives the change to the bodies at once.
-    fn solve<L: Lanes>(
+    /// Solves those at `places`, from y = r + beta (r - r_before), and gives the change to the bodies at once, of which some
+    /// are pushed along some axes alone if `HELD`.
+    fn solve<const HELD: bool, L: Lanes>(
         &self,
         l: L,
         values: &mut Self::Impulses,
@@ -140,6 +147,12 @@ pub trait Swept: Contacts {
 
     /// The normals, world frame, and r̂_n, N s, of the contacts at `places`.
     fn pressing<L: Lanes>(&self, l: L, values: &Self::Impulses, places: std::ops::Range<usize>) -> ([L::V; 3], L::V);
+}
+
+/// Of a vector what acts on each of the two bodies.
+#[inline(always)]
+fn along<const HELD: bool, L: Lanes>(l: L, pushed: &[[L::V; 3]; 2], x: [L::V; 3]) -> [[L::V; 3]; 2] {
+    if HELD { [triple!(k => l.mul(x[k], pushed[0][k])), triple!(k => l.mul(x[k], pushed[1][k]))] } else { [x, x] }
 }
 
 /// I⁻¹ a + c, I⁻¹ by its six numbers.
@@ -167,7 +180,7 @@ macro_rules! load3 {
 
 impl Swept for Point {
     #[inline(always)]
-    fn solve<L: Lanes>(
+    fn solve<const HELD: bool, L: Lanes>(
         &self,
         l: L,
         values: &mut Impulses,
@@ -176,7 +189,7 @@ impl Swept for Point {
         pair: &mut Motions<L::V>,
         moved: &mut Moved<L::V>,
     ) {
-        let Motions { va, wa, vb, wb, inverse_mass, inertia } = pair;
+        let Motions { va, wa, vb, wb, inverse_mass, pushed, inertia } = pair;
         let axes = [load3!(l, at, self.axes[0]), load3!(l, at, self.axes[1]), load3!(l, at, self.axes[2])];
         let (arm_a, arm_b) = (load3!(l, at, self.arms[0]), load3!(l, at, self.arms[1]));
         let (ua, ub) = (cross_add(l, *wa, arm_a, *va), cross_add(l, *wb, arm_b, *vb));
@@ -201,8 +214,9 @@ impl Swept for Point {
         let change = triple!(k => l.sub(new[k], y[k]));
         let world = triple!(k => l.mul_add(axes[0][k], change[0], l.mul_add(axes[1][k], change[1], l.mul(axes[2][k], change[2]))));
         let zero = [l.splat(0.0); 3];
-        *va = triple!(k => l.mul_add(world[k], inverse_mass[0], va[k]));
-        *vb = triple!(k => l.neg_mul_add(world[k], inverse_mass[1], vb[k]));
+        let [to_a, to_b] = along::<HELD, L>(l, pushed, world);
+        *va = triple!(k => l.mul_add(to_a[k], inverse_mass[0], va[k]));
+        *vb = triple!(k => l.neg_mul_add(to_b[k], inverse_mass[1], vb[k]));
         *wa = answer(l, inertia[0], cross_add(l, arm_a, world, zero), *wa);
         *wb = answer(l, inertia[1], cross_add(l, world, arm_b, zero), *wb);
         let way = triple!(k => l.sub(new[k], r[k]));
@@ -218,7 +232,7 @@ impl Swept for Point {
 
 impl Swept for Normal {
     #[inline(always)]
-    fn solve<L: Lanes>(
+    fn solve<const HELD: bool, L: Lanes>(
         &self,
         l: L,
         values: &mut Push,
@@ -227,7 +241,7 @@ impl Swept for Normal {
         pair: &mut Motions<L::V>,
         moved: &mut Moved<L::V>,
     ) {
-        let Motions { va, wa, vb, wb, inverse_mass, .. } = pair;
+        let Motions { va, wa, vb, wb, inverse_mass, pushed, .. } = pair;
         let n = load3!(l, at, self.normal);
         let between = triple!(k => l.sub(va[k], vb[k]));
         let turned = l.sub(dot(l, *wa, load3!(l, at, self.arms[0])), dot(l, *wb, load3!(l, at, self.arms[1])));
@@ -241,8 +255,9 @@ impl Swept for Normal {
         l.store(&mut values.r[at.clone()], new);
         let change = l.sub(new, y);
         let (push_a, push_b) = (l.mul(change, inverse_mass[0]), l.mul(change, inverse_mass[1]));
-        *va = triple!(k => l.mul_add(n[k], push_a, va[k]));
-        *vb = triple!(k => l.neg_mul_add(n[k], push_b, vb[k]));
+        let [to_a, to_b] = along::<HELD, L>(l, pushed, n);
+        *va = triple!(k => l.mul_add(to_a[k], push_a, va[k]));
+        *vb = triple!(k => l.neg_mul_add(to_b[k], push_b, vb[k]));
         *wa = triple!(k => l.mul_add(load!(l, at, self.answers[0][k]), change, wa[k]));
         *wb = triple!(k => l.neg_mul_add(load!(l, at, self.answers[1][k]), change, wb[k]));
         moved.uphill = l.neg_mul_add(l.mul(load!(l, at, self.weight), change), l.sub(new, r), moved.uphill);
@@ -258,7 +273,7 @@ impl Swept for Normal {
 /// Solves the contacts of the `WIDTH` pairs of a batch that start at place `from`.
 #[allow(clippy::too_many_arguments)]
 #[inline(always)]
-fn solve_batch<L: Lanes, C: Swept>(
+fn solve_batch<const HELD: bool, L: Lanes, C: Swept>(
     l: L,
     lines: &mut [Line],
     inertia: &[Line],
@@ -275,18 +290,21 @@ fn solve_batch<L: Lanes, C: Swept>(
     let index = [&batch.bodies[0][at.clone()], &batch.bodies[1][at.clone()]];
     let a = l.gather(lines, index[0]);
     let b = l.gather(lines, index[1]);
+    let (inertia_a, inertia_b) = (l.gather(inertia, index[0]), l.gather(inertia, index[1]));
+    let pushed = [[a[7], inertia_a[6], inertia_a[7]], [b[7], inertia_b[6], inertia_b[7]]];
     let mut pair = Motions {
         va: [a[0], a[1], a[2]],
         wa: [a[4], a[5], a[6]],
         vb: [b[0], b[1], b[2]],
         wb: [b[4], b[5], b[6]],
         inverse_mass: [a[3], b[3]],
-        inertia: [l.gather(inertia, index[0]), l.gather(inertia, index[1])],
+        pushed,
+        inertia: [inertia_a, inertia_b],
     };
     let mut moved = Moved { uphill: load!(l, at, sums.uphill), change2: load!(l, at, sums.change2) };
     let mut rolls = rolls.iter_mut();
     for (point, values) in points.iter().zip(impulses) {
-        point.solve(l, values, at.clone(), beta, &mut pair, &mut moved);
+        point.solve::<HELD, L>(l, values, at.clone(), beta, &mut pair, &mut moved);
         if let Some(rolls) = rolls.next() {
             let (n, pressing) = point.pressing(l, values, at.clone());
             let w = triple!(k => l.sub(pair.wa[k], pair.wb[k]));
