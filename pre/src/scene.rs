@@ -405,7 +405,7 @@ pub enum Wall {
         velocity: [Evolution; 3],
         /// Force, N, along the fixed axes: where there is one the plate moves as this, its weight and contacts push it.
         #[serde(default)]
-        force: [Option<Evolution>; 3],
+        force: Box<[Option<Evolution>; 3]>,
         /// Angular velocity, rad/s, about the plate's first axis, second axis and normal.
         #[serde(default)]
         rotation: [Evolution; 3],

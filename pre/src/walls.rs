@@ -54,7 +54,7 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<Plate> {
                 axes: plate_axes(&(*normal).into(), first_axis.map(Vector3::from)),
                 half_lengths: round_point(&(*half_lengths).into()),
                 motion: [a, b, c, d, e, f],
-                force: force.clone(),
+                force: *force.clone(),
             }]
         }
         Wall::Box { material, colour, centre, lengths, orientation, half_thickness, lid, velocity } => {
