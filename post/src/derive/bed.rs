@@ -19,7 +19,7 @@ pub struct Bed {
     pub area: f64,
     /// Thickness of the uniform bed of the same centre of mass, m: twice the height of that above the floor.
     pub height: f64,
-    /// Indices into [`Frame::grains`], rising: of the groups that a wall touches with force.
+    /// Indices into [`Frame::grains`], rising: of the groups that a wall touches with force, and what is among them.
     pub grains: Vec<usize>,
     /// sum V_i sigma_i over them, J ([`grain_stresses`]).
     moment: Mat3,
@@ -33,15 +33,15 @@ impl Bed {
     ///
     /// The floor is the plate that bears most of the weight; where none does (a floor of held spheres) it is level, at the lowest
     /// point of a grain. A plate bounds the room by those of its faces that have the centres of all the bed's grains before them, a
-    /// hollow cylinder if it has all of them within.
+    /// hollow cylinder if it has all of them within. What nothing holds at that instant but is in the room, with its centre no
+    /// higher than the highest point of the others, is of the bed: where a bed flows that is a part of it.
     pub fn of(frame: &Frame, fragments: &[Fragment]) -> Option<Bed> {
         let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
-        let grains = borne(frame, fragments);
+        let mut grains = borne(frame, fragments);
         if grains.is_empty() {
             return None;
         }
         let members = || grains.iter().map(|&i| &frame.grains[i]);
-        let mass: f64 = members().map(|g| g.mass).sum();
         let faces: Vec<Face> = (0..frame.walls.len()).flat_map(|k| bounding_faces(frame, k, &grains)).collect();
         let mut bears = vec![0.0; frame.walls.len()];
         for contact in frame.active() {
@@ -58,9 +58,18 @@ impl Bed {
         let up = floor.map_or(if frame.cell().repeats() { Vec3::z() } else { against }, |floor| floor.normal);
         let lowest = || members().map(|g| extent(g, &up)[0]).fold(f64::INFINITY, f64::min);
         let floor = floor.map_or_else(lowest, |floor| floor.place);
-        let centre = members().map(|g| g.mass * g.x).sum::<Vec3>() / mass;
+        let centre = centre_of_mass(members());
         let bores: Vec<Bore> = (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &grains)).collect();
         let area = section(&faces, &bores, &frame.cell(), &up, &centre, members())?;
+        let top = members().map(|g| extent(g, &up)[1]).fold(floor, f64::max);
+        let inside = |x: &Vec3| faces.iter().all(|f| f.before(x)) && bores.iter().all(|bore| bore.around(x));
+        let among = |g: &Grain| (floor..=top).contains(&g.x.dot(&up)) && inside(&g.x);
+        let others: Vec<usize> =
+            (0..frame.grains.len()).filter(|i| grains.binary_search(i).is_err() && among(&frame.grains[*i])).collect();
+        grains.extend(others);
+        grains.sort_unstable();
+        let members = || grains.iter().map(|&i| &frame.grains[i]);
+        let centre = centre_of_mass(members());
         let stresses = grain_stresses(frame);
         Some(Bed {
             up,
@@ -191,6 +200,17 @@ struct Face {
     place: f64,
 }
 
+impl Face {
+    fn before(&self, x: &Vec3) -> bool {
+        x.dot(&self.normal) >= self.place
+    }
+}
+
+fn centre_of_mass<'a>(grains: impl Iterator<Item = &'a Grain>) -> Vec3 {
+    let (moment, mass) = grains.fold((Vec3::zeros(), 0.0), |(moment, mass), g| (moment + g.mass * g.x, mass + g.mass));
+    moment / mass
+}
+
 fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face> {
     let WallShape::Plate(half) = &frame.walls[wall].shape else { return Vec::new() };
     let (x, rotation) = (frame.walls[wall].x, frame.walls[wall].rotation);
@@ -198,7 +218,7 @@ fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face> {
         let normal = rotation * Vec3::ith(axis, sign);
         Face { wall, normal, place: normal.dot(&x) + half[axis] }
     };
-    let all_before = |face: &Face| grains.iter().all(|&i| frame.grains[i].x.dot(&face.normal) >= face.place);
+    let all_before = |face: &Face| grains.iter().all(|&i| face.before(&frame.grains[i].x));
     (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]).map(face).filter(all_before).collect()
 }
 
@@ -209,12 +229,17 @@ struct Bore {
     radius: f64,
 }
 
+impl Bore {
+    fn around(&self, x: &Vec3) -> bool {
+        (x - self.x).cross(&self.axis).norm() <= self.radius
+    }
+}
+
 fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<Bore> {
     let wall = &frame.walls[wall];
     let WallShape::Polyhedron(solid) = &wall.shape else { return None };
     let bore = Bore { x: wall.x, axis: wall.rotation * Vec3::z(), radius: solid.bore? };
-    let within = |&i: &usize| (frame.grains[i].x - bore.x).cross(&bore.axis).norm() <= bore.radius;
-    grains.iter().all(within).then_some(bore)
+    grains.iter().all(|&i| bore.around(&frame.grains[i].x)).then_some(bore)
 }
 
 /// Sides of the polygon for which the section of a hollow cylinder is taken: of the same area, and of the same shape where a plate cuts it.
@@ -378,6 +403,20 @@ mod tests {
                 assert!(found.stress_ratio().abs() < 1e-14);
             }
         }
+    }
+
+    #[test]
+    fn what_nothing_holds_is_of_the_bed_where_it_is_among_the_others() {
+        let mut scene = columns(3, false, [true; 4], UnitQuaternion::identity());
+        let held = bed(&scene).unwrap();
+        // In the bed, above it, under the floor and beyond a side.
+        for x in [[1.0, 1.0, 1.5], [1.0, 1.0, 3.1], [1.0, 1.0, -2.0], [3.5, 1.0, 1.5]] {
+            scene.grain(x, 0.125);
+        }
+        let found = bed(&scene).unwrap();
+        assert_eq!((found.area, found.floor, found.moment), (held.area, held.floor, held.moment));
+        assert_eq!(found.grains.len(), held.grains.len() + 1);
+        assert_close(found.filled, held.filled + std::f64::consts::PI / 384.0);
     }
 
     #[test]
