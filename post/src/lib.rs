@@ -65,6 +65,9 @@ enum Command {
         /// Step of the snapshot; without it the last
         #[arg(long, value_name = "STEP")]
         snapshot: Option<u64>,
+        /// Layers of a bed are means over so many snapshots up to that one
+        #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+        mean: u32,
     },
     /// The same observable of several runs in one figure, and their values in one table.
     ///
@@ -210,7 +213,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     };
     let done = pool.install(|| match &command {
         None => process(&options),
-        Some(Command::State { dir, snapshot }) => state::write(dir, *snapshot).map(|(folder, notes)| {
+        Some(Command::State { dir, snapshot, mean }) => state::write(dir, *snapshot, *mean).map(|(folder, notes)| {
             tell(format_args!("cd-post: {}", folder.display()));
             notes
         }),

@@ -83,28 +83,47 @@ const SHELLS: usize = 20;
 const BIN: f64 = 0.25;
 
 /// Reads a snapshot, the last without `step`; writes `POSTPRO/state-NNNNNN/` and returns its path and
-/// what is worth a report.
-pub fn write(dir: &Path, step: Option<u64>) -> Result<(PathBuf, Vec<String>), Faults> {
+/// what is worth a report. Layers of a bed are means over `mean` snapshots up to that one.
+pub fn write(dir: &Path, step: Option<u64>, mean: u32) -> Result<(PathBuf, Vec<String>), Faults> {
     let outbox = dir.join("OUTBOX");
     let all = snapshots(&outbox)?;
     let (last, _) = all[all.len() - 1];
     let wanted = step.unwrap_or(last);
-    let (step, path) = all.iter().find(|(step, _)| *step == wanted).ok_or_else(|| {
+    let place = all.iter().position(|(step, _)| *step == wanted).ok_or_else(|| {
         let found = format!("holds no snapshot of step {wanted}");
         Fault::new(&outbox, None, "folder", found, format!("expected one of steps {} to {last}", all[0].0))
     })?;
-    let frame = Frame::read(path, &Shapes::default())?;
+    let (step, path) = &all[place];
+    let first = (place + 1).checked_sub(mean as usize).ok_or_else(|| {
+        let found = format!("a mean over {mean} snapshots, of which {} are not later than step {step}", place + 1);
+        Fault::new(&outbox, None, "--mean", found, format!("expected at most {}", place + 1))
+    })?;
+    let shapes = Shapes::default();
+    let frame = Frame::read(path, &shapes)?;
     let folder = dir.join("POSTPRO").join(format!("state-{step:06}"));
     if frame.grains.is_empty() {
         return Ok((folder, vec![format!("the snapshot of step {step} holds no grain: nothing is written")]));
     }
-    for (name, bytes) in files(&frame, &newcomers(dir)?) {
+    let mut files = files(&frame, &newcomers(dir)?);
+    let mut notes = Vec::new();
+    if mean > 1 {
+        let mut frames = Vec::new();
+        for (_, path) in &all[first..place] {
+            frames.push(Frame::read(path, &shapes)?);
+        }
+        frames.push(frame.clone());
+        files.retain(|(name, _)| !name.starts_with("layers"));
+        match mean_layers(&frames) {
+            Some(layers) => files.extend(layers),
+            None => notes.push(format!("not all of {mean} snapshots have a bed: no mean layers")),
+        }
+    }
+    for (name, bytes) in files {
         atomic::write(&folder.join(name), &bytes)?;
     }
-    let notes = match frame.cell().repeats() {
-        true => vec!["the scene repeats and has no centre: no profile, no surface".to_string()],
-        false => Vec::new(),
-    };
+    if frame.cell().repeats() {
+        notes.push("the scene repeats and has no centre: no profile, no surface".into());
+    }
     Ok((folder, notes))
 }
 
@@ -135,7 +154,7 @@ pub fn files(frame: &Frame, newcomers: &HashSet<u64>) -> Vec<File> {
     files.push(("fabric.csv", fabric_table(frame).into_bytes()));
     files.extend(ejecta(frame, &fragments, newcomers));
     if let Some(bed) = Bed::of(frame, &fragments) {
-        files.extend(layers(frame, &bed));
+        files.extend(layers(&bed.layers(frame, SHELLS, bed.top(frame))));
     }
     if !frame.cell().repeats() {
         files.extend(profiles(frame, &fragments[0]));
@@ -177,16 +196,21 @@ fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
     ]
 }
 
+/// The mean layers of a bed in several frames, from the floor to its highest point in any of them; None if one has no bed.
+fn mean_layers(frames: &[Frame]) -> Option<Vec<File>> {
+    let beds: Vec<Bed> = frames.iter().map(|frame| Bed::of(frame, &fragments(frame))).collect::<Option<_>>()?;
+    let top = beds.iter().zip(frames).map(|(bed, frame)| bed.top(frame)).fold(0.0, f64::max);
+    let of_frames: Vec<Vec<Layer>> =
+        beds.iter().zip(frames).map(|(bed, frame)| bed.layers(frame, SHELLS, top)).collect();
+    let layer = |k: usize| Layer::mean(of_frames.iter().map(|layers| &layers[k]));
+    Some(layers(&(0..SHELLS).map(layer).collect::<Vec<_>>()))
+}
+
 /// The layers of a bed.
-fn layers(frame: &Frame, bed: &Bed) -> Vec<File> {
-    let layers = bed.layers(frame, SHELLS);
+fn layers(layers: &[Layer]) -> Vec<File> {
     let row = |l: &Layer| {
         let stresses = [l.pressure, l.vertical, l.horizontal, l.shear.norm(), l.weight];
-        [l.lower, l.upper, l.nu, l.grains as f64, l.z]
-            .into_iter()
-            .chain(stresses)
-            .chain(l.velocity.iter().copied())
-            .collect()
+        [l.lower, l.upper, l.nu, l.grains, l.z].into_iter().chain(stresses).chain(l.velocity.iter().copied()).collect()
     };
     let curve = |name: &str, of: fn(&Layer) -> f64| {
         Curve::line(name, layers.iter().map(|l| (0.5 * (l.lower + l.upper), of(l))).collect())

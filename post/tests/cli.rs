@@ -270,6 +270,22 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
     let cap = pi * 0.05f64.powi(2) * 1.45 / 3.0;
     assert!((layer("weight") - 2.0 * (2.0 * pi / 6.0 - cap)).abs() < 1e-14, "{}", layer("weight"));
     assert_eq!(["shear_stress", "v_x", "v_y", "v_z"].map(layer), [0.0; 4]);
+    // The mean of two of which the second moves by 1 m/s along x.
+    scene.snapshot.bodies.body_v.iter_mut().for_each(|v| v[0] = 1.0);
+    scene.snapshot.meta.step = 1;
+    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 1)).unwrap();
+    let state = case.path().join("POSTPRO/state-000001/layers.csv");
+    for (count, v_x) in [("1", 1.0), ("2", 0.5)] {
+        assert_eq!(cd_post(&["state", "--mean", count], case.path()).status.code(), Some(1));
+        assert_eq!((column(&state, "v_x")[0], column(&state, "nu")), (v_x, nu.clone()));
+    }
+    let output = cd_post(&["state", "--mean", "3"], case.path());
+    assert_eq!(output.status.code(), Some(2));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        said.contains("--mean: a mean over 3 snapshots, of which 2 are not later than step 1; expected at most 2"),
+        "{said}"
+    );
 }
 
 #[test]

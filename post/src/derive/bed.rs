@@ -97,13 +97,18 @@ impl Bed {
         horizontal(&self.moment, &self.up) / vertical(&self.moment, &self.up)
     }
 
-    /// `count` layers of equal thickness from the floor to the highest point of the bed's grains.
+    /// The highest point of the bed's grains above the floor, m.
+    pub fn top(&self, frame: &Frame) -> f64 {
+        let highest = self.grains.iter().map(|&i| extent(&frame.grains[i], &self.up)[1]);
+        highest.fold(self.floor, f64::max) - self.floor
+    }
+
+    /// `count` layers of equal thickness from the floor to `top` (m) above it, its highest point or beyond.
     ///
     /// Stresses are those of each grain, each with the share of its volume that lies in the layer.
-    pub fn layers(&self, frame: &Frame, count: usize) -> Vec<Layer> {
+    pub fn layers(&self, frame: &Frame, count: usize, top: f64) -> Vec<Layer> {
         let (stresses, neighbours) = (grain_stresses(frame), neighbour_counts(frame));
         let members = || self.grains.iter().map(|&i| (i, &frame.grains[i]));
-        let top = members().map(|(_, g)| extent(g, &self.up)[1]).fold(self.floor, f64::max) - self.floor;
         let (width, up) = (top / count as f64, &self.up);
         let gravity = -Vec3::from(frame.meta.parameters.uniform_gravity).dot(up);
         let layer = |k: usize| Layer { lower: k as f64 * width, upper: (k + 1) as f64 * width, ..Layer::default() };
@@ -111,7 +116,7 @@ impl Bed {
         for (i, grain) in members() {
             let [low, high] = extent(grain, up).map(|h| h - self.floor);
             let home = (((grain.x.dot(up) - self.floor) / width).max(0.0) as usize).min(count - 1);
-            layers[home].grains += 1;
+            layers[home].grains += 1.0;
             layers[home].z += f64::from(neighbours[i]);
             let (whole, volume) = (raw_below(grain, up, f64::INFINITY), grain.volume());
             // Its share below a height above the floor; what sinks below the floor is in the first layer.
@@ -139,7 +144,7 @@ impl Bed {
             }
         }
         for layer in &mut layers {
-            layer.z /= layer.grains as f64;
+            layer.z /= layer.grains;
             layer.velocity /= layer.nu;
         }
         layers
@@ -156,7 +161,7 @@ pub struct Layer {
     /// Share of the layer that grains fill.
     pub nu: f64,
     /// Grains with their centre in the layer.
-    pub grains: u64,
+    pub grains: f64,
     /// Their mean number of neighbours touched with force; NaN without.
     pub z: f64,
     /// A third of the trace of the stress, Pa.
@@ -171,6 +176,31 @@ pub struct Layer {
     pub weight: f64,
     /// Mean over the volume that grains fill, m/s; NaN without.
     pub velocity: Vec3,
+}
+
+impl Layer {
+    /// The mean of the same layer at several times; neighbours are a mean over grains, velocities over what these fill.
+    pub fn mean<'a>(times: impl ExactSizeIterator<Item = &'a Layer>) -> Layer {
+        let share = 1.0 / times.len() as f64;
+        let (mut sum, mut z, mut flux) = (Layer::default(), 0.0, Vec3::zeros());
+        for layer in times {
+            (sum.lower, sum.upper) = (layer.lower, layer.upper);
+            sum.nu += share * layer.nu;
+            sum.grains += share * layer.grains;
+            sum.pressure += share * layer.pressure;
+            sum.vertical += share * layer.vertical;
+            sum.horizontal += share * layer.horizontal;
+            sum.shear += share * layer.shear;
+            sum.weight += share * layer.weight;
+            if layer.grains > 0.0 {
+                z += share * layer.grains * layer.z;
+            }
+            if layer.nu > 0.0 {
+                flux += share * layer.nu * layer.velocity;
+            }
+        }
+        Layer { z: z / sum.grains, velocity: flux / sum.nu, ..sum }
+    }
 }
 
 fn vertical(stress: &Mat3, up: &Vec3) -> f64 {
@@ -406,6 +436,29 @@ mod tests {
     }
 
     #[test]
+    fn layers_have_a_mean_over_several_times() {
+        let at = |nu: f64, grains: f64, z: f64, v: f64| Layer {
+            lower: 1.0,
+            upper: 2.0,
+            nu,
+            grains,
+            z,
+            vertical: nu,
+            velocity: Vec3::x() * v,
+            ..Layer::default()
+        };
+        // A layer that is empty at one of four times has neighbours and velocity of the others.
+        let times = [
+            at(0.5, 4.0, 6.0, 1.0),
+            at(0.25, 1.0, 1.0, 4.0),
+            at(0.0, 0.0, f64::NAN, f64::NAN),
+            at(0.25, 5.0, 3.0, 2.0),
+        ];
+        assert_eq!(Layer::mean(times.iter()), at(0.25, 2.5, 4.0, 2.0));
+        assert!(Layer::mean([times[2]; 2].iter()).velocity.x.is_nan());
+    }
+
+    #[test]
     fn what_nothing_holds_is_of_the_bed_where_it_is_among_the_others() {
         let mut scene = columns(3, false, [true; 4], UnitQuaternion::identity());
         let held = bed(&scene).unwrap();
@@ -435,7 +488,7 @@ mod tests {
             let found = Bed::of(&frame, &fragments(&frame)).unwrap();
             // Layers cut the cubes; stress is that of each cube: half of what it bears and what bears it.
             for count in [1, 5, 7, 20] {
-                for layer in found.layers(&frame, count) {
+                for layer in found.layers(&frame, count, found.top(&frame)) {
                     let middle = 0.5 * (layer.lower + layer.upper);
                     assert_close(layer.nu, 1.0);
                     assert_close(layer.weight, 2.0 * (5.0 - middle));
@@ -443,7 +496,7 @@ mod tests {
                     if count == 5 {
                         assert_close(layer.vertical, 2.0 * (4.5 - cube));
                         assert_close(layer.pressure, layer.vertical / 3.0);
-                        assert_eq!((layer.grains, layer.z), (6, if cube == 4.0 { 1.0 } else { 2.0 }));
+                        assert_eq!((layer.grains, layer.z), (6.0, if cube == 4.0 { 1.0 } else { 2.0 }));
                     }
                 }
             }
@@ -451,10 +504,10 @@ mod tests {
         // Of spheres each layer of half a diameter has half.
         let frame = columns(4, false, [true; 4], UnitQuaternion::identity()).frame();
         let found = Bed::of(&frame, &fragments(&frame)).unwrap();
-        for layer in found.layers(&frame, 8) {
+        for layer in found.layers(&frame, 8, found.top(&frame)) {
             assert_close(layer.nu, std::f64::consts::PI / 6.0);
         }
-        let thin: f64 = found.layers(&frame, 13).iter().map(|layer| layer.nu).sum();
+        let thin: f64 = found.layers(&frame, 13, found.top(&frame)).iter().map(|layer| layer.nu).sum();
         assert_close(thin / 13.0, std::f64::consts::PI / 6.0);
     }
 
@@ -472,7 +525,7 @@ mod tests {
             below = cube;
         }
         let frame = scene.frame();
-        let layers = Bed::of(&frame, &fragments(&frame)).unwrap().layers(&frame, 5);
+        let layers = Bed::of(&frame, &fragments(&frame)).map(|bed| bed.layers(&frame, 5, bed.top(&frame))).unwrap();
         for (k, layer) in layers.iter().enumerate() {
             // Half of what it bears and half of what bears it.
             let borne = 4.5 - k as f64;
