@@ -252,7 +252,7 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
             let (count, sum) = there.fold((0.0, 0.0), |(count, sum), p| (count + 1.0, sum + p.1));
             sum / count
         };
-        std::iter::once(x).chain(points.iter().map(at)).collect()
+        std::iter::once(x).chain(points.iter().map(at)).collect::<Vec<_>>()
     });
     (figure, csv(&header, rows))
 }

@@ -176,7 +176,7 @@ fn by(length: &str, title: &str, quantity: &str, unit: &str, curves: Vec<Curve>)
 fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
     let shells = shells(frame, &largest.grains, largest.whole.x, SHELLS);
     let rows =
-        shells.iter().map(|s| vec![s.inner, s.outer, s.nu, s.grains as f64, s.z, s.pressure, s.radial, s.tangential]);
+        shells.iter().map(|s| [s.inner, s.outer, s.nu, s.grains as f64, s.z, s.pressure, s.radial, s.tangential]);
     let points = |of: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
         (0..shells.len()).map(|k| (0.5 * (shells[k].inner + shells[k].outer), of(k))).collect()
     };
@@ -209,8 +209,8 @@ fn mean_layers(frames: &[Frame]) -> Option<Vec<File>> {
 /// The layers of a bed.
 fn layers(layers: &[Layer]) -> Vec<File> {
     let row = |l: &Layer| {
-        let stresses = [l.pressure, l.vertical, l.horizontal, l.shear.norm(), l.weight];
-        [l.lower, l.upper, l.nu, l.grains, l.z].into_iter().chain(stresses).chain(l.velocity.iter().copied()).collect()
+        let Layer { lower, upper, nu, grains, z, pressure, vertical, horizontal, weight, velocity: v, .. } = *l;
+        [lower, upper, nu, grains, z, pressure, vertical, horizontal, l.shear.norm(), weight, v.x, v.y, v.z]
     };
     let curve = |name: &str, of: fn(&Layer) -> f64| {
         Curve::line(name, layers.iter().map(|l| (0.5 * (l.lower + l.upper), of(l))).collect())
@@ -242,8 +242,8 @@ fn forces(frame: &Frame) -> Vec<File> {
     let mobilised: Vec<(f64, f64)> = (0..20).map(|k| ((k as f64 + 0.5) / 20.0, bins[k])).collect();
     let longest = densities.iter().map(Vec::len).max().unwrap_or(0);
     let rows = (0..longest).map(|k| {
-        let density = densities.iter().map(|bins| bins.get(k).map_or(0.0, |bin| bin.1));
-        std::iter::once((k as f64 + 0.5) * BIN).chain(density).collect()
+        let [normal, tangential, tension] = [0, 1, 2].map(|of: usize| densities[of].get(k).map_or(0.0, |bin| bin.1));
+        [(k as f64 + 0.5) * BIN, normal, tangential, tension]
     });
     let carried = ["normal", "tangential", "tension"].into_iter().zip(&densities).filter(|(_, bins)| !bins.is_empty());
     let forces = Figure {
@@ -258,7 +258,7 @@ fn forces(frame: &Frame) -> Vec<File> {
         y: Axis::linear("probability density", "1"),
         curves: vec![Curve::line("contacts", if shares.is_empty() { Vec::new() } else { mobilised.clone() })],
     };
-    let of_friction = mobilised.iter().filter(|_| !shares.is_empty()).map(|(x, p)| vec![*x, *p]);
+    let of_friction = mobilised.iter().filter(|_| !shares.is_empty()).map(|(x, p)| [*x, *p]);
     vec![
         text("forces.csv", table(&FORCES, rows)),
         text("forces.svg", forces.svg()),
@@ -352,7 +352,7 @@ fn ejecta(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>) -> Ve
     let rows = cumulated
         .iter()
         .rev()
-        .map(|&(speed, share)| vec![speed, if escape > 0.0 { speed / escape } else { f64::NAN }, share]);
+        .map(|&(speed, share)| [speed, if escape > 0.0 { speed / escape } else { f64::NAN }, share]);
     let figure = Figure {
         title: "Grains that have left the largest remnant".into(),
         x: Axis::linear("speed relative to it", "m/s"),
@@ -391,7 +391,7 @@ fn surface_files(frame: &Frame, largest: &Fragment) -> Vec<File> {
         text("surface.csv", csv(&header, facets.iter().map(row))),
         ("surface.vtp", surface_vtp(&facets, &slopes, grid)),
         text("surface_height.svg", map::svg("Height above the centre of mass", "height", "m", &heights, grid)),
-        text("slopes.csv", table(&SLOPES, below.into_iter().map(|(share, slope)| vec![share, slope]))),
+        text("slopes.csv", table(&SLOPES, below.into_iter().map(|(share, slope)| [share, slope]))),
         text("slopes.svg", figure.svg()),
         text("surface_slope.svg", map::svg("Slope against gravity and rotation", "slope", "°", &slopes, grid)),
     ]

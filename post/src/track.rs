@@ -86,7 +86,7 @@ pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
     }
     let (Some(first), Some(last)) = (first, last) else { unreachable!("select gives at least one") };
     let level = level(&first, body, &up, &seen[0]);
-    let rows: Vec<Vec<f64>> = seen.iter().map(|s| row(s, &up, level)).collect();
+    let rows: Vec<[f64; 13]> = seen.iter().map(|s| row(s, &up, level)).collect();
     let folder = dir.join(format!("POSTPRO/track-{body}"));
     let put = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
     put("track.csv", table(&COLUMNS, rows.clone()))?;
@@ -162,11 +162,11 @@ fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
     Some(Seen { time: frame.meta.time, x, v, reach, force, contacts })
 }
 
-fn row(seen: &Seen, up: &Vec3, level: f64) -> Vec<f64> {
+fn row(seen: &Seen, up: &Vec3, level: f64) -> [f64; 13] {
     let v = seen.v.unwrap_or(Vec3::repeat(f64::NAN));
     let depth = level - (seen.x.dot(up) - seen.reach);
     let Seen { time, x, force, contacts, .. } = seen;
-    vec![*time, x.x, x.y, x.z, v.x, v.y, v.z, depth, force.x, force.y, force.z, force.dot(up), *contacts as f64]
+    [*time, x.x, x.y, x.z, v.x, v.y, v.z, depth, force.x, force.y, force.z, force.dot(up), *contacts as f64]
 }
 
 /// Change of velocity beside that of free fall, over the larger speed, that tells of a shock between two snapshots.
@@ -174,7 +174,7 @@ const SHOCK: f64 = 0.01;
 
 /// The row of impact.csv; empty where nothing touched it. Where the acceleration of the free fall is not known, contacts
 /// alone tell that it is touched.
-fn bounce(seen: &[Seen], rows: &[Vec<f64>], up: &Vec3, free_fall: &Option<Vec3>) -> Vec<f64> {
+fn bounce(seen: &[Seen], rows: &[[f64; 13]], up: &Vec3, free_fall: &Option<Vec3>) -> [f64; 6] {
     let speed = |s: &Seen| s.v.map_or(f64::NAN, |v| v.dot(up));
     let largest = |k: usize| rows.iter().map(|row| row[k]).fold(f64::NAN, f64::max);
     let final_depth = rows.last().map_or(f64::NAN, |row| row[7]);
@@ -186,12 +186,12 @@ fn bounce(seen: &[Seen], rows: &[Vec<f64>], up: &Vec3, free_fall: &Option<Vec3>)
         _ => false,
     };
     let Some(touched) = (0..seen.len()).find(|&k| seen[k].contacts > 0 || struck(k)) else {
-        return vec![f64::NAN, f64::NAN, f64::NAN, largest(7), largest(11), final_depth];
+        return [f64::NAN, f64::NAN, f64::NAN, largest(7), largest(11), final_depth];
     };
     let arrival = -speed(&seen[touched.saturating_sub(1)]);
     let departure = seen[touched..].iter().map(speed).fold(f64::NAN, f64::max).max(0.0);
     let restitution = if arrival > 0.0 && seen[touched].v.is_some() { departure / arrival } else { f64::NAN };
-    vec![seen[touched].time, arrival, restitution, largest(7), largest(11), final_depth]
+    [seen[touched].time, arrival, restitution, largest(7), largest(11), final_depth]
 }
 
 /// Mean height of the bed's surface under the body: on its vertical and on circles of a quarter to three quarters of its
@@ -232,7 +232,7 @@ fn surface(frame: &Frame, body: u64, up: &Vec3, place: &Vec3) -> Option<f64> {
 }
 
 /// Rings about the vertical through `axis`: radius, mean height above `level` before and after.
-fn crater(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level: f64) -> Vec<Vec<f64>> {
+fn crater(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level: f64) -> Vec<[f64; 3]> {
     let cell = first.cell();
     let aside = |x: &Vec3| {
         let arm = x - axis - cell.nearest(x - axis);
@@ -252,7 +252,7 @@ fn crater(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level:
     // All rings of a bed that is nowhere beside the axis would be one point.
     (0..if widest > 0.0 { RINGS } else { 0 })
         .map(|k| widest * (k as f64 + 0.5) / RINGS as f64)
-        .map(|radius| vec![radius, mean(first, radius), mean(last, radius)])
+        .map(|radius| [radius, mean(first, radius), mean(last, radius)])
         .collect()
 }
 
@@ -286,7 +286,7 @@ mod tests {
         let level = surface(&frames[0], 5, &up, &Vec3::new(0.0, 0.0, 3.0)).unwrap();
         assert_eq!(level, 1.0);
         let seen: Vec<Seen> = frames.iter().map(|frame| find(frame, 5, &up).unwrap()).collect();
-        let rows: Vec<Vec<f64>> = seen.iter().map(|s| row(s, &up, level)).collect();
+        let rows: Vec<[f64; 13]> = seen.iter().map(|s| row(s, &up, level)).collect();
         let near = |found: &[f64], expected: &[f64]| {
             // Round-off of sums of a few numbers of order 1.
             assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-14), "{found:?} {expected:?}");
@@ -329,7 +329,7 @@ mod tests {
         let touched = |gravity: Option<Vec3>, speeds: [f64; 3]| {
             let frames: Vec<Frame> = speeds.iter().zip([3.0, 2.0, 1.0]).map(|(v, z)| frame(z, *v, false)).collect();
             let seen: Vec<Seen> = frames.iter().map(|frame| find(frame, 5, &up).unwrap()).collect();
-            let rows: Vec<Vec<f64>> = seen.iter().map(|s| row(s, &up, 1.0)).collect();
+            let rows: Vec<[f64; 13]> = seen.iter().map(|s| row(s, &up, 1.0)).collect();
             bounce(&seen, &rows, &up, &gravity)[0]
         };
         // From rest, a second apart.

@@ -116,12 +116,19 @@ fn two_aggregates_spin_rigidly_and_approach() {
     }
 }
 
+/// DATBOX of a scene, which without -o lies in the scene's folder.
+fn made(scene: &str) -> (tempfile::TempDir, std::path::PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ron");
+    std::fs::write(&path, scene).unwrap();
+    assert_eq!(cd_pre(&[&path]).status.code(), Some(0));
+    let datbox = folder.path().join("DATBOX");
+    (folder, datbox)
+}
+
 #[test]
 fn moving_walls_driven_grains_and_tables() {
-    let folder = tempfile::tempdir().unwrap();
-    let scene = folder.path().join("scene.ron");
-    std::fs::write(
-        &scene,
+    let (_folder, datbox) = made(
         r#"(
             materials: [(name: "ROCKx", density: 2700)],
             laws: [(name: "rst", kind: RST_CLB(normal_restitution: 0.5, tangential_restitution: 0, friction: 0.3))],
@@ -140,11 +147,7 @@ fn moving_walls_driven_grains_and_tables() {
                 rotation: (Constant(0), Constant(0), Constant(1)),
             )],
         )"#,
-    )
-    .unwrap();
-    // Without -o the folder of the scene takes DATBOX.
-    assert_eq!(cd_pre(&[&scene]).status.code(), Some(0));
-    let datbox = folder.path().join("DATBOX");
+    );
     let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT")).unwrap().0;
     assert_eq!(driven.len(), 18);
     assert_eq!(driven[1].evolution.at(0.0), 2.0);
@@ -161,10 +164,7 @@ fn moving_walls_driven_grains_and_tables() {
 
 #[test]
 fn presses_and_guided_grains_are_driven_in_part() {
-    let folder = tempfile::tempdir().unwrap();
-    let scene = folder.path().join("scene.ron");
-    std::fs::write(
-        &scene,
+    let (_folder, datbox) = made(
         r#"(
             materials: [(name: "ROCKx", density: 2700)],
             laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
@@ -179,10 +179,7 @@ fn presses_and_guided_grains_are_driven_in_part() {
                 force: (None, None, Table([(0, -1), (1, -50)])),
             )],
         )"#,
-    )
-    .unwrap();
-    assert_eq!(cd_pre(&[&scene]).status.code(), Some(0));
-    let datbox = folder.path().join("DATBOX");
+    );
     let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT")).unwrap().0;
     let of = |body: usize, kind: DrivenKind| -> Vec<(usize, f64)> {
         let rows = driven.iter().filter(|row| row.body == body && row.kind == kind);
@@ -199,12 +196,8 @@ fn presses_and_guided_grains_are_driven_in_part() {
 fn the_seed_decides_every_byte() {
     let scene = std::fs::read_to_string(example("two-aggregates")).unwrap();
     let bytes = |scene: &str| {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("scene.ron");
-        std::fs::write(&path, scene).unwrap();
-        assert_eq!(cd_pre(&[&path]).status.code(), Some(0));
-        ["BODIES.DAT", "DOF.INI", "TACT_BEHAV.DAT"]
-            .map(|name| std::fs::read(folder.path().join("DATBOX").join(name)).unwrap())
+        let (_folder, datbox) = made(scene);
+        ["BODIES.DAT", "DOF.INI", "TACT_BEHAV.DAT"].map(|name| std::fs::read(datbox.join(name)).unwrap())
     };
     let first = bytes(&scene);
     assert!(bytes(&scene) == first);

@@ -61,7 +61,7 @@ impl Bed {
         let centre = centre_of_mass(members());
         let bores: Vec<Bore> = (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &grains)).collect();
         let area = section(&faces, &bores, &frame.cell(), &up, &centre, members())?;
-        let top = members().map(|g| extent(g, &up)[1]).fold(floor, f64::max);
+        let top = floor + above(frame, &grains, &up, floor);
         let inside = |x: &Vec3| faces.iter().all(|f| f.before(x)) && bores.iter().all(|bore| bore.around(x));
         let among = |g: &Grain| (floor..=top).contains(&g.x.dot(&up)) && inside(&g.x);
         let others: Vec<usize> =
@@ -99,8 +99,7 @@ impl Bed {
 
     /// The highest point of the bed's grains above the floor, m.
     pub fn top(&self, frame: &Frame) -> f64 {
-        let highest = self.grains.iter().map(|&i| extent(&frame.grains[i], &self.up)[1]);
-        highest.fold(self.floor, f64::max) - self.floor
+        above(frame, &self.grains, &self.up, self.floor)
     }
 
     /// `count` layers of equal thickness from the floor to `top` (m) above it, its highest point or beyond.
@@ -234,6 +233,11 @@ impl Face {
     fn before(&self, x: &Vec3) -> bool {
         x.dot(&self.normal) >= self.place
     }
+}
+
+/// The highest point of some grains above a floor, m.
+fn above(frame: &Frame, grains: &[usize], up: &Vec3, floor: f64) -> f64 {
+    grains.iter().map(|&i| extent(&frame.grains[i], up)[1] - floor).fold(0.0, f64::max)
 }
 
 fn centre_of_mass<'a>(grains: impl Iterator<Item = &'a Grain>) -> Vec3 {

@@ -20,15 +20,14 @@ pub fn text(rows: &[Row]) -> String {
 /// Name, unit and meaning of a column.
 pub type Column = (&'static str, &'static str, &'static str);
 
-/// A table of these columns; their number is that of each row.
-pub fn table(columns: &[Column], rows: impl IntoIterator<Item = Vec<f64>>) -> String {
-    let whole = rows.into_iter().inspect(|row| debug_assert_eq!(row.len(), columns.len(), "{columns:?}"));
-    csv(&columns.iter().map(|(name, _, _)| *name).collect::<Vec<_>>(), whole)
+/// A table of these columns.
+pub fn table<const N: usize>(columns: &[Column; N], rows: impl IntoIterator<Item = [f64; N]>) -> String {
+    csv(&columns.map(|(name, _, _)| name), rows)
 }
 
 /// Lines of a CSV file: names, then numbers; what is not defined is an empty field.
-pub fn csv(header: &[&str], rows: impl IntoIterator<Item = Vec<f64>>) -> String {
-    let lines = rows.into_iter().map(|row| row.iter().map(Field::text).collect::<Vec<_>>().join(","));
+pub fn csv(header: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]>>) -> String {
+    let lines = rows.into_iter().map(|row| row.as_ref().iter().map(Field::text).collect::<Vec<_>>().join(","));
     let mut text = header.join(",") + "\n";
     for line in lines {
         text += &line;
