@@ -38,7 +38,7 @@ pub const PROFILE: [Column; 8] = [
     ("tangential_stress", "Pa", "tangential stress by radius"),
 ];
 /// Columns of layers.csv.
-pub const LAYERS: [Column; 13] = [
+pub const LAYERS: [Column; 17] = [
     ("lower", "m", "height above the floor"),
     ("upper", "m", ""),
     ("nu", "1", "solid fraction by height"),
@@ -52,6 +52,10 @@ pub const LAYERS: [Column; 13] = [
     ("v_x", "m/s", "mean velocity along x by height"),
     ("v_y", "m/s", "mean velocity along y by height"),
     ("v_z", "m/s", "mean velocity along z by height"),
+    ("density", "kg/m³", "mass over volume by height"),
+    ("pressure_kinetic", "Pa", "pressure of the motion about the mean by height"),
+    ("vertical_kinetic", "Pa", "vertical stress of the motion about the mean by height"),
+    ("shear_kinetic", "Pa", "shear stress of the motion about the mean by height"),
 ];
 /// Columns of forces.csv.
 pub const FORCES: [Column; 4] = [
@@ -209,23 +213,41 @@ fn mean_layers(frames: &[Frame]) -> Option<Vec<File>> {
 /// The layers of a bed.
 fn layers(layers: &[Layer]) -> Vec<File> {
     let row = |l: &Layer| {
-        let Layer { lower, upper, nu, grains, z, pressure, vertical, horizontal, weight, velocity: v, .. } = *l;
-        [lower, upper, nu, grains, z, pressure, vertical, horizontal, l.shear.norm(), weight, v.x, v.y, v.z]
+        let (stress, motion, v) = (l.contacts(), l.motion(), l.velocity());
+        [
+            l.lower,
+            l.upper,
+            l.nu,
+            l.grains,
+            l.z(),
+            stress.pressure,
+            stress.vertical,
+            stress.horizontal,
+            stress.shear.norm(),
+            l.weight,
+            v.x,
+            v.y,
+            v.z,
+            l.density,
+            motion.pressure,
+            motion.vertical,
+            motion.shear.norm(),
+        ]
     };
     let curve = |name: &str, of: fn(&Layer) -> f64| {
         Curve::line(name, layers.iter().map(|l| (0.5 * (l.lower + l.upper), of(l))).collect())
     };
     let figure = |title, quantity, unit, curves| by("height above the floor", title, quantity, unit, curves);
     let stress = vec![
-        curve("vertical", |l| l.vertical),
-        curve("horizontal", |l| l.horizontal),
-        curve("shear", |l| l.shear.norm()),
+        curve("vertical", |l| l.contacts().vertical),
+        curve("horizontal", |l| l.contacts().horizontal),
+        curve("shear", |l| l.contacts().shear.norm()),
         curve("weight above", |l| l.weight),
     ];
     vec![
         text("layers.csv", table(&LAYERS, layers.iter().map(row))),
         text("layers_nu.svg", figure("Solid fraction by height", "ν", "1", vec![curve("ν", |l| l.nu)])),
-        text("layers_Z.svg", figure("Neighbours per grain by height", "Z", "1", vec![curve("Z", |l| l.z)])),
+        text("layers_Z.svg", figure("Neighbours per grain by height", "Z", "1", vec![curve("Z", Layer::z)])),
         text("layers_stress.svg", figure("Stress by height", "stress", "Pa", stress)),
     ]
 }

@@ -104,23 +104,25 @@ impl Bed {
 
     /// `count` layers of equal thickness from the floor to `top` (m) above it, its highest point or beyond.
     ///
-    /// Stresses are those of each grain, each with the share of its volume that lies in the layer.
+    /// Stresses and velocities are those of each grain, each with the share of its volume that lies in the layer.
     pub fn layers(&self, frame: &Frame, count: usize, top: f64) -> Vec<Layer> {
         let (stresses, neighbours) = (grain_stresses(frame), neighbour_counts(frame));
         let members = || self.grains.iter().map(|&i| (i, &frame.grains[i]));
         let (width, up) = (top / count as f64, &self.up);
         let gravity = -Vec3::from(frame.meta.parameters.uniform_gravity).dot(up);
-        let layer = |k: usize| Layer { lower: k as f64 * width, upper: (k + 1) as f64 * width, ..Layer::default() };
+        let layer =
+            |k: usize| Layer { lower: k as f64 * width, upper: (k + 1) as f64 * width, up: *up, ..Layer::default() };
         let mut layers: Vec<Layer> = (0..count).map(layer).collect();
         for (i, grain) in members() {
             let [low, high] = extent(grain, up).map(|h| h - self.floor);
             let home = (((grain.x.dot(up) - self.floor) / width).max(0.0) as usize).min(count - 1);
             layers[home].grains += 1.0;
-            layers[home].z += f64::from(neighbours[i]);
+            layers[home].neighbours += f64::from(neighbours[i]);
             let (whole, volume) = (raw_below(grain, up, f64::INFINITY), grain.volume());
+            let density = grain.mass / volume;
             // Its share below a height above the floor; what sinks below the floor is in the first layer.
             let below = |height: f64| raw_below(grain, up, height + self.floor) / whole;
-            let (sigma, over) = (&stresses[i], 1.0 / (self.area * width));
+            let over = 1.0 / (self.area * width);
             let first = ((low / width).max(0.0) as usize).min(count - 1);
             let mut up_to = 0.0;
             for layer in &mut layers[..first] {
@@ -130,11 +132,10 @@ impl Bed {
                 let beyond = if k + 1 == count { 1.0 } else { below(layer.upper) };
                 let part = (beyond - up_to) * volume * over;
                 layer.nu += part;
-                layer.pressure += part * pressure(sigma);
-                layer.vertical += part * vertical(sigma, up);
-                layer.horizontal += part * horizontal(sigma, up);
-                layer.shear -= part * (sigma * up - up * vertical(sigma, up));
-                layer.velocity += part * grain.v;
+                layer.stress += part * stresses[i];
+                layer.density += part * density;
+                layer.momentum += part * density * grain.v;
+                layer.flux += part * density * grain.v * grain.v.transpose();
                 layer.weight += (1.0 - below(0.5 * (layer.lower + layer.upper))) * grain.mass * gravity / self.area;
                 up_to = beyond;
                 if layer.upper >= high {
@@ -142,63 +143,101 @@ impl Bed {
                 }
             }
         }
-        for layer in &mut layers {
-            layer.z /= layer.grains;
-            layer.velocity /= layer.nu;
-        }
         layers
     }
 }
 
-/// The mean state in one layer of a bed.
+/// The state in one layer of a bed: sums over its grains, so that the mean of several states is that of each sum.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Layer {
     /// Above the floor, m.
     pub lower: f64,
     /// m
     pub upper: f64,
+    /// Normal of the floor, length 1.
+    up: Vec3,
     /// Share of the layer that grains fill.
     pub nu: f64,
     /// Grains with their centre in the layer.
     pub grains: f64,
-    /// Their mean number of neighbours touched with force; NaN without.
-    pub z: f64,
-    /// A third of the trace of the stress, Pa.
-    pub pressure: f64,
-    /// Its component along the normal of the floor, Pa.
-    pub vertical: f64,
-    /// The mean of its two components across, Pa.
-    pub horizontal: f64,
-    /// What acts across a plane of the layer along it, Pa: on the grains below by those above.
-    pub shear: Vec3,
+    /// That these touch with force, all together.
+    neighbours: f64,
     /// Weight above the middle of the layer over the area, Pa: the vertical stress that walls take nothing of.
     pub weight: f64,
-    /// Mean over the volume that grains fill, m/s; NaN without.
-    pub velocity: Vec3,
+    /// Stress of the grains, Pa.
+    stress: Mat3,
+    /// Mass over the layer's volume, kg/m^3.
+    pub density: f64,
+    /// Momentum over it, kg/(m^2 s).
+    momentum: Vec3,
+    /// sum m v (x) v over it, Pa.
+    flux: Mat3,
 }
 
 impl Layer {
-    /// The mean of the same layer at several times; neighbours are a mean over grains, velocities over what these fill.
+    /// The mean of the same layer at several times.
     pub fn mean<'a>(times: impl ExactSizeIterator<Item = &'a Layer>) -> Layer {
         let share = 1.0 / times.len() as f64;
-        let (mut sum, mut z, mut flux) = (Layer::default(), 0.0, Vec3::zeros());
-        for layer in times {
-            (sum.lower, sum.upper) = (layer.lower, layer.upper);
-            sum.nu += share * layer.nu;
-            sum.grains += share * layer.grains;
-            sum.pressure += share * layer.pressure;
-            sum.vertical += share * layer.vertical;
-            sum.horizontal += share * layer.horizontal;
-            sum.shear += share * layer.shear;
-            sum.weight += share * layer.weight;
-            if layer.grains > 0.0 {
-                z += share * layer.grains * layer.z;
-            }
-            if layer.nu > 0.0 {
-                flux += share * layer.nu * layer.velocity;
-            }
+        times.fold(Layer::default(), |sum, layer| Layer {
+            lower: layer.lower,
+            upper: layer.upper,
+            up: layer.up,
+            nu: sum.nu + share * layer.nu,
+            grains: sum.grains + share * layer.grains,
+            neighbours: sum.neighbours + share * layer.neighbours,
+            weight: sum.weight + share * layer.weight,
+            stress: sum.stress + share * layer.stress,
+            density: sum.density + share * layer.density,
+            momentum: sum.momentum + share * layer.momentum,
+            flux: sum.flux + share * layer.flux,
+        })
+    }
+
+    /// Neighbours that a grain touches with force; NaN without grains.
+    pub fn z(&self) -> f64 {
+        self.neighbours / self.grains
+    }
+
+    /// Mean over the mass, m/s; NaN without grains.
+    pub fn velocity(&self) -> Vec3 {
+        self.momentum / self.density
+    }
+
+    /// Stress of the grains, Pa: what they exert on each other.
+    pub fn contacts(&self) -> Across {
+        Across::of(&self.stress, &self.up)
+    }
+
+    /// Stress of the motion about [`Layer::velocity`], Pa; NaN without grains.
+    ///
+    /// sum m v' (x) v' over the volume, v' = v - v_mean, of translations: no part of [`Layer::contacts`].
+    pub fn motion(&self) -> Across {
+        Across::of(&(self.flux - self.momentum * self.velocity().transpose()), &self.up)
+    }
+}
+
+/// A stress by the planes of a layer, Pa.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Across {
+    /// A third of the trace.
+    pub pressure: f64,
+    /// The component along the normal of the floor.
+    pub vertical: f64,
+    /// The mean of the two components across.
+    pub horizontal: f64,
+    /// What acts across a plane of the layer along it: on the grains below by those above.
+    pub shear: Vec3,
+}
+
+impl Across {
+    fn of(stress: &Mat3, up: &Vec3) -> Across {
+        let vertical = vertical(stress, up);
+        Across {
+            pressure: pressure(stress),
+            vertical,
+            horizontal: horizontal(stress, up),
+            shear: up * vertical - stress * up,
         }
-        Layer { z: z / sum.grains, velocity: flux / sum.nu, ..sum }
     }
 }
 
@@ -441,25 +480,27 @@ mod tests {
 
     #[test]
     fn layers_have_a_mean_over_several_times() {
-        let at = |nu: f64, grains: f64, z: f64, v: f64| Layer {
-            lower: 1.0,
+        // Per m^3 one grain of `m` kg at `v`, of as many neighbours.
+        let at = |m: f64, v: f64| Layer {
             upper: 2.0,
-            nu,
-            grains,
-            z,
-            vertical: nu,
-            velocity: Vec3::x() * v,
+            up: Vec3::z(),
+            nu: m,
+            grains: 1.0,
+            neighbours: v,
+            density: m,
+            momentum: Vec3::z() * m * v,
+            flux: Mat3::from_diagonal(&(Vec3::z() * m * v * v)),
             ..Layer::default()
         };
-        // A layer that is empty at one of four times has neighbours and velocity of the others.
-        let times = [
-            at(0.5, 4.0, 6.0, 1.0),
-            at(0.25, 1.0, 1.0, 4.0),
-            at(0.0, 0.0, f64::NAN, f64::NAN),
-            at(0.25, 5.0, 3.0, 2.0),
-        ];
-        assert_eq!(Layer::mean(times.iter()), at(0.25, 2.5, 4.0, 2.0));
-        assert!(Layer::mean([times[2]; 2].iter()).velocity.x.is_nan());
+        let empty = Layer { upper: 2.0, up: Vec3::z(), ..Layer::default() };
+        let mean = Layer::mean([at(0.75, 2.0), at(0.25, 6.0), empty, empty].iter());
+        assert_eq!((mean.upper, mean.nu, mean.grains, mean.density), (2.0, 0.25, 0.5, 0.25));
+        // Neighbours are a mean over grains, velocities over mass: that of 3 kg at 2 m/s and 1 kg at 6 m/s is 3 m/s.
+        assert_eq!((mean.z(), mean.velocity()), (4.0, Vec3::z() * 3.0));
+        // What moves with the mean has no stress: 0.25 kg/m^3 of variance (3 1^2 + 1 3^2) / 4 = 3.
+        assert_eq!((mean.motion().vertical, mean.motion().pressure), (0.75, 0.25));
+        assert_eq!(at(0.75, 2.0).motion().vertical, 0.0);
+        assert!(empty.z().is_nan() && empty.velocity().x.is_nan() && empty.motion().pressure.is_nan());
     }
 
     #[test]
@@ -498,9 +539,10 @@ mod tests {
                     assert_close(layer.weight, 2.0 * (5.0 - middle));
                     let cube = middle.floor();
                     if count == 5 {
-                        assert_close(layer.vertical, 2.0 * (4.5 - cube));
-                        assert_close(layer.pressure, layer.vertical / 3.0);
-                        assert_eq!((layer.grains, layer.z), (6.0, if cube == 4.0 { 1.0 } else { 2.0 }));
+                        let stress = layer.contacts();
+                        assert_close(stress.vertical, 2.0 * (4.5 - cube));
+                        assert_close(stress.pressure, stress.vertical / 3.0);
+                        assert_eq!((layer.grains, layer.z()), (6.0, if cube == 4.0 { 1.0 } else { 2.0 }));
                     }
                 }
             }
@@ -533,8 +575,10 @@ mod tests {
         for (k, layer) in layers.iter().enumerate() {
             // Half of what it bears and half of what bears it.
             let borne = 4.5 - k as f64;
-            assert!((layer.shear - Vec3::x() * borne).norm() < 1e-14 && (layer.vertical - 2.0 * borne).abs() < 1e-14);
-            assert!((layer.velocity - Vec3::x() * k as f64).norm() < 1e-14, "{layer:?}");
+            let stress = layer.contacts();
+            assert!((stress.shear - Vec3::x() * borne).norm() < 1e-14 && (stress.vertical - 2.0 * borne).abs() < 1e-14);
+            assert!((layer.velocity() - Vec3::x() * k as f64).norm() < 1e-14, "{layer:?}");
+            assert!(layer.motion().pressure.abs() < 1e-14, "a layer of one cube: {layer:?}");
         }
     }
 
