@@ -14,7 +14,7 @@ pub struct Surface {
 }
 
 /// Of the space inside a surface, at density 1.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MassProperties {
     /// m^3
     pub volume: f64,

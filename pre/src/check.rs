@@ -336,6 +336,7 @@ fn check_place(report: &mut Report, path: &str, place: &Place) {
             (semi_axes.or(ratios), if semi_axes.is_some() { "semi_axes" } else { "ratios" })
         }
         Envelope::Box { lengths, ratios } => (lengths.or(ratios), if lengths.is_some() { "lengths" } else { "ratios" }),
+        Envelope::Cylinder { half_height, radius } => (Some([radius, radius, half_height]), "radius and half_height"),
         Envelope::Model { ref scaled, .. } => {
             if let Some(scaled) = scaled {
                 check_scaled(report, &format!("{path}.envelope"), scaled);
@@ -344,7 +345,11 @@ fn check_place(report: &mut Report, path: &str, place: &Place) {
         }
     };
     if let Some(lengths) = lengths {
-        let found = if name == "radius" { format!("{:?}", lengths[0]) } else { format!("{lengths:?}") };
+        let found = match envelope {
+            Envelope::Ball { .. } => format!("{:?}", lengths[0]),
+            Envelope::Cylinder { .. } => format!("{:?}, {:?}", lengths[0], lengths[2]),
+            _ => format!("{lengths:?}"),
+        };
         let path = format!("{path}.envelope");
         report.expect(lengths.iter().all(|l| positive(*l)), &path, format!("{name} {found}"), "lengths > 0 m");
     }
@@ -433,6 +438,27 @@ fn direction(report: &mut Report, path: &str, name: &str, vector: &[f64; 3]) {
 
 fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
     match wall {
+        Wall::Cylinder {
+            material,
+            colour,
+            centre,
+            axis,
+            half_height,
+            radius,
+            hollow: _,
+            velocity,
+            force,
+            rotation,
+        } => {
+            worn(scene, report, path, material, colour);
+            three(report, &format!("{path}.centre"), "", centre, "m");
+            direction(report, path, "axis", axis);
+            for (name, length) in [("half_height", half_height), ("radius", radius)] {
+                report.expect(positive(*length), &format!("{path}.{name}"), format!("{length:?}"), "a length > 0 m");
+            }
+            check_pushed(report, path, velocity, force);
+            check_evolutions(report, &format!("{path}.rotation"), [rotation], "rad/s");
+        }
         Wall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, force, rotation } => {
             worn(scene, report, path, material, colour);
             three(report, &format!("{path}.centre"), "", centre, "m");
@@ -446,13 +472,7 @@ fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
             }
             let fits = half_lengths.iter().all(|length| positive(*length));
             report.expect(fits, &format!("{path}.half_lengths"), format!("{half_lengths:?}"), "lengths > 0 m");
-            check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
-            check_evolutions(report, &format!("{path}.force"), force.iter().map(Option::as_ref), "N");
-            for (k, velocity) in velocity.iter().enumerate().filter(|(k, _)| force[*k].is_some()) {
-                let found = format!("{velocity:?}, and a force along the same axis");
-                let still = *velocity == Evolution::default();
-                report.expect(still, &format!("{path}.velocity.{k}"), found, "one of the two");
-            }
+            check_pushed(report, path, velocity, force);
             check_evolutions(report, &format!("{path}.rotation"), rotation, "rad/s");
         }
         Wall::Box { material, colour, centre, lengths, orientation, half_thickness, lid: _, velocity } => {
@@ -465,6 +485,17 @@ fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
             report.expect(positive(*half_thickness), &format!("{path}.half_thickness"), thickness, "a length > 0 m");
             check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
         }
+    }
+}
+
+/// Along each axis a velocity or a force.
+fn check_pushed(report: &mut Report, path: &str, velocity: &[Evolution; 3], force: &[Option<Evolution>; 3]) {
+    check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
+    check_evolutions(report, &format!("{path}.force"), force.iter().map(Option::as_ref), "N");
+    for (k, velocity) in velocity.iter().enumerate().filter(|(k, _)| force[*k].is_some()) {
+        let found = format!("{velocity:?}, and a force along the same axis");
+        let still = *velocity == Evolution::default();
+        report.expect(still, &format!("{path}.velocity.{k}"), found, "one of the two");
     }
 }
 
@@ -579,7 +610,16 @@ impl LawKind {
 impl Wall {
     pub fn colour(&self) -> &str {
         match self {
-            Wall::Plate { colour, .. } | Wall::Box { colour, .. } => colour,
+            Wall::Plate { colour, .. } | Wall::Box { colour, .. } | Wall::Cylinder { colour, .. } => colour,
+        }
+    }
+
+    /// Name in the files of its contactors.
+    pub fn contactor(&self) -> &'static str {
+        match self {
+            Wall::Plate { .. } | Wall::Box { .. } => "PLANx",
+            Wall::Cylinder { hollow: false, .. } => "CYLND",
+            Wall::Cylinder { hollow: true, .. } => "DNLYC",
         }
     }
 }

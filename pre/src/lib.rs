@@ -9,7 +9,7 @@
 //! | [`shapes`] | polyhedra: hulls, solids at random, mass properties |
 //! | [`place`] | where grains go |
 //! | [`motion`] | initial velocities |
-//! | [`walls`] | plates |
+//! | [`walls`] | plates and cylinders |
 //! | [`population`] | all bodies of a scene, and that none overlap |
 //! | [`mod@write`] | the files of DATBOX |
 //! | [`from_outbox`] | a DATBOX from the results of a run |
@@ -167,8 +167,8 @@ fn parsed<T: DeserializeOwned>(
 
 /// Counts, sizes and masses, a line for each body of grains and one for all.
 fn summary(scene: &Scene, population: &Population) -> String {
-    let (all, plates) = (population.grains.iter().collect::<Vec<_>>(), population.plates.len());
-    let total = line(format!("{} bodies, {plates} of them plates", all.len() + plates), &all);
+    let (all, walls) = (population.grains.iter().collect::<Vec<_>>(), population.walls.len());
+    let total = line(format!("{} bodies, {walls} of them walls", all.len() + walls), &all);
     groups(scene, population) + &total + "\n"
 }
 

@@ -1,4 +1,4 @@
-//! The bodies that a scene asks for: grains and plates with their initial motion.
+//! The bodies that a scene asks for: grains and walls with their initial motion.
 
 use std::cell::OnceCell;
 use std::path::Path;
@@ -12,10 +12,10 @@ use crate::place::room::Room;
 use crate::place::{self, Placed};
 use crate::random::{Purpose, Random};
 use crate::scene::{Evolution, Grains, Place, Scene};
-use crate::shapes::overlap::{Convex, depth};
+use crate::shapes::overlap::{Convex, deepest};
 use crate::shapes::{Drawn, Polyhedron, Shapes, Wrong};
 use crate::sizes::MOST_BODIES;
-use crate::walls::{Plate, plates};
+use crate::walls::{self, WallBody};
 use crate::{check, motion, sizes, write};
 
 /// Overlaps up to this share of the smaller radius are touching: what 8 digits leave of a contact that
@@ -25,11 +25,11 @@ const TOUCHING: f64 = 1e-6;
 /// So many overlaps are told one by one.
 const TOLD: usize = 5;
 
-/// Bodies in the order of their numbers: grains, then plates.
+/// Bodies in the order of their numbers: grains, then walls.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Population {
     pub grains: Vec<Grain>,
-    pub plates: Vec<Plate>,
+    pub walls: Vec<WallBody>,
     /// The envelope of each body of grains.
     pub rooms: Vec<Option<Room>>,
     /// What is to be told of the file of each body of grains, empty without one.
@@ -86,8 +86,8 @@ impl Grain {
 ///
 /// Paths of files begin at `folder`.
 pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population {
-    let plates = plates(&scene.walls);
-    let mut population = Population { grains: Vec::new(), plates, rooms: Vec::new(), told: Vec::new() };
+    let walls = walls::bodies(&scene.walls);
+    let mut population = Population { grains: Vec::new(), walls, rooms: Vec::new(), told: Vec::new() };
     for (group, grains) in scene.grains.iter().enumerate() {
         let shapes = Shapes::of(grains, folder, scene.seed, group);
         let shapes = shapes.map_err(|wrong| match wrong {
@@ -111,7 +111,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
             Err(misfit) => report.fault(&format!("grains.{group}.place"), misfit.found, misfit.expected),
         }
     }
-    let bodies = population.grains.len() + population.plates.len();
+    let bodies = population.grains.len() + population.walls.len();
     report.expect(bodies <= MOST_BODIES, "grains", format!("{bodies} bodies"), &format!("at most {MOST_BODIES}"));
     let balls = population.grains.iter().map(|grain| (grain.position, grain.reach));
     check_extent(&scene.compute, balls, report);
@@ -193,7 +193,7 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut Report) {
     for (k, (body, state)) in write::bodies(scene, population).0.iter().zip(write::dof(population).bodies).enumerate() {
         let path = match grains.get(k) {
             Some(grain) => format!("grains.{}", grain.group),
-            None => format!("walls.{}", population.plates[k - grains.len()].wall),
+            None => format!("walls.{}", population.walls[k - grains.len()].wall),
         };
         let density = scene.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
         let mass = density * sizes::volume(body.equivalent_radius);
@@ -216,7 +216,7 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut Report) {
     }
 }
 
-/// No two grains, and no grain and plate, may overlap, unless a List allows it.
+/// No two grains, and no grain and wall, may overlap, unless a List allows it.
 fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
     let grains = &population.grains;
     let allowed: Vec<bool> =
@@ -255,19 +255,18 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
             }
         });
         cells.add(grain.position, grain.reach);
-        for plate in population.plates.iter().filter(|_| !allowed[grain.group]) {
+        for wall in population.walls.iter().filter(|_| !allowed[grain.group]) {
             let of_image = |shift: Vector3<f64>| {
-                let overlap = plate.overlap(&(grain.position - shift), grain.reach);
+                let overlap = wall.overlap(&(grain.position - shift), grain.reach);
                 if overlap <= TOUCHING * grain.radius || grain.polyhedron.is_none() {
                     return overlap;
                 }
-                let solid = Convex::cuboid(plate.centre + shift, &plate.axes, &plate.half_lengths);
-                deepest(pieces(k), &[solid], TOUCHING * grain.radius)
+                wall.overlap_of(pieces(k), &shift, TOUCHING * grain.radius)
             };
-            let shifts = images(&scene.compute, &(grain.position - plate.centre));
+            let shifts = images(&scene.compute, &(grain.position - wall.centre));
             let overlap = shifts.into_iter().map(of_image).fold(f64::NEG_INFINITY, f64::max);
             if overlap > TOUCHING * grain.radius {
-                overlaps.push((k, format!("{} and wall {} overlap by {overlap:.3e} m", name(k), plate.wall + 1)));
+                overlaps.push((k, format!("{} and wall {} overlap by {overlap:.3e} m", name(k), wall.wall + 1)));
             }
         }
     }
@@ -279,10 +278,4 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
     if overlaps.len() > TOLD {
         report.fault("grains", format!("{} more overlaps", overlaps.len() - TOLD), expected);
     }
-}
-
-/// How deep two bodies are in each other, m, by their convex pieces.
-fn deepest(a: &[Convex], b: &[Convex], allowed: f64) -> f64 {
-    let pairs = a.iter().flat_map(|a| b.iter().map(move |b| (a, b)));
-    pairs.map(|(a, b)| depth(a, b, allowed)).fold(0.0, f64::max)
 }

@@ -359,6 +359,13 @@ pub enum Envelope {
         #[serde(default)]
         ratios: Option<[f64; 3]>,
     },
+    /// Its axis is the third.
+    Cylinder {
+        /// m
+        half_height: f64,
+        /// m
+        radius: f64,
+    },
     /// A closed surface from a file, its centre of mass at `centre`.
     Model {
         /// As in `Shape::Model`.
@@ -382,7 +389,7 @@ impl Default for Rotation {
     }
 }
 
-/// Walls are plates; their motion is imposed, but for the components along which a force is.
+/// Walls are plates and cylinders; their motion is imposed, but for the components along which a force is.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Wall {
@@ -430,6 +437,32 @@ pub enum Wall {
         /// Velocity of all plates, m/s, along the fixed axes.
         #[serde(default)]
         velocity: [Evolution; 3],
+    },
+    /// A solid cylinder, or the inside of a closed drum.
+    Cylinder {
+        material: String,
+        colour: String,
+        /// m
+        centre: [f64; 3],
+        /// Of any length.
+        #[serde(default = "upwards")]
+        axis: [f64; 3],
+        /// m
+        half_height: f64,
+        /// m
+        radius: f64,
+        /// Whether grains are within, and not around it.
+        #[serde(default)]
+        hollow: bool,
+        /// As of a plate.
+        #[serde(default)]
+        velocity: [Evolution; 3],
+        /// As of a plate.
+        #[serde(default)]
+        force: Box<[Option<Evolution>; 3]>,
+        /// Angular velocity, rad/s, about the axis.
+        #[serde(default)]
+        rotation: Evolution,
     },
 }
 

@@ -1,59 +1,130 @@
-//! Walls as plates.
+//! Walls as bodies: plates and cylinders.
 
+use cd_formats::bodies::{Contactor, Shape};
 use cd_formats::drv_dof::Evolution as Written;
-use nalgebra::{Matrix3, Vector3};
+use cd_formats::surface::MassProperties;
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::place::rotation;
 use crate::scene::{Evolution, Wall};
+use crate::shapes::overlap::{Convex, deepest};
 use crate::{round_point, round8};
 
-/// A rectangular plate; numbers have the digits of the files.
+/// A plate or a cylinder; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plate {
+pub struct WallBody {
     /// Which wall of the scene it belongs to, 0-based.
     pub wall: usize,
     pub material: String,
     pub colour: String,
     /// m
     pub centre: Vector3<f64>,
-    /// First and second axis and normal as rows: orthonormal, right-handed.
+    /// First and second axis and normal, or axis of the cylinder, as rows: orthonormal, right-handed.
     pub axes: Matrix3<f64>,
-    /// Along the three axes, m.
-    pub half_lengths: Vector3<f64>,
-    /// Along the fixed axes, m/s; about the plate's own axes, rad/s.
+    /// [`Shape::Plane`] or [`Shape::Cylinder`].
+    pub shape: Shape,
+    /// Along the fixed axes, m/s; about its own axes, rad/s.
     pub motion: [Evolution; 6],
     /// Along the fixed axes, N; in place of a velocity.
     pub force: [Option<Evolution>; 3],
 }
 
-impl Plate {
-    /// How deep a sphere reaches into the plate, m; negative when apart. A centre within the plate
-    /// counts as at its surface.
+impl WallBody {
+    pub fn contactor(&self) -> Contactor {
+        Contactor { colour: self.colour.clone(), shape: self.shape.clone(), local_frame: None }
+    }
+
+    /// Of the density 1, about its own axes.
+    pub fn mass_properties(&self) -> MassProperties {
+        // Polyhedra alone can be without.
+        self.contactor().mass_properties().unwrap_or_default()
+    }
+
+    /// How deep a sphere reaches into it, m, see [`overlap`].
     pub fn overlap(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
-        let local = self.axes * (centre - self.centre);
-        let outside = (local.abs() - self.half_lengths).sup(&Vector3::zeros());
-        radius - outside.norm()
+        overlap(&self.shape, &(self.axes * (centre - self.centre)), radius)
+    }
+
+    /// How deep convex pieces reach into it, m, it being moved by `shift`, m; at most `allowed` as soon as that is certain.
+    pub fn overlap_of(&self, pieces: &[Convex], shift: &Vector3<f64>, allowed: f64) -> f64 {
+        let centre = self.centre + shift;
+        match self.shape {
+            Shape::Plane { half_lengths } => {
+                deepest(pieces, &[Convex::cuboid(centre, &self.axes, &half_lengths.into())], allowed)
+            }
+            Shape::Cylinder { half_height, radius, hollow } => {
+                let into = |piece: &Convex| {
+                    if hollow {
+                        // The inside is convex: no point is farther out than some vertex.
+                        let vertices = piece.vertices().map(|v| self.axes * (v - centre));
+                        vertices.map(|v| beyond(&v, half_height, radius)).fold(f64::NEG_INFINITY, f64::max)
+                    } else {
+                        piece.overlap_of_cylinder(&centre, &self.axes, [half_height, radius], allowed)
+                    }
+                };
+                pieces.iter().map(into).fold(0.0, f64::max)
+            }
+            _ => 0.0,
+        }
     }
 }
 
-/// The plates of the scene's (checked) walls, in order.
-pub fn plates(walls: &[Wall]) -> Vec<Plate> {
+/// How deep a ball reaches into a plate or cylinder, m, its centre in the wall's own axes, m; negative when apart. A centre within
+/// a solid one counts as at its surface; what is not near the inside of a hollow one is apart from it.
+pub fn overlap(wall: &Shape, centre: &Vector3<f64>, radius: f64) -> f64 {
+    match *wall {
+        Shape::Plane { half_lengths } => {
+            radius - (centre.abs() - Vector3::from(half_lengths)).sup(&Vector3::zeros()).norm()
+        }
+        Shape::Cylinder { half_height, radius: wide, hollow: false } => {
+            let outside = Vector2::new(centre.xy().norm() - wide, centre.z.abs() - half_height);
+            radius - outside.sup(&Vector2::zeros()).norm()
+        }
+        Shape::Cylinder { half_height, radius: wide, hollow: true }
+            if centre.norm() - radius < wide.hypot(half_height) =>
+        {
+            radius + beyond(centre, half_height, wide)
+        }
+        _ => f64::NEG_INFINITY,
+    }
+}
+
+/// How far a point is beyond the side or the ends of a cylinder about the third axis, m; negative inside.
+fn beyond(point: &Vector3<f64>, half_height: f64, radius: f64) -> f64 {
+    (point.xy().norm() - radius).max(point.z.abs() - half_height)
+}
+
+/// The bodies of the scene's (checked) walls, in order.
+pub fn bodies(walls: &[Wall]) -> Vec<WallBody> {
     walls.iter().enumerate().flat_map(|(k, wall)| of_wall(k, wall)).collect()
 }
 
-fn of_wall(number: usize, wall: &Wall) -> Vec<Plate> {
+fn of_wall(number: usize, wall: &Wall) -> Vec<WallBody> {
     match wall {
         Wall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, force, rotation } => {
             let [a, b, c] = velocity.clone();
             let [d, e, f] = rotation.clone();
-            vec![Plate {
+            vec![WallBody {
                 wall: number,
                 material: material.clone(),
                 colour: colour.clone(),
                 centre: round_point(&(*centre).into()),
-                axes: plate_axes(&(*normal).into(), first_axis.map(Vector3::from)),
-                half_lengths: round_point(&(*half_lengths).into()),
+                axes: axes_about(&(*normal).into(), first_axis.map(Vector3::from)),
+                shape: Shape::Plane { half_lengths: round_point(&(*half_lengths).into()).into() },
                 motion: [a, b, c, d, e, f],
+                force: *force.clone(),
+            }]
+        }
+        Wall::Cylinder { material, colour, centre, axis, half_height, radius, hollow, velocity, force, rotation } => {
+            let [a, b, c] = velocity.clone();
+            vec![WallBody {
+                wall: number,
+                material: material.clone(),
+                colour: colour.clone(),
+                centre: round_point(&(*centre).into()),
+                axes: axes_about(&(*axis).into(), None),
+                shape: Shape::Cylinder { half_height: round8(*half_height), radius: round8(*radius), hollow: *hollow },
+                motion: [a, b, c, Evolution::default(), Evolution::default(), rotation.clone()],
                 force: *force.clone(),
             }]
         }
@@ -73,13 +144,15 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<Plate> {
                 let reach = |k: usize| halves[k] + 2.0 * half_thickness;
                 let [a, b, c] = velocity.clone();
                 let offset = sign * (halves[axis] + half_thickness) * unit(axis);
-                Plate {
+                WallBody {
                     wall: number,
                     material: material.clone(),
                     colour: colour.clone(),
                     centre: round_point(&(Vector3::from(*centre) + turn * offset)),
                     axes: Matrix3::from_rows(&rows),
-                    half_lengths: round_point(&Vector3::new(reach(first), reach(second), *half_thickness)),
+                    shape: Shape::Plane {
+                        half_lengths: round_point(&Vector3::new(reach(first), reach(second), *half_thickness)).into(),
+                    },
                     motion: [a, b, c, Evolution::default(), Evolution::default(), Evolution::default()],
                     force: [None, None, None],
                 }
@@ -90,7 +163,7 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<Plate> {
 }
 
 /// Right-handed axes whose third is `normal`; the first is `first` made square to it, else any.
-fn plate_axes(normal: &Vector3<f64>, first: Option<Vector3<f64>>) -> Matrix3<f64> {
+fn axes_about(normal: &Vector3<f64>, first: Option<Vector3<f64>>) -> Matrix3<f64> {
     let n = normal.normalize();
     // Without a wish: the fixed axis that is the most square to the normal.
     let first = first.unwrap_or_else(|| Vector3::from_fn(|k, _| if k == n.iamin() { 1.0 } else { 0.0 }));
@@ -146,8 +219,8 @@ mod tests {
     use super::*;
     use crate::scene::Rotation;
 
-    fn room(lid: bool, orientation: Rotation) -> Vec<Plate> {
-        plates(&[Wall::Box {
+    fn room(lid: bool, orientation: Rotation) -> Vec<WallBody> {
+        bodies(&[Wall::Box {
             material: "STEEL".into(),
             colour: "WALLx".into(),
             centre: [1.0, 2.0, 3.0],
@@ -180,15 +253,66 @@ mod tests {
         }
     }
 
+    fn cylinder(hollow: bool) -> WallBody {
+        let [wall] = bodies(&[Wall::Cylinder {
+            material: "STEEL".into(),
+            colour: "WALLx".into(),
+            centre: [1.0, 2.0, 3.0],
+            axis: [0.0, 5.0, 0.0],
+            half_height: 2.0,
+            radius: 3.0,
+            hollow,
+            velocity: Default::default(),
+            force: Default::default(),
+            rotation: Evolution::Constant(0.5),
+        }])
+        .try_into()
+        .unwrap();
+        wall
+    }
+
+    #[test]
+    fn a_cylinder_stands_along_its_axis_and_turns_about_it() {
+        let drum = cylinder(true);
+        assert_eq!(drum.motion[5], Evolution::Constant(0.5));
+        // How deep in the solid one and in the hollow one; the last is at neither, past the rim.
+        for (x, r, solid, hollow) in [
+            ([1.0, 2.0, 3.0], 1.0, 1.0, -1.0),
+            ([4.5, 2.0, 3.0], 1.0, 0.5, 1.5),
+            ([1.0, 3.5, 3.0], 0.75, 0.75, 0.25),
+            ([5.0, 5.0, 3.0], 0.5, 0.5 - 2f64.sqrt(), f64::NEG_INFINITY),
+        ] {
+            let found = [cylinder(false), drum.clone()].map(|wall| wall.overlap(&x.into(), r));
+            assert!((found[0] - solid).abs() < 1e-14, "{x:?} {found:?}");
+            assert!(found[1] == hollow || (found[1] - hollow).abs() < 1e-14, "{x:?} {found:?}");
+        }
+        let mass = drum.mass_properties();
+        let volume = 36.0 * std::f64::consts::PI;
+        assert!((mass.volume / volume - 1.0).abs() < 1e-15 && (mass.inertia[2][2] / volume - 4.5).abs() < 1e-14);
+    }
+
+    /// A cube within a drum: of its corners the farthest counts.
+    #[test]
+    fn cubes_in_a_drum() {
+        let drum = cylinder(true);
+        let deep = |x: f64, y: f64| {
+            let cube = Convex::cuboid(Vector3::new(1.0 + x, 2.0 + y, 3.0), &Matrix3::identity(), &Vector3::repeat(0.5));
+            drum.overlap_of(&[cube], &Vector3::zeros(), 0.0)
+        };
+        assert_eq!(deep(0.0, 1.5), 0.0);
+        assert!((deep(2.5, 0.0) - (3f64.hypot(0.5) - 3.0)).abs() < 1e-14);
+        assert!((deep(0.0, 1.75) - 0.25).abs() < 1e-14);
+    }
+
     #[test]
     fn axes_are_right_handed_with_the_wished_normal() {
         let normal = Vector3::new(0.0, 3.0, 4.0);
         for first in [None, Some(Vector3::new(1.0, 1.0, 0.0))] {
-            let axes = plate_axes(&normal, first);
+            let axes = axes_about(&normal, first);
             assert!((axes.determinant() - 1.0).abs() < 1e-15 * 4.0);
             assert!((axes.row(2).transpose() - normal / 5.0).norm() < 1e-15);
         }
-        assert_eq!(plate_axes(&Vector3::z(), None), Matrix3::identity());
+        assert_eq!(axes_about(&Vector3::z(), None), Matrix3::identity());
     }
 
     #[test]

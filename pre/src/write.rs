@@ -4,6 +4,7 @@ use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof};
+use cd_formats::surface::MassProperties;
 use cd_formats::tact_behav::{Law, See, Side, TactBehav};
 use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::{Matrix3, Vector3};
@@ -12,7 +13,7 @@ use crate::population::{Grain, Population};
 use crate::scene::{Evolution, Scene};
 use crate::shapes::Polyhedron;
 use crate::sizes::volume;
-use crate::walls::{Plate, Tables};
+use crate::walls::{Tables, WallBody};
 
 /// Name within DATBOX and text of every file, for a (checked) scene.
 pub fn files(scene: &Scene, population: &Population) -> Vec<(String, String)> {
@@ -51,19 +52,18 @@ pub fn bodies(scene: &Scene, population: &Population) -> Bodies {
             contactors: shapes.into_iter().map(|shape| contactor(&group.colour, shape)).collect(),
         }
     };
-    let plate = |plate: &Plate| {
-        let squares = plate.half_lengths.map(|half| half * half);
-        let volume = 8.0 * plate.half_lengths.product();
+    let wall = |wall: &WallBody| {
+        let MassProperties { volume, inertia, .. } = wall.mass_properties();
         Body {
             line: 0,
-            material: plate.material.clone(),
+            material: wall.material.clone(),
             equivalent_radius: libm::cbrt(0.75 * volume / std::f64::consts::PI),
-            inertia: Some([0, 1, 2].map(|k| volume / 3.0 * (squares[(k + 1) % 3] + squares[(k + 2) % 3]))),
-            position: plate.centre.into(),
-            contactors: vec![contactor(&plate.colour, Shape::Plane { half_lengths: plate.half_lengths.into() })],
+            inertia: Some([0, 1, 2].map(|k| inertia[k][k])),
+            position: wall.centre.into(),
+            contactors: vec![wall.contactor()],
         }
     };
-    Bodies(population.grains.iter().map(of_grain).chain(population.plates.iter().map(plate)).collect())
+    Bodies(population.grains.iter().map(of_grain).chain(population.walls.iter().map(wall)).collect())
 }
 
 /// A contactor for each convex piece.
@@ -89,16 +89,16 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
         let parameters = parameters.into_iter().map(|(_, value)| value).collect();
         Law { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters }
     };
-    // LMGC90 has spheres before polyhedra and planes last, whoever comes first in the scene.
+    // LMGC90 has spheres before polyhedra and walls last, whoever comes first in the scene.
+    const WALLS: [&str; 3] = ["PLANx", "CYLND", "DNLYC"];
     let wearers = |colour: &str| -> Vec<&str> {
         let worn = |polyhedra: bool| {
             scene.grains.iter().any(|grains| grains.colour == colour && grains.polyhedral() == polyhedra)
         };
-        let wall = scene.walls.iter().any(|wall| wall.colour() == colour);
-        [("SPHER", worn(false)), ("POLYR", worn(true)), ("PLANx", wall)]
-            .into_iter()
-            .filter_map(|(contactor, worn)| worn.then_some(contactor))
-            .collect()
+        let wall = |kind: &str| scene.walls.iter().any(|wall| wall.colour() == colour && wall.contactor() == kind);
+        let walls = WALLS.map(|kind| (kind, wall(kind)));
+        let all = [("SPHER", worn(false)), ("POLYR", worn(true))].into_iter().chain(walls);
+        all.filter_map(|(contactor, worn)| worn.then_some(contactor)).collect()
     };
     let side = |contactor: &str, colour: &str| Side {
         body: "RBDY3".to_string(),
@@ -114,14 +114,14 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
             visibility.push(See { line: 0, candidate, law: law.clone(), antagonist, alert });
         };
         let (a, b) = (contact.between.0.as_str(), contact.between.1.as_str());
-        let rank = |contactor: &str| ["SPHER", "POLYR", "PLANx"].iter().position(|known| *known == contactor);
+        let rank = |contactor: &str| ["SPHER", "POLYR"].iter().position(|known| *known == contactor).unwrap_or(2);
         for first in wearers(a) {
             for second in wearers(b) {
-                let planes = first == "PLANx" && second == "PLANx";
+                let walls = WALLS.contains(&first) && WALLS.contains(&second);
                 // Within one colour every pair of shapes comes once.
-                if !planes && rank(first) <= rank(second) {
+                if !walls && rank(first) <= rank(second) {
                     row(side(first, a), side(second, b));
-                } else if !planes && a != b {
+                } else if !walls && a != b {
                     row(side(second, b), side(first, a));
                 }
             }
@@ -136,13 +136,13 @@ pub fn default_alert(scene: &Scene, population: &Population) -> f64 {
     let grains = &population.grains;
     let mean_radius = grains.iter().map(|grain| grain.radius).sum::<f64>() / grains.len() as f64;
     let drift = grains.iter().map(|grain| grain.velocity).sum::<Vector3<f64>>() / grains.len() as f64;
-    let of_plate = |plate: &Plate| Vector3::from_fn(|k, _| plate.motion[k].at_start());
-    let velocities = grains.iter().map(|grain| grain.velocity).chain(population.plates.iter().map(of_plate));
+    let of_wall = |wall: &WallBody| Vector3::from_fn(|k, _| wall.motion[k].at_start());
+    let velocities = grains.iter().map(|grain| grain.velocity).chain(population.walls.iter().map(of_wall));
     let fastest = velocities.map(|v| (v - drift).norm()).fold(0.0, f64::max);
     (0.1 * mean_radius).max(2.0 * scene.compute.dt * fastest)
 }
 
-/// The components of every plate and of every driven grain that are imposed; and the tables of their files.
+/// The components of every wall and of every driven grain that are imposed; and the tables of their files.
 pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, Tables) {
     let mut tables = Tables::default();
     let mut driven = Vec::new();
@@ -158,9 +158,9 @@ pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, Tables) {
             }
         }
     }
-    for (k, plate) in population.plates.iter().enumerate() {
-        for (component, velocity) in plate.motion.iter().enumerate() {
-            let (kind, evolution) = match plate.force.get(component) {
+    for (k, wall) in population.walls.iter().enumerate() {
+        for (component, velocity) in wall.motion.iter().enumerate() {
+            let (kind, evolution) = match wall.force.get(component) {
                 Some(Some(force)) => (DrivenKind::Force, force),
                 _ => (DrivenKind::Velocity, velocity),
             };
@@ -177,11 +177,11 @@ pub fn dof(population: &Population) -> Dof {
         let (v, w) = (grain.velocity, axes * grain.spin);
         ([v.x, v.y, v.z, w.x, w.y, w.z], rows(&axes))
     };
-    let plate = |plate: &Plate| {
-        let velocity = [0, 1, 2, 3, 4, 5].map(|k| plate.motion[k].at_start());
-        (velocity, rows(&plate.axes))
+    let wall = |wall: &WallBody| {
+        let velocity = [0, 1, 2, 3, 4, 5].map(|k| wall.motion[k].at_start());
+        (velocity, rows(&wall.axes))
     };
-    let states = population.grains.iter().map(grain).chain(population.plates.iter().map(plate));
+    let states = population.grains.iter().map(grain).chain(population.walls.iter().map(wall));
     let body = |(body, (velocity, axes))| BodyDof { line: 0, body, displacement: [0.0; 6], velocity, axes };
     Dof { step: 0, time: 0.0, bodies: states.enumerate().map(body).collect() }
 }

@@ -209,7 +209,7 @@ fn says_what_it_made() {
     let folder = tempfile::tempdir().unwrap();
     let output = cd_pre(&[&example("spheres-box"), Path::new("-o"), folder.path()]);
     let said = text(&output.stdout);
-    assert!(said.contains("65 bodies, 5 of them plates: 60 spheres, radius 0.8"), "{said}");
+    assert!(said.contains("65 bodies, 5 of them walls: 60 spheres, radius 0.8"), "{said}");
     assert!(said.contains(&format!("wrote {}: BODIES.DAT", folder.path().join("DATBOX").display())), "{said}");
     assert_eq!(text(&output.stderr), "");
 }

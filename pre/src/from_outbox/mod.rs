@@ -23,7 +23,7 @@ use cd_formats::places;
 use cd_formats::report::Report;
 use cd_formats::snapshot::{START, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
 use crate::check::three;
@@ -315,25 +315,9 @@ struct Wall<'a> {
 }
 
 impl Wall<'_> {
-    /// How deep a ball reaches into it, m; negative when apart. A centre within a solid one counts as at its surface.
+    /// How deep a ball reaches into it, m.
     fn overlap(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
-        let local = self.turn.inverse() * (centre - self.centre);
-        match *self.shape {
-            Shape::Plane { half_lengths } => {
-                radius - (local.abs() - Vector3::from(half_lengths)).sup(&Vector3::zeros()).norm()
-            }
-            Shape::Cylinder { half_height, radius: wide, hollow } => {
-                let beyond = Vector2::new(local.xy().norm() - wide, local.z.abs() - half_height);
-                if !hollow {
-                    radius - beyond.sup(&Vector2::zeros()).norm()
-                } else if local.norm() - radius < wide.hypot(half_height) {
-                    radius + beyond.max()
-                } else {
-                    f64::NEG_INFINITY // it is not near
-                }
-            }
-            _ => f64::NEG_INFINITY,
-        }
+        crate::walls::overlap(self.shape, &(self.turn.inverse() * (centre - self.centre)), radius)
     }
 }
 

@@ -17,7 +17,7 @@ const NEAREST: usize = 64;
 /// Points that are tried for one that lies in the solid.
 const ATTEMPTS: usize = 100_000;
 
-/// The solid that is to be broken, about its centre of mass in the axes of the room; a ball or an ellipsoid as a polyhedron of equal volume
+/// The solid that is to be broken, about its centre of mass in the axes of the room; what is round as a polyhedron of equal volume
 /// with faces enough for `number` fragments, a surface as its convex hull.
 pub fn solid(room: &Room, number: usize) -> Result<Surface, Misfit> {
     let solid = match room {
@@ -27,6 +27,7 @@ pub fn solid(room: &Room, number: usize) -> Result<Surface, Misfit> {
             let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -halves[axis] } else { halves[axis] });
             hull::convex(&(0..8).map(corner).collect::<Vec<_>>())?
         }
+        Room::Cylinder { half_height, radius } => drum(*half_height, *radius, number)?,
         Room::Inside(inside) => hull::convex(&inside.vertices())?,
     };
     let centre = Vector3::from(solid.mass_properties().centre);
@@ -46,6 +47,20 @@ fn round(axes: [f64; 3], number: usize) -> Result<Surface, Misfit> {
     let factor = libm::cbrt(4.0 / 3.0 * std::f64::consts::PI / unit.volume());
     let stretched: Vec<[f64; 3]> = unit.vertices().iter().map(|v| [0, 1, 2].map(|k| factor * axes[k] * v[k])).collect();
     surface(&stretched, unit.triangles())
+}
+
+/// A prism about the third axis, of about two sides for each fragment along a rim and at least 32.
+fn drum(half_height: f64, radius: f64, number: usize) -> Result<Surface, Misfit> {
+    let turn = std::f64::consts::TAU;
+    let fragment = libm::cbrt(std::f64::consts::PI * radius * radius * 2.0 * half_height / number as f64);
+    let sides = (2.0 * turn * radius / fragment).clamp(32.0, 2000.0) as usize;
+    let angle = turn / sides as f64;
+    let outer = radius * (angle / libm::sin(angle)).sqrt();
+    let corner = |k: usize| {
+        let (sin, cos) = libm::sincos(angle * (k / 2) as f64);
+        [outer * cos, outer * sin, if k.is_multiple_of(2) { -half_height } else { half_height }]
+    };
+    Ok(hull::convex(&(0..2 * sides).map(corner).collect::<Vec<_>>())?)
 }
 
 /// Points evenly spread on the sphere of radius 1: a spiral from pole to pole, turned by the golden angle
@@ -285,7 +300,12 @@ mod tests {
 
     #[test]
     fn fragments_fill_the_solid_and_are_convex() {
-        let rooms = [Room::Ball(100.0), Room::Ellipsoid([3.0, 2.0, 1.0]), Room::Box([0.5, 1.0, 0.01])];
+        let rooms = [
+            Room::Ball(100.0),
+            Room::Ellipsoid([3.0, 2.0, 1.0]),
+            Room::Box([0.5, 1.0, 0.01]),
+            Room::Cylinder { half_height: 2.0, radius: 1.0 },
+        ];
         for (k, room) in rooms.iter().enumerate() {
             for (number, relaxation) in [(1, 0), (2, 0), (50, 0), (300, 0), (60, 5)] {
                 let (solid, fragments) = broken(room, number, relaxation, k as u64);

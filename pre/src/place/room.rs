@@ -17,6 +17,11 @@ pub enum Room {
     Ellipsoid([f64; 3]),
     /// Half lengths, m.
     Box([f64; 3]),
+    /// About the third axis, m.
+    Cylinder {
+        half_height: f64,
+        radius: f64,
+    },
     Inside(Inside),
 }
 
@@ -26,6 +31,7 @@ impl Envelope {
         match self {
             Envelope::Ball { radius } => radius.is_some(),
             Envelope::Ellipsoid { semi_axes: lengths, .. } | Envelope::Box { lengths, .. } => lengths.is_some(),
+            Envelope::Cylinder { .. } => true,
             Envelope::Model { scaled, .. } => scaled.is_some(),
         }
     }
@@ -39,6 +45,7 @@ impl Envelope {
             Envelope::Ball { radius } => Room::Ball(radius.unwrap_or(1.0)),
             Envelope::Ellipsoid { semi_axes, ratios } => Room::Ellipsoid(semi_axes.or(*ratios).unwrap_or([1.0; 3])),
             Envelope::Box { lengths, ratios } => Room::Box(half(lengths.or(*ratios).unwrap_or([2.0; 3]))),
+            &Envelope::Cylinder { half_height, radius } => Room::Cylinder { half_height, radius },
             Envelope::Model { file, scaled } => {
                 let read = model::surface(folder, file, scaled.unwrap_or(Scaled::Factor(1.0)))?;
                 let inside = Inside::new(&read.surface).map_err(|found| {
@@ -58,6 +65,7 @@ impl Room {
             Room::Ball(radius) => crate::sizes::volume(*radius),
             Room::Ellipsoid(axes) => 4.0 / 3.0 * std::f64::consts::PI * product(*axes),
             Room::Box(halves) => 8.0 * product(*halves),
+            Room::Cylinder { half_height, radius } => 2.0 * std::f64::consts::PI * radius * radius * half_height,
             Room::Inside(inside) => inside.volume(),
         }
     }
@@ -70,6 +78,9 @@ impl Room {
             Room::Ball(radius) => Room::Ball(factor * radius),
             Room::Ellipsoid(axes) => Room::Ellipsoid(scaled(*axes)),
             Room::Box(halves) => Room::Box(scaled(*halves)),
+            Room::Cylinder { half_height, radius } => {
+                Room::Cylinder { half_height: factor * half_height, radius: factor * radius }
+            }
             Room::Inside(inside) => Room::Inside(inside.times(factor)),
         }
     }
@@ -79,6 +90,7 @@ impl Room {
         match self {
             Room::Ball(radius) => Vector3::repeat(*radius),
             Room::Ellipsoid(lengths) | Room::Box(lengths) => (*lengths).into(),
+            Room::Cylinder { half_height, radius } => Vector3::new(*radius, *radius, *half_height),
             Room::Inside(inside) => inside.halves(),
         }
     }
@@ -89,6 +101,9 @@ impl Room {
             Room::Ball(room) => centre.norm() + radius <= *room,
             Room::Ellipsoid(axes) => ellipsoid_holds(axes, centre, radius),
             Room::Box(halves) => (0..3).all(|k| centre[k].abs() + radius <= halves[k]),
+            Room::Cylinder { half_height, radius: room } => {
+                centre.xy().norm() + radius <= *room && centre.z.abs() + radius <= *half_height
+            }
             Room::Inside(inside) => inside.holds(centre, radius),
         }
     }
@@ -101,6 +116,9 @@ impl std::fmt::Display for Room {
             Room::Ball(radius) => write!(f, "a ball of radius {radius:.5} m"),
             Room::Ellipsoid(axes) => write!(f, "an ellipsoid of semi-axes {} m", three(*axes)),
             Room::Box(halves) => write!(f, "a box of lengths {} m", three(halves.map(|half| 2.0 * half))),
+            Room::Cylinder { half_height, radius } => {
+                write!(f, "a cylinder of radius {radius:.5} m and length {:.5} m", 2.0 * half_height)
+            }
             Room::Inside(inside) => write!(f, "a surface around {:.6e} m^3", inside.volume()),
         }
     }

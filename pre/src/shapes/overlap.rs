@@ -1,9 +1,9 @@
 //! How deep convex solids are in each other, to refuse scenes in which they are.
 
 use nalgebra::Vector3;
-use parry3d_f64::math::Vector as Point;
-use parry3d_f64::query::PointQuery;
-use parry3d_f64::shape::ConvexPolyhedron;
+use parry3d_f64::math::{Pose, Vector as Point};
+use parry3d_f64::query::{self, PointQuery};
+use parry3d_f64::shape::{ConvexPolyhedron, Cylinder};
 
 /// A convex solid as it stands.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,6 +50,48 @@ impl Convex {
         if highest <= 0.0 { radius - highest } else { radius - self.distance(&local) }
     }
 
+    /// How far a cylinder at `centre`, its axis the last row of `axes`, of `[half height, radius]`, m, reaches into the
+    /// solid: by how much it can shrink all around and still be met, to a thousandth of that; 0 where that is no more than `allowed`.
+    ///
+    /// By parry's GJK in a frame in which the cylinder has size 1.
+    pub fn overlap_of_cylinder(
+        &self,
+        centre: &Vector3<f64>,
+        axes: &nalgebra::Matrix3<f64>,
+        [half_height, radius]: [f64; 2],
+        allowed: f64,
+    ) -> f64 {
+        let size = half_height.hypot(radius);
+        let local = |v: Vector3<f64>| {
+            let v = axes * (v - centre) / size;
+            // Parry's cylinders are about the second axis.
+            Point::new(v.y, v.z, v.x)
+        };
+        let Some(hull) = ConvexPolyhedron::from_convex_hull(&self.vertices().map(local).collect::<Vec<_>>()) else {
+            return 0.0;
+        };
+        let met = |by: f64| {
+            let cylinder = Cylinder::new((half_height - by) / size, (radius - by) / size);
+            query::intersection_test(&Pose::IDENTITY, &hull, &Pose::IDENTITY, &cylinder)
+                .is_ok_and(|met| met.intersecting)
+        };
+        let mut most = half_height.min(radius);
+        if allowed >= most || !met(allowed) {
+            return 0.0;
+        }
+        let mut least = allowed;
+        while most - least > 1e-3 * most {
+            let middle = 0.5 * (least + most);
+            if met(middle) { least = middle } else { most = middle }
+        }
+        most
+    }
+
+    /// m
+    pub fn vertices(&self) -> impl Iterator<Item = Vector3<f64>> {
+        self.vertices.iter().map(|v| v + self.centre)
+    }
+
     /// Distance of a point outside, m, by parry's GJK in a frame in which the solid has size 1.
     fn distance(&self, local: &Vector3<f64>) -> f64 {
         let size = self.vertices.iter().map(|v| v.norm()).fold(local.norm(), f64::max);
@@ -74,6 +116,12 @@ fn distinct(directions: impl Iterator<Item = Vector3<f64>>) -> Vec<Vector3<f64>>
         }
     }
     kept
+}
+
+/// How deep two bodies are in each other, m, by their convex pieces.
+pub fn deepest(a: &[Convex], b: &[Convex], allowed: f64) -> f64 {
+    let pairs = a.iter().flat_map(|a| b.iter().map(move |b| (a, b)));
+    pairs.map(|(a, b)| depth(a, b, allowed)).fold(0.0, f64::max)
 }
 
 /// How far two solids reach into each other, m: the shortest way that parts them; at most `allowed` as soon as that
@@ -116,6 +164,43 @@ mod tests {
     use crate::scene::Shape;
     use crate::shapes::{hull, regular};
     use nalgebra::Matrix3;
+
+    /// Cubes against a cylinder by hand: at its side, at its end, past its rim.
+    #[test]
+    fn cubes_in_a_cylinder() {
+        let turn = |angle: f64| *nalgebra::Rotation3::from_axis_angle(&Vector3::y_axis(), angle).matrix();
+        let (centre, size) = (Vector3::new(1.0, -2.0, 3.0), [2.0, 1.5]);
+        for angle in [0.0, 0.7] {
+            let axes = turn(angle);
+            let overlap = |at: [f64; 3], own: Matrix3<f64>, allowed: f64| {
+                let at = centre + axes.transpose() * Vector3::from(at);
+                let cube = Convex::cuboid(at, &(own * axes), &Vector3::repeat(0.5));
+                cube.overlap_of_cylinder(&centre, &axes, size, allowed)
+            };
+            let (straight, half) = (Matrix3::identity(), 0.5f64.sqrt());
+            let edge = *nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_4).matrix();
+            for (at, own, deep) in [
+                ([1.9, 0.0, 0.0], straight, 0.1),
+                ([0.0, -2.1, 1.0], edge, 1.5 + half - 2.1),
+                ([0.0, 0.3, -2.3], straight, 0.2),
+                ([0.0, 0.0, 0.0], straight, 1.5),
+            ] {
+                let found = overlap(at, own, 1e-6);
+                assert!((found - deep).abs() < 2e-3, "{at:?}: {found} {deep}");
+            }
+            for (at, own) in [
+                ([2.0 + 1e-9, 0.0, 0.0], straight),
+                ([0.0, 1.5 + half + 1e-9, 0.0], edge),
+                ([0.0, 0.0, 2.5 + 1e-9], straight),
+                // Its corner is within the radius along either axis, not along both.
+                ([1.8, 1.8, 0.0], straight),
+            ] {
+                // GJK is sure to some 1e-8 of the size.
+                assert_eq!(overlap(at, own, 1e-7), 0.0, "{at:?}");
+            }
+            assert_eq!(overlap([1.9, 0.0, 0.0], straight, 0.11), 0.0);
+        }
+    }
 
     fn cube(centre: [f64; 3], turn: Matrix3<f64>) -> Convex {
         let surface = hull::convex(&regular::vertices(&Shape::Cube)).unwrap();
