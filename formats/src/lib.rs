@@ -18,6 +18,7 @@
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
 //! | [`tell`] | none: messages to people |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: all that a restart needs, bit for bit |
+//! | [`unchanged`] | the same: whether the files of DATBOX are still those that it was computed from |
 
 pub mod accuracy;
 pub mod atomic;
@@ -38,4 +39,5 @@ pub mod snapshot;
 pub mod surface;
 pub mod tact_behav;
 pub mod tell;
+pub mod unchanged;
 pub mod vloc_rloc;

@@ -1,8 +1,8 @@
-//! Volume, centre and inertia of contactors, one by one and together on a body.
+//! Volume, centre and inertia of contactors, one by one and together on a body; what a body weighs.
 
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::bodies::{Body, Contactor, Shape};
 use crate::surface::{MassProperties, Surface};
@@ -41,7 +41,29 @@ impl Contactor {
             Shape::Point { offset } => MassProperties { volume: 0.0, centre: *offset, inertia: [[0.0; 3]; 3] },
         })
     }
+
+    /// Moments about its own axes, `own` being its mass properties.
+    fn own_moments(&self, own: &MassProperties) -> [f64; 3] {
+        let axes = self.local_frame.as_ref().map_or(Matrix3::identity(), |f| Matrix3::from_fn(|i, j| f.axes[j][i]));
+        let turn = Rotation3::from_matrix_eps(&axes, 1e-15, 100, Rotation3::identity());
+        let local = turn.transpose() * Matrix3::from(own.inertia) * turn;
+        [local.m11, local.m22, local.m33]
+    }
 }
+
+/// What a body is computed with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inert {
+    /// kg
+    pub mass: f64,
+    /// Principal moments, kg m^2.
+    pub inertia: [f64; 3],
+    /// Of a lone sphere, else of the sphere of equal volume, m.
+    pub radius: f64,
+}
+
+/// Relative difference of moments that is rounding of the file: such a body needs no equation for its rotation.
+const EQUAL_MOMENTS: f64 = 1e-7;
 
 impl Body {
     /// Of all contactors together. Errors: as of one of them.
@@ -58,6 +80,25 @@ impl Body {
             _ => self.inertia.is_some_and(|inertia| inertia != [0.0; 3]),
         };
         if about_centre { [0.0; 3] } else { own.centre }
+    }
+
+    /// At a density (kg/m^3), `own` being the mass properties of all contactors together. A lone sphere, plate or cylinder
+    /// is what it looks like, with moments about its own axes; of others `avrd` and `I1 I2 I3` count where they are given.
+    pub fn inert(&self, own: &MassProperties, density: f64) -> Inert {
+        let lone = if let [lone] = self.contactors.as_slice() { Some(lone) } else { None };
+        let simple = lone.filter(|contactor| !matches!(contactor.shape, Shape::Polyhedron { .. }));
+        let given = self.inertia.filter(|inertia| simple.is_none() && *inertia != [0.0; 3]);
+        let own_moments = || simple.map_or_else(|| own.principal().0, |contactor| contactor.own_moments(own));
+        let inertia = given.unwrap_or_else(own_moments);
+        let told = self.equivalent_radius != 0.0 && simple.is_none() && (lone.is_some() || given.is_some());
+        let volume = if told { 4.0 / 3.0 * PI * self.equivalent_radius.powi(3) } else { own.volume };
+        let radius = match lone.map(|contactor| &contactor.shape) {
+            Some(Shape::Sphere { radius }) => *radius,
+            _ => (volume * 0.75 / PI).cbrt(),
+        };
+        let inertia = inertia.map(|moment| density * moment);
+        let alike = inertia.iter().all(|moment| (moment - inertia[0]).abs() <= EQUAL_MOMENTS * inertia[0]);
+        Inert { mass: density * volume, inertia: if alike { [inertia[0]; 3] } else { inertia }, radius }
     }
 }
 
@@ -98,6 +139,29 @@ mod tests {
         assert!((Vector3::from(whole.centre) - Vector3::new(1.0, 0.0, 2.0)).norm() < 1e-15);
         let expected = Matrix3::from_diagonal(&Vector3::new(along, across, across));
         assert!((Matrix3::from(whole.inertia) - expected).norm() < 1e-14, "{whole:?}");
+    }
+
+    #[test]
+    fn a_body_weighs_what_the_file_says_where_its_shape_does_not() {
+        let ball = |x: f64| contactor(Shape::OffsetSphere { radius: 0.5, offset: [x, 0.0, 0.0] }, None);
+        let weighed = |contactors: Vec<Contactor>, equivalent_radius, inertia| {
+            let material = "ROCKx".into();
+            let body = Body { line: 0, material, equivalent_radius, inertia, position: [0.0; 3], contactors };
+            body.inert(&body.mass_properties().unwrap(), 3.0)
+        };
+        let sphere = contactor(Shape::Sphere { radius: 2.0 }, None);
+        let mass = 3.0 * 4.0 / 3.0 * PI * 8.0;
+        let expected = Inert { mass, inertia: [0.4 * mass * 4.0; 3], radius: 2.0 };
+        let close = |a: f64, b: f64| (a - b).abs() <= 1e-14 * b;
+        for alone in [weighed(vec![sphere.clone()], 0.0, None), weighed(vec![sphere], 7.0, Some([9.0; 3]))] {
+            assert!(close(alone.mass, mass) && close(alone.inertia[2], expected.inertia[2]) && alone.radius == 2.0);
+        }
+        // Two balls without inertia weigh what they are; with it, what avrd says.
+        let own = weighed(vec![ball(-1.0), ball(1.0)], 1.0, None);
+        assert!(close(own.mass, 3.0 * 2.0 * 4.0 / 3.0 * PI * 0.125) && close(own.radius, 0.25f64.cbrt()), "{own:?}");
+        assert!(own.inertia[0] < own.inertia[1] && own.inertia[1] == own.inertia[2]);
+        let given = weighed(vec![ball(-1.0), ball(1.0)], 1.0, Some([1.0, 2.0, 2.0]));
+        assert!(close(given.mass, 4.0 * PI) && close(given.radius, 1.0) && given.inertia == [3.0, 6.0, 6.0]);
     }
 
     #[test]
