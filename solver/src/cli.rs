@@ -37,7 +37,7 @@ struct Arguments {
     flags: Flags,
 }
 
-/// Runs the program; returns its exit code: 0 done, 2 input refused, 3 our fault.
+/// Runs the program; returns its exit code: 0 done, 2 input refused, 3 our fault, 4 stopped on the way.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
@@ -55,6 +55,14 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
         Err(Failure::Files(faults)) => {
             complain(faults.report(PROGRAM).trim_end());
             2
+        }
+        Err(Failure::Unwritten(faults)) => {
+            complain(faults.report(PROGRAM).trim_end());
+            4
+        }
+        Err(Failure::Stopped(message)) => {
+            complain(format_args!("{PROGRAM}: {message}"));
+            4
         }
         Err(Failure::Broken(message)) => {
             complain(format_args!("{PROGRAM}: internal: {message}"));
@@ -77,6 +85,7 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
     if arguments.resume {
         resumed = read::resume::last(&write::outbox(case), &scene, &mut state)?.is_some();
         if !resumed {
+            write::expect_none(case, scene.options.text)?;
             tell(format_args!("{PROGRAM}: no snapshot to go on from: starting from DATBOX"));
         }
     } else if !arguments.force && !arguments.plan {

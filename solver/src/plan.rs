@@ -15,6 +15,8 @@ use crate::step::{Clock, StepReport, step};
 
 /// A trial ends after so many steps or so much time, whichever is first; the first step, from a cold start, is not timed.
 const TRIAL: u64 = 20;
+/// Times the sharpest bound on h beyond which no step is tried.
+const INSANE: f64 = 100.0;
 const TRIAL_TIME: Duration = Duration::from_secs(2);
 
 /// Radii that a body may move in a step, and of free fall in a step: what penetrations and missed bounces are measured by.
@@ -160,27 +162,22 @@ fn contact_size() -> usize {
 
 /// The plan as text.
 pub fn text(scene: &Scene, state: &State) -> String {
-    let Trial { clock, steps, units, report } = trial(scene, state);
+    let (h, bounds) = (scene.options.dt, bounds(scene, state));
     let mut lines: Vec<(&str, String)> = vec![("models", scene.models().join("; "))];
     lines.push(("not needed", not_needed(scene).join("; ")));
-    let (listed, active) = (report.contacts_listed, report.contacts_active);
-    lines.push(("contacts", format!("{listed} listed, {active} carry force, now")));
+    // Steps that are far too long may take hours.
+    let sane = bounds.first().is_none_or(|sharpest| h <= INSANE * sharpest.h);
+    let tried = sane.then(|| trial(scene, state));
+    if let Some(Trial { report, .. }) = &tried {
+        let (listed, active) = (report.contacts_listed, report.contacts_active);
+        lines.push(("contacts", format!("{listed} listed, {active} carry force, now")));
+    }
     let until_now = held().map_or(String::new(), |held| format!("{:.1} MB at most until now; ", held as f64 / 1e6));
     lines.push((
         "memory",
         format!("{until_now}{:.1} kB more for each further contact, about", contact_size() as f64 / 1e3),
     ));
-    let seconds = |time: Duration| time.as_secs_f64() / steps.max(1) as f64;
-    let Clock { gravity, detection, assembly, solve, integration, .. } = clock;
-    let each = seconds(gravity + detection + assembly + solve + integration);
-    let ms = |time: Duration| 1e3 * seconds(time);
-    lines.push((
-        "time",
-        format!(
-            "{:.3} ms a step now ({steps} tried): gravity {:.3}, detection {:.3}, assembly {:.3}, solve {:.3}, integration {:.3}",
-            1e3 * each, ms(gravity), ms(detection), ms(assembly), ms(solve), ms(integration)
-        ),
-    ));
+    lines.push(("time", tried.as_ref().map_or("no step tried, h is far too long".into(), Trial::times)));
     let knobs = scene.options.knobs();
     let knob =
         |(name, value, alone): &(&str, String, bool)| format!("{name} {value}{}", if *alone { " (set)" } else { "" });
@@ -188,14 +185,14 @@ pub fn text(scene: &Scene, state: &State) -> String {
     let preset = scene.options.accuracy.map_or("none".into(), |accuracy| accuracy.to_string());
     lines.push(("accuracy", format!("{preset}: {}", knobs.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);
-    let seconds = left as f64 * each * steps as f64 / units.max(1) as f64;
-    let longer = match scene.options.adaptive().most {
-        1 => String::new(),
-        most => format!(" of dt, up to {most} of them at once, now {:.1}", units as f64 / steps.max(1) as f64),
+    let at_once = |Trial { steps, units, .. }: &Trial| (*units).max(1) as f64 / (*steps).max(1) as f64;
+    let longer = match (scene.options.adaptive().most, &tried) {
+        (1, _) | (_, None) => String::new(),
+        (most, Some(tried)) => format!(" of dt, up to {most} of them at once, now {:.1}", at_once(tried)),
     };
-    lines.push(("run", format!("{left} steps{longer}; {seconds:.3e} s as now; t = {:.6e} s", scene.end_time())));
-    let h = scene.options.dt;
-    let bounds = bounds(scene, state);
+    let seconds = |tried: &Trial| format!(" {:.3e} s as now;", left as f64 * tried.each() / at_once(tried));
+    let seconds = tried.as_ref().map_or(String::new(), seconds);
+    lines.push(("run", format!("{left} steps{longer};{seconds} t = {:.6e} s", scene.end_time())));
     let place = match bounds.first() {
         Some(sharpest) if h > sharpest.h => format!("{h} s is {:.1} times the sharpest bound", h / sharpest.h),
         Some(_) => format!("{h} s is within all bounds"),
@@ -224,6 +221,29 @@ struct Trial {
     units: u64,
     /// What the last of them did.
     report: StepReport,
+}
+
+impl Trial {
+    /// Seconds of a step.
+    fn each(&self) -> f64 {
+        let Clock { gravity, detection, assembly, solve, integration, .. } = self.clock;
+        (gravity + detection + assembly + solve + integration).as_secs_f64() / self.steps.max(1) as f64
+    }
+
+    fn times(&self) -> String {
+        let Clock { gravity, detection, assembly, solve, integration, .. } = self.clock;
+        let steps = self.steps;
+        let ms = |time: Duration| 1e3 * time.as_secs_f64() / steps.max(1) as f64;
+        format!(
+            "{:.3} ms a step now ({steps} tried): gravity {:.3}, detection {:.3}, assembly {:.3}, solve {:.3}, integration {:.3}",
+            1e3 * self.each(),
+            ms(gravity),
+            ms(detection),
+            ms(assembly),
+            ms(solve),
+            ms(integration)
+        )
+    }
 }
 
 fn trial(scene: &Scene, state: &State) -> Trial {

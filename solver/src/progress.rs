@@ -1,7 +1,7 @@
 //! What a user sees while a run goes on: a bar on a terminal, a line per output otherwise.
 
 use std::cell::Cell;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use cd_formats::compute::{Compute, ContactSolver};
 use cd_formats::tell::{complain, tell};
@@ -10,11 +10,16 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::state::State;
 use crate::step::{StepReport, WorstContact};
 
+/// Without a terminal, a line after so long at most.
+const SILENCE: Duration = Duration::from_secs(30);
+
 pub struct Progress {
     bar: ProgressBar,
     first: u64,
     last: u64,
     start: Instant,
+    /// When a line was told last.
+    heard: Cell<Instant>,
     /// Whether it was told that sweeps take another solver's place.
     told: Cell<bool>,
 }
@@ -27,7 +32,7 @@ impl Progress {
             bar.set_style(style);
         }
         bar.reset_eta();
-        Progress { bar, first, last, start: Instant::now(), told: Cell::new(false) }
+        Progress { bar, first, last, start: Instant::now(), heard: Cell::new(Instant::now()), told: Cell::new(false) }
     }
 
     pub fn step(&self, state: &State, report: &StepReport) {
@@ -44,15 +49,21 @@ impl Progress {
         Some(format!("cd-solve: step {step}: sweeps take the place of the solver asked for, as {reason}"))
     }
 
-    /// Tells of an output.
-    pub fn output(&self, state: &State, report: &StepReport) {
+    /// Whether nothing has been told for long.
+    pub fn silent(&self) -> bool {
+        self.heard.get().elapsed() > SILENCE
+    }
+
+    /// Tells where the run is.
+    pub fn line(&self, state: &State, report: &StepReport) {
+        self.heard.set(Instant::now());
         if !self.bar.is_hidden() {
             return;
         }
         let rate = (state.step - self.first) as f64 / self.start.elapsed().as_secs_f64().max(1e-9);
         let left = (self.last - state.step) as f64 / rate.max(1e-9);
         tell(format_args!(
-            "step {}/{}  t = {:.6} s  {} contacts carry force  {} sweeps, residual {:.1e}  kinetic {:.3e} J  {:.0} steps/s, {:.0} s left",
+            "step {}/{}  t = {:.6} s  {} contacts carry force  {} sweeps, residual {:.1e}  kinetic {:.3e} J  {} steps/s, {:.0} s left",
             state.step,
             self.last,
             state.time,
@@ -60,7 +71,7 @@ impl Progress {
             report.sweeps,
             report.residual,
             report.kinetic + report.rotational,
-            rate,
+            digits(rate),
             left
         ));
     }
@@ -90,6 +101,12 @@ impl Progress {
     }
 }
 
+/// Three digits at least.
+fn digits(rate: f64) -> String {
+    let places = if rate < 100.0 { (2.0 - rate.max(1e-9).log10().floor()) as usize } else { 0 };
+    format!("{rate:.places$}")
+}
+
 /// Who solved a step, where sweeps may have taken the place of the solver asked for.
 fn by(solver: ContactSolver, replaced: bool) -> String {
     if replaced { format!("sweeps in place of {solver}") } else { solver.to_string() }
@@ -98,6 +115,14 @@ fn by(solver: ContactSolver, replaced: bool) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn slow_runs_have_a_rate() {
+        assert_eq!(
+            [0.01234, 1.0, 9.876, 56.78, 123.4, 56789.1].map(digits),
+            ["0.0123", "1.00", "9.88", "56.8", "123", "56789"]
+        );
+    }
 
     #[test]
     fn a_solver_is_named_that_solved() {

@@ -1,11 +1,15 @@
 //! The loop over steps: when to write, when to stop, what to tell.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::tell::tell;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
 
 use crate::assemble::potential_energy;
 use crate::detect;
@@ -24,8 +28,12 @@ const TOLD: u64 = 5;
 
 /// Why a run ended early.
 pub enum Failure {
-    /// Files could not be written.
+    /// Nothing was computed, as input is refused or OUTBOX cannot be written.
     Files(Faults),
+    /// Files could not be written any more.
+    Unwritten(Faults),
+    /// The user has stopped it, after the state was written.
+    Stopped(String),
     /// Our fault: the state is no longer finite.
     Broken(String),
 }
@@ -42,8 +50,9 @@ impl From<Faults> for Failure {
 pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Option<u64>) -> Result<String, Failure> {
     let start = Instant::now();
     let last = scene.last_step();
-    let mut results = Results::open(case, scene, &state)?;
-    let mut course = Course { threads: rayon::current_num_threads(), ..Course::default() };
+    let (mut results, tally) = Results::open(case, scene, &state)?;
+    let mut course = Course { threads: rayon::current_num_threads(), tally, ..Course::default() };
+    let stop = &*STOP;
     // The time that an output takes is entered with the step after it.
     let mut writing = Duration::ZERO;
     if !resumed {
@@ -88,14 +97,28 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
             }
         }
         progress.step(&state, &report);
-        results.step(scene, &state, &report, &lap)?;
+        results.step(scene, &state, &report, &lap).map_err(Failure::Unwritten)?;
         course.tally.step(scene, &report, &lap);
-        if state.step.is_multiple_of(scene.options.output_every) || state.step == last {
-            writing = output(&mut results, scene, &state)?;
-            progress.output(&state, &report);
+        course.clock.add(&lap);
+        let stopped = stop.load(Ordering::Relaxed) && state.step < last;
+        if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
+            writing = output(&mut results, scene, &state).map_err(written_before)?;
+            progress.line(&state, &report);
+        } else if progress.silent() {
+            results.show().map_err(Failure::Unwritten)?;
+            progress.line(&state, &report);
+        }
+        if stopped {
+            progress.finish();
+            let State { step, time, .. } = state;
+            return Err(Failure::Stopped(format!(
+                "stopped after step {step}, t = {time} s, of {last}; --resume goes on"
+            )));
         }
     }
-    course.tally.wrote(&Clock { writing, ..Clock::default() });
+    let last_output = Clock { writing, ..Clock::default() };
+    course.tally.wrote(&last_output);
+    course.clock.add(&last_output);
     progress.finish();
     course.wall = start.elapsed();
     let sources = course.tally.sources(scene, &state);
@@ -103,6 +126,22 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         errors::write(case, &sources)?;
     }
     Ok(text(scene, &state, &course, &sources))
+}
+
+/// Set when the user or the system asks the program to stop. Asked again, it ends at once.
+static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(|| {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        // What cannot be caught ends the program as it would without.
+        let _ = flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&stop));
+        let _ = flag::register(signal, Arc::clone(&stop));
+    }
+    stop
+});
+
+/// Of steps that have been made, what was written stays.
+fn written_before(failure: Failure) -> Failure {
+    if let Failure::Files(faults) = failure { Failure::Unwritten(faults) } else { failure }
 }
 
 /// Overlap over the mean radius from which a run tells that it began with it.

@@ -1,7 +1,7 @@
 //! What a run says of its own errors, and of what they cost.
 //!
 //! Every estimate is a share of the pressure, or of the energy that goes with it, so that they can be compared and added. From the
-//! steps of this run, the second half of them, for the first two that of those in which contacts carry force:
+//! steps, those before a resume as well, the second half of them, for the first two that of those in which contacts carry force:
 //!
 //! | source | estimate | option |
 //! |---|---|---|
@@ -14,6 +14,7 @@
 //! | momentum | the energy of its drift as a motion of the whole, over the same | none: rounding |
 
 use std::path::Path;
+use std::time::Duration;
 
 use cd_formats::atomic;
 use cd_formats::error::Faults;
@@ -23,6 +24,7 @@ use crate::scene::Scene;
 use crate::state::{SolvedContact, State};
 use crate::step::{Clock, StepReport};
 
+use super::log::Kept;
 use super::summary;
 
 /// File beside OUTBOX, as durations are.
@@ -56,6 +58,28 @@ pub struct Source {
 }
 
 impl Tally {
+    /// The figures of steps from the rows that they have left in steps.csv and TIMER.csv.
+    pub fn of(steps: &Kept, timer: &Kept) -> Tally {
+        let seen = |name: &str| steps.column(name).filter(|x| !x.is_nan()).collect();
+        let figures = steps.column("contacts_active").zip(steps.column("virial")).zip(steps.column("penetration_mean"));
+        let loaded = figures.filter(|((active, virial), _)| *active > 0.0 && !virial.is_nan());
+        let spent = |name: &str| Duration::try_from_secs_f64(timer.column(name).sum()).unwrap_or_default();
+        Tally {
+            loaded: loaded.map(|((_, virial), penetration)| [virial, penetration]).collect(),
+            flights: seen("flight_error"),
+            virials: seen("gravity_sampled_virial"),
+            missed: seen("narrow_error"),
+            clock: Clock {
+                gravity: spent("gravity"),
+                detection: spent("detection"),
+                assembly: spent("assembly"),
+                solve: spent("solve"),
+                integration: spent("integration"),
+                writing: spent("writing"),
+            },
+        }
+    }
+
     /// Enters a step.
     pub fn step(&mut self, scene: &Scene, report: &StepReport, lap: &Clock) {
         if report.contacts_active > 0 {
@@ -70,10 +94,6 @@ impl Tally {
     /// Seconds that belong to no step.
     pub fn wrote(&mut self, lap: &Clock) {
         self.clock.add(lap);
-    }
-
-    pub fn clock(&self) -> &Clock {
-        &self.clock
     }
 
     /// The sources of error, each with its cost.
@@ -95,13 +115,13 @@ impl Tally {
         let flight = over(mean_of(&self.flights[self.flights.len() / 2..]), scale);
         let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).sum();
         let Clock { gravity, detection, assembly, solve, integration, writing } = self.clock;
-        let of = |name, option, error, seconds: std::time::Duration| Source {
+        let of = |name, option, error, seconds: Duration| Source {
             name,
             option,
             error: error + 0.0, // not -0, the sum of nothing
             seconds: seconds.as_secs_f64(),
         };
-        let none = std::time::Duration::ZERO;
+        let none = Duration::ZERO;
         vec![
             of("contacts", "tol", over(2.0 * change, typical), assembly + solve),
             of("step", "dt", 2.0 * mean + flight, detection + integration),

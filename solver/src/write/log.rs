@@ -27,9 +27,9 @@ pub struct Table {
 }
 
 impl Table {
-    /// Opens the file to go on after `step`, in a run that began after `first`. Its rows up to that step are kept; where
-    /// other options made other columns, fields that a row has not are empty. Tells of rows that are not there.
-    pub fn open(path: &Path, header: &str, first: u64, step: u64) -> Result<Self, Faults> {
+    /// Opens the file to go on after `step`, in a run that began after `first`. Its rows up to that step are kept, and given
+    /// back; where other options made other columns, fields that a row has not are empty. Tells of rows that are not there.
+    pub fn open(path: &Path, header: &str, first: u64, step: u64) -> Result<(Self, Kept), Faults> {
         let old = if path.is_file() { std::fs::read(path).unwrap_or_default() } else { Vec::new() };
         let old = String::from_utf8_lossy(&old);
         let mut lines = old.split_inclusive('\n').filter_map(|line| line.strip_suffix('\n'));
@@ -41,12 +41,14 @@ impl Table {
         let place = |column: &&str| known.iter().position(|name| name == column);
         let places: Vec<Option<usize>> = columns.iter().map(place).collect();
         let (mut text, mut last) = (format!("{}\n", columns.join(",")), first);
+        let mut kept = Kept { columns: columns.iter().map(ToString::to_string).collect(), rows: Vec::new() };
         for line in lines {
             let fields: Vec<&str> = line.split(',').collect();
             let number = fields[0].parse::<u64>().ok().filter(|number| (last + 1..=step).contains(number));
             let (Some(number), true) = (number, fields.len() == known.len()) else { break };
             let fields: Vec<&str> = places.iter().map(|place| place.map_or("", |k| fields[k])).collect();
             text += &format!("{}\n", fields.join(","));
+            kept.rows.push(fields.iter().map(|field| field.parse().unwrap_or(f64::NAN)).collect());
             last = number;
         }
         if last < step {
@@ -55,17 +57,37 @@ impl Table {
         }
         atomic::write(path, text.as_bytes())?;
         let file = File::options().append(true).open(path).map_err(|error| Fault::io(path, "written", &error))?;
-        Ok(Table { path: path.to_path_buf(), file: BufWriter::new(file), others: ",".repeat(columns.len() - own) })
+        let others = ",".repeat(columns.len() - own);
+        Ok((Table { path: path.to_path_buf(), file: BufWriter::new(file), others }, kept))
     }
 
     pub fn row(&mut self, row: &str) -> Result<(), Faults> {
         writeln!(self.file, "{row}{}", self.others).map_err(|error| Fault::io(&self.path, "written", &error).into())
     }
 
+    /// Lets others see the rows.
+    pub fn show(&mut self) -> Result<(), Faults> {
+        self.file.flush().map_err(|error| Fault::io(&self.path, "written", &error).into())
+    }
+
     /// Brings the rows to the disk, so that no snapshot is there without those before it.
     pub fn flush(&mut self) -> Result<(), Faults> {
-        let synced = self.file.flush().and_then(|()| self.file.get_ref().sync_data());
-        synced.map_err(|error| Fault::io(&self.path, "written", &error).into())
+        self.show()?;
+        self.file.get_ref().sync_data().map_err(|error| Fault::io(&self.path, "written", &error).into())
+    }
+}
+
+/// Rows of a table that an earlier part of the run has written.
+pub struct Kept {
+    columns: Vec<String>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Kept {
+    /// The numbers of a column, NaN for empty fields; all NaN without such a column.
+    pub fn column(&self, name: &str) -> impl Iterator<Item = f64> {
+        let place = self.columns.iter().position(|column| column == name);
+        self.rows.iter().map(move |row| place.map_or(f64::NAN, |k| row[k]))
     }
 }
 
@@ -150,6 +172,9 @@ columns! {
     gravity_extrapolation = report.gravity.extrapolation,
     gravity_sampled = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.rms),
     gravity_sampled_largest = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.largest),
+    gravity_sampled_virial = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.virial),
+    virial = report.virial,
+    flight_error = report.flight,
 }
 
 columns! {
@@ -172,7 +197,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.csv");
         std::fs::write(&path, "step,a\n1,x\n2,y\n3,z\n4,").unwrap();
-        let mut table = Table::open(&path, "step,a", 0, 2).unwrap();
+        let (mut table, kept) = Table::open(&path, "step,a", 0, 2).unwrap();
+        assert_eq!(kept.column("step").collect::<Vec<_>>(), [1.0, 2.0]);
+        assert!(kept.column("a").chain(kept.column("b")).all(f64::is_nan));
         table.row("3,new").unwrap();
         table.flush().unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "step,a\n1,x\n2,y\n3,new\n");
@@ -183,7 +210,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.csv");
         std::fs::write(&path, "step,a,h\n1,x,0.5\n2,y,0.5\n").unwrap();
-        let mut table = Table::open(&path, "step,a,norm", 0, 2).unwrap();
+        let (mut table, kept) = Table::open(&path, "step,a,norm", 0, 2).unwrap();
+        assert_eq!(kept.column("h").collect::<Vec<_>>(), [0.5, 0.5]);
         table.row("3,z,7").unwrap();
         table.flush().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();

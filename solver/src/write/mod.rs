@@ -17,6 +17,7 @@ use crate::scene::Scene;
 use crate::state::State;
 use crate::step::{Clock, StepReport};
 
+use errors::Tally;
 use log::Table;
 pub use problem::{expect as expect_problem, write as problem};
 
@@ -51,10 +52,14 @@ pub fn lock(case: &Path) -> Result<File, Faults> {
 /// Refuses a case that has results; LMGC90's count only if this run would write over them (`text`).
 pub fn expect_none(case: &Path, text: bool) -> Result<(), Faults> {
     let outbox = outbox(case);
-    let expected = "expected none; --resume goes on from the last, --force starts anew";
-    let found = match list(&outbox).last() {
-        Some((_, last)) => format!("there is {}", last.file_name().unwrap_or_default().display()),
-        None if text && outbox.join("DOF.OUT.1").exists() => "there is DOF.OUT.1".into(),
+    let (found, expected) = match list(&outbox).last() {
+        Some((_, last)) => {
+            let found = format!("there is {}", last.file_name().unwrap_or_default().display());
+            (found, "expected none; --resume goes on from the last, --force starts anew")
+        }
+        None if text && outbox.join("DOF.OUT.1").exists() => {
+            ("there is DOF.OUT.1".into(), "expected none, as --text would write over it; --force removes such files")
+        }
         None => return Ok(()),
     };
     Err(Fault::new(&outbox, None, "results", found, expected).into())
@@ -82,8 +87,9 @@ pub fn remove(case: &Path) -> Result<(), Faults> {
 }
 
 impl Results {
-    /// Opens the results for a run that goes on from `state`: rows of later steps are dropped.
-    pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<Self, Faults> {
+    /// Opens the results for a run that goes on from `state`: rows of later steps are dropped. Those of earlier ones make the
+    /// tally.
+    pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<(Self, Tally), Faults> {
         let outbox = outbox(case);
         let mut columns = log::steps_header();
         if scene.options.adaptive().is_on() {
@@ -96,9 +102,9 @@ impl Results {
             columns = format!("{columns},{}", log::norms_header());
         }
         let first = scene.start.0;
-        let steps = Table::open(&outbox.join(log::STEPS), &columns, first, state.step)?;
-        let timer = Table::open(&case.join(log::TIMER), &log::timer_header(), first, state.step)?;
-        Ok(Results { outbox, steps, timer })
+        let (steps, figures) = Table::open(&outbox.join(log::STEPS), &columns, first, state.step)?;
+        let (timer, seconds) = Table::open(&case.join(log::TIMER), &log::timer_header(), first, state.step)?;
+        Ok((Results { outbox, steps, timer }, Tally::of(&figures, &seconds)))
     }
 
     /// Enters a step in the logs.
@@ -115,6 +121,12 @@ impl Results {
         }
         self.steps.row(&row)?;
         self.timer.row(&log::timer_row(state.step, lap))
+    }
+
+    /// Lets others see the rows so far.
+    pub fn show(&mut self) -> Result<(), Faults> {
+        self.steps.show()?;
+        self.timer.show()
     }
 
     /// Writes the state, after the log of the steps that led to it.

@@ -31,6 +31,8 @@ pub struct Course {
     pub given_up: u64,
     pub threads: usize,
     pub wall: Duration,
+    pub clock: Clock,
+    /// Of all steps, those before a resume as well.
     pub tally: Tally,
 }
 
@@ -109,7 +111,7 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
     for (name, value) in errors::lines(sources) {
         line(name, value);
     }
-    let &Clock { gravity, detection, assembly, solve, integration, writing } = course.tally.clock();
+    let &Clock { gravity, detection, assembly, solve, integration, writing } = &course.clock;
     let rooms = [
         ("gravity", gravity),
         ("detection", detection),

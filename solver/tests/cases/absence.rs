@@ -135,6 +135,19 @@ fn a_law_without_cohesion_costs_no_more_than_one_that_has_it_at_nothing() {
 }
 
 #[test]
+fn a_plan_makes_no_step_that_is_far_too_long() {
+    let mut case = Case::new();
+    case.gravity = [0.0, 0.0, -9.81];
+    case.floor();
+    case.sphere(0.5, [0.0, 0.0, 0.5]);
+    case.options.dt = 1e3;
+    case.write();
+    let plan = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).arg("--plan").output().unwrap();
+    let text = String::from_utf8(plan.stdout).unwrap();
+    assert!(text.contains("no step tried, h is far too long") && text.contains("times the sharpest bound"), "{text}");
+}
+
+#[test]
 fn a_plan_names_the_unknowns_that_friction_adds() {
     for (cubes, law, parameters, expected) in [
         (false, "IQS_CLB", &[0.5][..], None),

@@ -420,6 +420,20 @@ fn results_that_are_there() {
 }
 
 #[test]
+fn results_of_lmgc90_are_not_written_over() {
+    let case = sound();
+    case.write();
+    fs::create_dir(case.path().join("OUTBOX")).unwrap();
+    fs::write(case.path().join("OUTBOX/DOF.OUT.1"), "theirs").unwrap();
+    let line = "CASE/OUTBOX: results: there is DOF.OUT.1; \
+                expected none, as --text would write over it; --force removes such files";
+    for flags in [&["--text"][..], &["--text", "--resume"]] {
+        refused(&case, flags, &[line]);
+    }
+    assert_eq!(fs::read(case.path().join("OUTBOX/DOF.OUT.1")).unwrap(), b"theirs");
+}
+
+#[test]
 fn snapshots_that_are_damaged() {
     let mut case = sound();
     case.run(2);

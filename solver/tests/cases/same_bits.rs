@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::process::Command;
 
 use cd_formats::compute::{Action, Event};
 use cd_formats::drv_dof::Evolution;
@@ -113,6 +114,84 @@ fn a_resumed_run_is_the_unbroken_one() {
     same(&unbroken, &resumed);
     // Resuming a finished run, or one that never began, is no fault.
     same(&unbroken, &files(&scene(4), &[&["--resume"], &["--resume"]]));
+}
+
+/// Each source of ERRORS.csv with its estimate.
+fn estimates(case: &Case) -> Vec<String> {
+    let text = std::fs::read_to_string(case.path().join("ERRORS.csv")).unwrap();
+    text.lines().map(|line| line.rsplit_once(',').unwrap().0.to_string()).collect()
+}
+
+#[test]
+fn a_resumed_run_states_the_errors_of_the_unbroken_one() {
+    let (unbroken, resumed) = (scene(4), scene(4));
+    files(&unbroken, &[&[]]);
+    files(&resumed, &[&["--steps", "59"], &["--resume"]]);
+    assert_eq!(estimates(&unbroken), estimates(&resumed));
+    // A check of the check: of the last step alone nothing is known.
+    assert!(estimates(&unbroken).iter().filter(|line| !line.ends_with(",0e0")).count() > 4);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_run_that_is_told_to_stop_goes_on_where_it_was() {
+    let case = scene(4);
+    case.write();
+    let flags = ["--steps", "1000000", "--output-every", "15"];
+    let mut run = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).args(flags).spawn().unwrap();
+    while !case.path().join("OUTBOX/snapshot-000015.npz").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").arg(run.id().to_string()).status().unwrap().success());
+    assert_eq!(run.wait().unwrap().code(), Some(4));
+    let stopped = case.last().meta.step;
+    assert!(stopped < 1_000_000);
+    let end = (stopped + 7).to_string();
+    let mut resumed = files(&case, &[&["--resume", "--steps", &end]]);
+    let mut unbroken = files(&scene(4), &[&["--steps", &end]]);
+    // Both may have stopped between two outputs.
+    resumed.remove(&format!("snapshot-{stopped:06}.npz"));
+    unbroken.remove(&format!("snapshot-{stopped:06}.npz"));
+    // Texts count the outputs.
+    for files in [&mut resumed, &mut unbroken] {
+        files.retain(|name, _| !name.contains(".OUT."));
+    }
+    same(&unbroken, &resumed);
+}
+
+#[test]
+fn forces_that_change_at_a_resume_do_work_from_outside() {
+    let mut case = Case::new();
+    case.gravity = [0.0, 0.0, -8.0];
+    case.sphere(0.5, [0.0, 0.0, 3.0]);
+    case.sphere(0.5, [0.0, 2.0, 3.0]);
+    (case.options.dt, case.options.gravity_constant) = (0.01, 0.5);
+    case.run(10);
+    let drift = |case: &Case| {
+        let (end, ledger) = (case.last(), case.last().meta.ledger);
+        let z: f64 = end.bodies.body_x.iter().map(|x| x[2]).sum();
+        let [a, b] = [0, 1].map(|k| Vec3::from(end.bodies.body_x[k]));
+        let parameters = &end.meta.parameters;
+        let mass = end.bodies.body_mass[0];
+        let pull =
+            if parameters.self_gravity { parameters.gravity_constant * mass * mass / (a - b).norm() } else { 0.0 };
+        let potential = -parameters.uniform_gravity[2] * mass * z - pull;
+        let kinetic: f64 = end.bodies.body_v.iter().map(|v| 0.5 * mass * Vec3::from(*v).norm_squared()).sum();
+        kinetic + potential - ledger.energy_start - ledger.outside_work - ledger.contact_work
+    };
+    // Round-off of energies of some 20 J.
+    assert!(drift(&case).abs() < 1e-13);
+    case.gravity[2] = -1.0;
+    case.write();
+    assert_eq!(case.solve(&["--resume", "--steps", "11"]), 0);
+    assert!(drift(&case).abs() < 1e-13, "{}", drift(&case));
+    // One step errs by the cube of its length.
+    assert_eq!(case.solve(&["--resume", "--steps", "12", "--self-gravity"]), 0);
+    assert!(drift(&case).abs() < 1e-6, "{}", drift(&case));
+    // Nothing changes any more.
+    let before = case.last().meta.ledger.outside_work;
+    assert_eq!(case.solve(&["--resume", "--steps", "13", "--self-gravity"]), 0);
+    assert_eq!(case.last().meta.ledger.outside_work, before);
 }
 
 #[test]
