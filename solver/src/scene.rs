@@ -289,7 +289,8 @@ impl Scene {
         (place < starts[1]).then_some(place as usize)
     }
 
-    fn part(&self, body: u32, rank: u16) -> Option<&Part> {
+    /// The contactor `rank` of a body, in scenes with other bodies than spheres and plates.
+    pub fn part(&self, body: u32, rank: u16) -> Option<&Part> {
         self.part_place(body, rank).map(|place| &self.parts[place])
     }
 

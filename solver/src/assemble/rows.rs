@@ -9,9 +9,9 @@ use rayon::prelude::*;
 
 use super::history::warm_start;
 use crate::integrate::Configuration;
-use crate::laws::{Approach, Rolling};
+use crate::laws::{Approach, Rolling, Shift};
 use crate::math::{MANY, Quat, Vec3, to_local, to_world};
-use crate::scene::{Body, Scene, Shape};
+use crate::scene::{Body, Geometry, Scene, Shape};
 use crate::state::{Bonding, Contact, SolvedContact, State, Status};
 
 /// What a sweep reads and writes of a body.
@@ -263,6 +263,35 @@ impl Setting<'_> {
         travel
     }
 
+    /// How fast the inside of a hollow cylinder comes nearer to what slides round it, m/s, for it curves away from its tangent: of a
+    /// point at the distance D from the axis, which moves by h u_θ along the tangent, (D - √(D² - (h u_θ)²))/h; less what the point
+    /// itself turns away from its tangent about its body's centre. 0 at other contacts: where surfaces bulge, the gap opens.
+    fn curve(&self, contact: &Contact) -> f64 {
+        let &Setting { scene, state, q_c, .. } = self;
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let Some(drum) = scene.part(contact.antagonist, contact.ranks.1) else { return 0.0 };
+        let Geometry::Cylinder { hollow: true, .. } = drum.geometry else { return 0.0 };
+        let axis = q_c.q[b] * drum.axes * Vec3::z();
+        if contact.normal.dot(&axis).abs() > 0.5 {
+            return 0.0; // an end, which is flat
+        }
+        // Of a sphere the centre, of a polyhedron the vertex.
+        let in_front = match scene.part(contact.candidate, contact.ranks.0).map(|part| &part.geometry) {
+            Some(Geometry::Sphere { radius }) => radius + 0.5 * contact.gap,
+            _ => 0.5 * contact.gap,
+        };
+        let [at_a, at_b] = arms(contact, &q_c.x).map(|arm| arm + contact.normal * in_front);
+        let from_axis = at_b - q_c.q[b] * drum.offset;
+        let distance = (from_axis - axis * axis.dot(&from_axis)).norm() + contact.gap.max(0.0);
+        // Turning about its own axis the drum stays where it is.
+        let turning = state.w[b] - axis * axis.dot(&state.w[b]);
+        let u = state.v[a] + q_c.w[a].cross(&at_a) - state.v[b] - turning.cross(&at_b);
+        let way = q_c.h * u.dot(&axis.cross(&contact.normal));
+        let sagitta = distance - (distance * distance - way * way).max(0.0).sqrt();
+        let turned = q_c.w[a].cross(&q_c.w[a].cross(&at_a)).dot(&contact.normal);
+        (sagitta / q_c.h - 0.5 * q_c.h * turned).max(0.0)
+    }
+
     /// Velocity of a plate at the contact point, m/s.
     fn plate(&self, contact: &Contact) -> Vec3 {
         let b = contact.antagonist as usize;
@@ -282,9 +311,13 @@ impl Setting<'_> {
         let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
         let bond = previous.and_then(|old| self.bond(old, contact, law));
         let bond = bond.or(if bonds_now { law.bond(contact.gap, self.effective_radius(contact)) } else { None });
-        let shift = law.shift(&Approach { gap: contact.gap, h, u_n: n.dot(&u_before), radius, slid_before, bond });
+        // A surface that curves comes nearer at this speed: what keeps to it does not approach it.
+        let curve = self.curve(contact);
+        let u_n = n.dot(&u_before) + curve;
+        let shift = law.shift(&Approach { gap: contact.gap, h, u_n, radius, slid_before, bond });
         let acts = shift.is_some();
         let shift = shift.unwrap_or_default();
+        let shift = Shift { normal: shift.normal - curve, ..shift };
 
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i as usize);
