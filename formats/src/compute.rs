@@ -194,6 +194,11 @@ macro_rules! options {
                 self
             }
 
+            /// Name and value of every option, as the file has them.
+            pub fn values(&self) -> Vec<(&'static str, String)> {
+                vec![$((stringify!($name), as_written(&self.$name)),)+]
+            }
+
             /// Name, default and help text of every option, in the order of the file.
             pub fn table() -> Vec<(&'static str, String, String)> {
                 let default = Compute::default();

@@ -481,6 +481,153 @@ fn options_that_are_set_leave_the_others() {
     assert!(wrong.unwrap_err().to_string().contains("set compute.dt=-1"));
 }
 
+/// What cd-pre tells of a case without changes, with other values as in `--set`, and the options that it writes.
+fn options_after(from: &Case, set: &[&str]) -> (String, Compute) {
+    let case = Case::empty();
+    let set: Vec<String> = set.iter().map(|setting| setting.to_string()).collect();
+    let told = cd_pre::from_outbox::write_datbox(from.path(), None, &set, case.path()).unwrap();
+    (told, Compute::read(&case.datbox("COMPUTE.RON")).unwrap())
+}
+
+#[test]
+fn flags_of_the_run_are_options_of_the_next() {
+    let positions = "[(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)]";
+    let flags = "--dt 0.5 --theta 1.0 --self-gravity --gravity-constant 1e-9 --gravity direct --quench=0.1 \
+                 --gravity-quadrupole --accuracy fine --tol 0.5 --max-sweeps 77 --solver nlgs --alert 0.25 --gravity-error 0.01 --output-every 1";
+    let fields = "[PointMass(mass: 1e10, position: (100.0, 0.0, 0.0))]";
+    let mut flags: Vec<&str> = flags.split_whitespace().collect();
+    flags.extend(["--fields", fields]);
+    for with_file in [true, false] {
+        let from = Case::of(&spheres(positions, "threads: 1"));
+        if !with_file {
+            fs::remove_file(from.datbox("COMPUTE.RON")).unwrap();
+        }
+        let from = from.solved(&[&flags[..], &["--steps", "4"]].concat());
+        let (told, options) = options_after(&from, &[]);
+        assert_eq!((options.dt, options.theta, options.quench, options.steps), (0.5, 1.0, 0.1, None));
+        assert!(options.self_gravity && options.gravity_quadrupole);
+        // What it does not know is of the file, or the default.
+        assert_eq!((options.threads, options.output_every), (usize::from(with_file), 100));
+        let dt = if with_file { "COMPUTE.RON has 0.25" } else { "the default is 0.001" };
+        for note in [&format!("dt: 0.5 as in the run; {dt}"), "self_gravity: true as in the run; ", "fields: [Point"] {
+            assert!(told.contains(note), "{note}: {told}");
+        }
+        assert!(!told.contains("threads") && !told.contains("events"), "{told}");
+        let (case, expected) =
+            (next(&from, "(bodies: [(snapshot: 3)])").solved(&["--steps", "1"]), from.last_snapshot());
+        let found = case.last_snapshot();
+        assert_eq!(found.meta.parameters, expected.meta.parameters);
+        assert_eq!(bits(&found), bits(&expected));
+        // What is extrapolated begins anew.
+        let further = [&flags[..], &["--gravity-refresh", "4", "--gravity-moved", "0.5", "--resume", "--steps", "5"]];
+        assert_eq!(from.solve(&further.concat()), 0);
+        let options = options_after(&from, &[]).1;
+        assert_eq!((options.gravity_refresh, options.gravity_moved), (Some(4), 0.5));
+    }
+}
+
+#[test]
+fn changes_win_over_the_flags_of_the_run() {
+    let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "")).solved(&["--dt", "0.5", "--theta", "1.0"]);
+    let (told, options) = options_after(&from, &["compute.dt=0.125"]);
+    assert_eq!((options.dt, options.theta), (0.125, 1.0));
+    assert!(told.contains("theta: 1.0 as in the run; COMPUTE.RON has 0.5") && !told.contains("dt: "), "{told}");
+    let case = next(&from, "(compute: (dt: 0.0625))");
+    let options = Compute::read(&case.datbox("COMPUTE.RON")).unwrap();
+    assert_eq!((options.dt, options.theta), (0.0625, 0.5));
+}
+
+#[test]
+fn options_that_accuracy_decides_stay_open() {
+    let from =
+        Case::of(&spheres("[(0.0, 0.0, 0.0)]", "accuracy: draft, adaptive: (most: 1)")).solved(&["--accuracy", "fine"]);
+    let (told, options) = options_after(&from, &[]);
+    let file = Compute::read(&from.datbox("COMPUTE.RON")).unwrap();
+    assert_eq!(options, Compute { accuracy: Some(cd_formats::compute::Accuracy::Fine), steps: None, ..file });
+    assert_eq!(told.matches("as in the run").count(), 1, "{told}");
+}
+
+#[test]
+fn of_steps_of_several_lengths_the_shortest_is_not_known() {
+    // Two steps of 0.25 s, then one of two of these.
+    let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "adaptive: (most: 4), end_time: 5.0")).solved(&["--steps", "8"]);
+    let h = from.last_snapshot().meta.h;
+    assert!(h > 0.25, "{h}");
+    let (told, options) = options_after(&from, &[]);
+    assert!(options.dt == 0.25 && !told.contains("dt: "), "{told}");
+    let mut file = Compute::read(&from.datbox("COMPUTE.RON")).unwrap();
+    file.dt = 0.2;
+    fs::write(from.datbox("COMPUTE.RON"), file.to_text()).unwrap();
+    let (told, options) = options_after(&from, &[]);
+    assert!(options.dt == 0.2 && told.contains("dt: 0.2 as in DATBOX; the last step of the run, "), "{told}");
+    assert!(!options_after(&from, &["compute.dt=0.25"]).0.contains("dt: "));
+}
+
+#[test]
+fn a_start_has_the_step_of_the_run_before() {
+    let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "")).solved(&[]);
+    let case = next(&from, "(compute: (dt: 0.125, steps: 2))").solved(&["--output-every", "1"]);
+    let of_step = |step: u64| {
+        let to = Case::empty();
+        assert_eq!(from_outbox(case.path(), to.path(), &format!("(bodies: [(snapshot: {step})])")), 0);
+        Compute::read(&to.datbox("COMPUTE.RON")).unwrap().dt
+    };
+    assert_eq!([0, 1].map(of_step), [0.125; 2]);
+}
+
+#[test]
+fn events_and_gravity_that_datbox_has_not_are_told() {
+    let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", ""));
+    let events = "[(time: 0.25, action: SetGravity((0.0, 0.0, -0.5))), (time: 0.5, action: SetQuench(0.25))]";
+    let from = from.solved(&["--steps", "4", "--events", events]);
+    for changes in ["()", "(keep_time: true)"] {
+        let (case, file) = (Case::empty(), from.path().join("changes.ron"));
+        fs::write(&file, changes).unwrap();
+        let told = cd_pre::from_outbox::write_datbox(from.path(), Some(&file), &[], case.path()).unwrap();
+        assert!(told.contains("events: 2 had happened in the run, 0 of DATBOX"), "{told}");
+        assert!(told.contains("uniform gravity: [0.0, 0.0, -0.5] m/s^2 as in the run; BULK_BEHAV.DAT has "), "{told}");
+        let start = case.solved(&["--steps", "1"]).last_snapshot().meta.parameters;
+        assert_eq!((start.quench, start.uniform_gravity), (0.25, [0.0, 0.0, -0.5]), "{changes}");
+    }
+}
+
+#[test]
+fn files_that_were_edited_after_the_run_are_refused() {
+    let from = pair_and_one();
+    // Radius and avrd of body 1, the density, the friction.
+    let edits = [
+        ("BODIES.DAT", "1.0000000E+00", "1.5000000E+00", 2),
+        ("BULK_BEHAV.DAT", "3.0000000E+03", "2.6000000E+03", 1),
+        ("TACT_BEHAV.DAT", "3.0000000E-01", "4.0000000E-01", 1),
+    ];
+    let kept = edits.map(|(name, ..)| fs::read_to_string(from.datbox(name)).unwrap());
+    let edit = |k: usize| {
+        let (name, old, new, times) = edits[k];
+        fs::write(from.datbox(name), kept[k].replacen(old, new, times)).unwrap();
+    };
+    (0..3).for_each(edit);
+    let case = Case::empty();
+    let faults = cd_pre::from_outbox::write_datbox(from.path(), None, &[], case.path()).unwrap_err().to_string();
+    let expected = [
+        "BODIES.DAT:1: body 1: radius 1.5 m, mass 42411.50082346",
+        "BULK_BEHAV.DAT: material ROCKx: density 2600 kg/m^3; expected 3000 kg/m^3 as in ",
+        "law 'iqsc0': IQS_CLB [0.4]; expected IQS_CLB [0.3] as in ",
+    ];
+    assert_eq!(faults.lines().count(), 3, "{faults}");
+    for (line, expected) in faults.lines().zip(expected) {
+        assert!(line.contains(expected) && line.ends_with("OUTBOX/snapshot-000001.npz"), "{line}");
+    }
+    assert!(!case.path().join("DATBOX").exists());
+    // One by one, as cd-solve refuses to go on with them.
+    for k in 0..3 {
+        edits.iter().zip(&kept).for_each(|((name, ..), text)| fs::write(from.datbox(name), text).unwrap());
+        next(&from, "");
+        edit(k);
+        refused(from.path(), "");
+        assert_eq!(from.solve(&["--resume", "--steps", "2"]), 2, "{}", edits[k].0);
+    }
+}
+
 #[test]
 fn new_bodies_count_for_the_alert() {
     let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "")).solved(&[]);

@@ -2,11 +2,13 @@
 //!
 //! | module | |
 //! |---|---|
+//! | [`options`] | what a run was computed with, by its snapshot |
 //! | [`source`] | a case with one of its snapshots; the bodies that are kept, moved |
 //! | [`tables`] | materials, laws and visibility of several cases in one |
 //!
 //! `docs/from-outbox.md` tells users what [`Changes`] can ask for.
 
+pub mod options;
 pub mod source;
 pub mod tables;
 
@@ -228,6 +230,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
             part.state.contacts.contact_body.len()
         );
     }
+    summary += &sources[0].notes(Some(&options).filter(|_| changes.compute.is_none()));
     summary += &crate::groups(&new.scene, &new.population);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     summary += &format!("{} bodies; wrote {}: {}\n", records.0.len(), datbox.display(), names.join(" "));

@@ -4,17 +4,19 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::compute::{self, Action, Compute, Event};
+use cd_formats::compute::{Action, Compute, Event};
 use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::groups::Groups;
 use cd_formats::snapshot::{
-    self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, Shapes, Snapshot, TurningArrays,
+    self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, START, Shapes, Snapshot, TurningArrays,
 };
 use cd_formats::tact_behav::TactBehav;
+use cd_formats::unchanged::Computed;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
+use super::options::{done, of_run};
 use super::{Keep, Stop, Taken};
 use crate::place::rotation;
 use crate::scene::Material;
@@ -33,8 +35,11 @@ pub struct Source {
     pub bulk: BulkBehav,
     pub tact: TactBehav,
     pub driven: DrvDof,
+    /// Those of the run, see [`of_run`].
     pub options: Compute,
     pub snapshot: Snapshot,
+    /// What of the run the files do not say: name, and in words.
+    notes: Vec<(&'static str, String)>,
 }
 
 /// What is taken of a source, where it is to be; row k is body `rows[k]` of the source, from 0.
@@ -70,25 +75,49 @@ impl Source {
             };
             faults.push(Fault::new(&outbox, None, "folder", found, expected));
         }
-        let snapshot = found.and_then(|(_, path)| faults.gather(Snapshot::read(path)));
-        let bodies = faults.gather(Bodies::read(&datbox.join("BODIES.DAT")));
-        let bulk = faults.gather(BulkBehav::read(&datbox.join("BULK_BEHAV.DAT")));
-        let tact = faults.gather(TactBehav::read(&datbox.join("TACT_BEHAV.DAT")));
-        let driven = faults.gather(DrvDof::read(&datbox.join("DRV_DOF.DAT")));
+        let snapshot = found.and_then(|(_, path)| Some((path, faults.gather(Snapshot::read(path))?)));
+        let [of_bodies, of_bulk, of_tact, of_driven] =
+            ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT", "DRV_DOF.DAT"].map(|name| datbox.join(name));
+        let bodies = faults.gather(Bodies::read(&of_bodies));
+        let bulk = faults.gather(BulkBehav::read(&of_bulk));
+        let tact = faults.gather(TactBehav::read(&of_tact));
+        let driven = faults.gather(DrvDof::read(&of_driven));
         let compute = datbox.join("COMPUTE.RON");
-        let options = if compute.exists() { faults.gather(Compute::read(&compute)) } else { Some(Compute::default()) };
-        let (Some(snapshot), Some(bodies), Some(bulk), Some(tact), Some(driven), Some(options)) =
-            (snapshot, bodies, bulk, tact, driven, options)
+        let written = if compute.exists() { faults.gather(Compute::read(&compute)) } else { Some(Compute::default()) };
+        let (Some((path, snapshot)), Some(bodies), Some(bulk), Some(tact), Some(driven), Some(written)) =
+            (snapshot, bodies, bulk, tact, driven, written)
         else {
             return Err(faults);
         };
-        if snapshot.bodies.body_id.len() != bodies.0.len() {
-            let found = format!("{} bodies", snapshot.bodies.body_id.len());
-            let expected = format!("expected the {} of BODIES.DAT", bodies.0.len());
-            return Err(Fault::new(&outbox, None, "snapshot", found, expected).into());
+        let computed = Computed { path, snapshot: &snapshot };
+        let own = faults.gather(computed.expect_bodies(&of_bodies, &bodies)).unwrap_or_default();
+        faults.gather(computed.expect_materials(&of_bulk, &bulk));
+        faults.gather(computed.expect_laws(&of_tact, &tact));
+        faults.gather(computed.expect_driven(&of_driven, &driven));
+        faults.into_result(())?;
+        let shifts = bodies.0.iter().zip(&own).map(|(body, own)| body.shift(own).into()).collect();
+        let is_first = all.first().is_some_and(|first| first.1 == *path);
+        let (options, mut notes) = of_run(&written, &snapshot.meta, is_first, datbox.join(START).exists());
+        let there = if compute.exists() { "COMPUTE.RON has" } else { "the default is" };
+        let changed = options.values().into_iter().zip(written.values()).filter(|(run, file)| run != file);
+        notes.extend(changed.map(|((name, run), (_, file))| (name, format!("{run} as in the run; {there} {file}"))));
+        let mut bulk = bulk;
+        let gravity = snapshot.meta.parameters.uniform_gravity;
+        let by_event = |event: &Event| matches!(event.action, Action::SetGravity(_));
+        if bulk.gravity != gravity && !done(&written.events, &snapshot.meta).iter().any(by_event) {
+            let text = format!("{gravity:?} m/s^2 as in the run; BULK_BEHAV.DAT has {:?}", bulk.gravity);
+            notes.push(("uniform gravity", text));
+            bulk.gravity = gravity;
         }
-        let shifts = shifts(&datbox.join("BODIES.DAT"), &bodies)?;
-        Ok(Source { case: case.to_path_buf(), bodies, shifts, bulk, tact, driven, options, snapshot })
+        Ok(Source { case: case.to_path_buf(), bodies, shifts, bulk, tact, driven, options, snapshot, notes })
+    }
+
+    /// What of the run is not as the files of its DATBOX say, a line each; of options those that are the same `now`.
+    pub fn notes(&self, now: Option<&Compute>) -> String {
+        let (own, now) = (self.options.values(), now.map(Compute::values).unwrap_or_default());
+        let holds = |name| own.iter().find(|(known, _)| *known == name).is_none_or(|value| now.contains(value));
+        let notes = self.notes.iter().filter(|(name, _)| holds(*name));
+        notes.map(|(name, text)| format!("{}: {name}: {text}\n", self.case.display())).collect()
     }
 
     /// What events have set up to the snapshot holds from the start on, and no event is to come.
@@ -100,8 +129,7 @@ impl Source {
             }
         }
         self.bulk.gravity = meta.parameters.uniform_gravity;
-        let all = compute::schedule(&std::mem::take(&mut self.options.events), meta.time);
-        for event in all.into_iter().take(meta.parameters.events_done as usize) {
+        for event in done(&std::mem::take(&mut self.options.events), meta) {
             match event.action {
                 Action::SetQuench(quench) => self.options.quench = quench,
                 Action::SetTorque(_) => self.options.events = vec![Event::once(0.0, event.action)],
@@ -215,22 +243,6 @@ impl Source {
         let heaviest = (0..count).fold(0, |best, root| if mass[root] > mass[best] { root } else { best });
         (0..count).map(|row| groups.root(row) == heaviest).collect()
     }
-}
-
-/// Of each body, from its position to its centre of mass, m; `file` is for messages.
-fn shifts(file: &Path, bodies: &Bodies) -> Result<Vec<Vec3>, Faults> {
-    let mut faults = Faults::default();
-    let mut shifts = Vec::new();
-    for (number, body) in (1..).zip(&bodies.0) {
-        match body.mass_properties() {
-            Ok(own) => shifts.push(body.shift(&own).into()),
-            Err(found) => {
-                let object = format!("body {number}");
-                faults.push(Fault::new(file, Some(body.line), object, found.join("; "), "expected closed surfaces"));
-            }
-        }
-    }
-    faults.into_result(shifts)
 }
 
 /// The numbers of the rows that stay, and what stands there with the new numbers of bodies.

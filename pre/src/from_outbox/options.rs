@@ -1,0 +1,106 @@
+//! The options of a run: flags of cd-solve win over COMPUTE.RON, and only the snapshot knows of them.
+
+use cd_formats::compute::{Action, Compute, Event, GravityMethod, schedule};
+use cd_formats::snapshot::{Meta, Parameters};
+
+/// The events of COMPUTE.RON that had happened by the time of a snapshot.
+pub fn done(events: &[Event], meta: &Meta) -> Vec<Event> {
+    let mut all = schedule(events, meta.time);
+    all.truncate(meta.parameters.events_done as usize);
+    all
+}
+
+/// The options of the run as far as its snapshot tells them for certain, others as in the file; and what it leaves open,
+/// by the name of the option.
+///
+/// Where the snapshot has what is in force, by an option or by `accuracy`, that is an option only where the file would
+/// make another of it.
+pub fn of_run(file: &Compute, meta: &Meta, is_first: bool, has_start: bool) -> (Compute, Vec<(&'static str, String)>) {
+    let Parameters {
+        theta,
+        accuracy,
+        adaptive,
+        tol,
+        solver,
+        max_sweeps,
+        alert,
+        self_gravity,
+        gravity,
+        xperiode,
+        yperiode,
+        narrow_phase,
+        gravity_constant,
+        gravity_error,
+        gravity_order,
+        gravity_opening,
+        gravity_refresh,
+        gravity_moved,
+        gravity_quadrupole,
+        fields,
+        uniform_gravity: _,
+        quench,
+        events_done,
+    } = meta.parameters.clone();
+    let mut options = Compute {
+        theta,
+        accuracy,
+        solver,
+        alert,
+        self_gravity,
+        gravity,
+        xperiode,
+        yperiode,
+        gravity_constant,
+        gravity_order,
+        gravity_opening,
+        gravity_moved: gravity_moved.unwrap_or(file.gravity_moved),
+        gravity_quadrupole,
+        fields,
+        ..file.clone()
+    };
+    let (adaptive, known) = (adaptive.unwrap_or_default(), options.adaptive());
+    if adaptive != known && (adaptive.is_on() || known.is_on()) {
+        options.adaptive = Some(adaptive);
+    }
+    if tol != options.tol() {
+        options.tol = Some(tol);
+    }
+    if max_sweeps != options.max_sweeps() {
+        options.max_sweeps = Some(max_sweeps);
+    }
+    if narrow_phase.is_some_and(|method| method != options.narrow_phase()) {
+        options.narrow_phase = narrow_phase;
+    }
+    if gravity_error != options.gravity_error() {
+        options.gravity_error = Some(gravity_error);
+    }
+    // Where nothing is asked for, the direct sum, of few bodies by itself, is made at every step.
+    let refresh = match gravity_refresh {
+        None if self_gravity && (gravity == GravityMethod::Fmm || options.gravity_refresh.is_some()) => Some(1),
+        known => known,
+    };
+    if refresh.is_some_and(|refresh| gravity == GravityMethod::Direct || refresh != options.gravity_refresh()) {
+        options.gravity_refresh = refresh;
+    }
+    if !done(&file.events, meta).iter().any(|event| matches!(event.action, Action::SetQuench(_))) {
+        options.quench = quench;
+    }
+    let mut open = Vec::new();
+    if adaptive.is_on() {
+        if (meta.h / file.dt).round() * file.dt != meta.h {
+            let text =
+                format!("{} as in DATBOX; the last step of the run, {} s, is no multiple of it", file.dt, meta.h);
+            open.push(("dt", text));
+        }
+    } else if !(is_first && has_start) {
+        // A run from START.npz has the step length of the one before it till its first step.
+        options.dt = meta.h;
+    }
+    let last = meta.time - meta.h + 1e-3 * options.dt.min(meta.h);
+    let known = schedule(&file.events, last).iter().filter(|event| event.time <= last).count() as u64;
+    if !is_first && known != events_done {
+        let text = format!("{events_done} had happened in the run, {known} of DATBOX; others than these are not known");
+        open.push(("events", text));
+    }
+    (options, open)
+}
