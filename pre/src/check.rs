@@ -511,7 +511,11 @@ pub(crate) fn check_evolutions<'a>(
         let values = match evolution {
             Evolution::Constant(value) => vec![*value],
             &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
-                vec![constant, amplitude, omega, phase, ramp_start, ramp_rate]
+                let start = ramp_start.unwrap_or(0.0);
+                let rises = ramp_rate > 0.0 && start >= 1.0;
+                let found = format!("ramp_start {start:?} and ramp_rate {ramp_rate:?}, a factor of 1 at all times");
+                report.expect(!rises, &path, found, "a start below 1, or no ramp");
+                vec![constant, amplitude, omega, phase, start, ramp_rate]
             }
             Evolution::Table(points) => {
                 let rising = points.len() >= 2 && points.windows(2).all(|pair| pair[0].0 < pair[1].0);

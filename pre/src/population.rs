@@ -99,12 +99,14 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
         let room = grains.place.envelope().map(|envelope| envelope.room(folder)).transpose();
         let room = room.map_err(|faults| report.faults.0.extend(faults.0));
         let (Ok(mut shapes), Ok(room)) = (shapes, room) else { continue };
+        let (room, of_room) = room.map_or((None, String::new()), |(room, told)| (Some(room), told));
         match place::place(grains, &mut shapes, room, scene.seed, group) {
             Ok(placed) => {
                 let alone = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
                 let expected = "several grains, or 0: one alone has no motion about the mean";
                 report.expect(!alone, &format!("grains.{group}.thermal_velocity"), "given for one grain", expected);
-                population.told.push(shapes.told().to_string());
+                let told = [shapes.told(), &of_room].into_iter().filter(|told| !told.is_empty());
+                population.told.push(told.collect::<Vec<_>>().join(", "));
                 population.rooms.push(placed.room.clone());
                 population.grains.extend(in_motion(scene, group, grains, placed));
             }

@@ -485,8 +485,9 @@ pub enum Evolution {
         /// rad
         #[serde(default)]
         phase: f64,
-        #[serde(default = "all")]
-        ramp_start: f64,
+        /// 1, or with a rising ramp 0.
+        #[serde(default)]
+        ramp_start: Option<f64>,
         /// 1/s
         #[serde(default)]
         ramp_rate: f64,

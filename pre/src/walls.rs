@@ -180,6 +180,7 @@ impl Tables {
         match evolution {
             Evolution::Constant(value) => Written::constant(*value),
             &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
+                let ramp_start = ramp_start.unwrap_or(if ramp_rate > 0.0 { 0.0 } else { 1.0 });
                 Written::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate }
             }
             Evolution::Table(points) => {

@@ -338,6 +338,49 @@ fn of_one(fields: &str, half: f64, options: &str) -> String {
 }
 
 #[test]
+fn ramps_that_do_nothing() {
+    let plate = |ramp: &str| {
+        let velocity = format!("(Harmonic(amplitude: 1.0, omega: 2.0, {ramp}), Constant(0), Constant(0))");
+        said("half_lengths: (9.0, 9.0, 0.5)", &format!("half_lengths: (9.0, 9.0, 0.5), velocity: {velocity}"))
+    };
+    for sound in ["ramp_rate: 0.5", "ramp_start: 0.5, ramp_rate: 0.5", "ramp_start: 2.0, ramp_rate: -0.5"] {
+        assert_eq!(plate(sound), "nothing", "{sound}");
+    }
+    assert_eq!(
+        plate("ramp_start: 1.0, ramp_rate: 0.5"),
+        "scene.ron:13: wall 1, velocity 1: ramp_start 1.0 and ramp_rate 0.5, a factor of 1 at all times; \
+         expected a start below 1, or no ramp"
+    );
+}
+
+#[test]
+fn cylinders() {
+    let wall = |fields: &str| {
+        let plate =
+            "Plate(material: \"ROCKx\", colour: \"WALLx\", centre: (0.0, 0.0, -11.0), half_lengths: (9.0, 9.0, 0.5))";
+        said(plate, &format!("Cylinder(material: \"ROCKx\", colour: \"WALLx\", {fields})"))
+    };
+    let drum = "centre: (0, 0, 0), half_height: 10.5, radius: 10.5, hollow: true";
+    assert_eq!(wall(drum), "nothing");
+    assert_eq!(wall(&drum.replace("true", "true, force: (None, None, Constant(2)), rotation: Constant(1)")), "nothing");
+    for (fields, message) in [
+        ("centre: (0, 0, 0), half_height: 0, radius: 1", ", half_height: 0.0; expected a length > 0 m"),
+        ("centre: (0, 0, 0), half_height: 1, radius: NaN", ", radius: NaN; expected a length > 0 m"),
+        (
+            "centre: (0, 0, -99), half_height: 1, radius: 1, axis: (0, 0, 0)",
+            ": axis [0.0, 0.0, 0.0]; expected a finite vector that is not 0",
+        ),
+    ] {
+        assert_eq!(wall(fields), format!("scene.ron:13: wall 1{message}"));
+    }
+    // A pillar through the grains, and a drum that they do not fit in.
+    let solid = wall("centre: (0, 0, 0), half_height: 20, radius: 8");
+    assert!(solid.contains("and wall 1 overlap by"), "{solid}");
+    let small = wall(&drum.replace("radius: 10.5", "radius: 5"));
+    assert!(small.contains("and wall 1 overlap by"), "{small}");
+}
+
+#[test]
 fn numbers_that_the_files_cannot_hold() {
     let place = "place: List(positions: [(0, 0, 0)])";
     assert_eq!(of_one(&format!("sizes: Single(1), {place}"), 2.0, ""), "nothing");

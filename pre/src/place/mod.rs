@@ -262,7 +262,7 @@ mod tests {
 
     fn spot(grains: &Grains, seed: u64, group: usize) -> Result<Placed, Misfit> {
         let folder = std::path::Path::new("");
-        let room = grains.place.envelope().map(|envelope| envelope.room(folder).unwrap());
+        let room = grains.place.envelope().map(|envelope| envelope.room(folder).unwrap().0);
         place(grains, &mut Shapes::of(grains, folder, seed, group).unwrap(), room, seed, group)
     }
 

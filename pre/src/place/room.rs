@@ -36,24 +36,30 @@ impl Envelope {
         }
     }
 
-    /// The room; without a size it has the right proportions only. `folder` is where paths of models begin.
+    /// The room, and what is to be told of a model's file; without a size it has the right proportions only. `folder` is where
+    /// paths of models begin.
     ///
     /// Errors: those of a model's file.
-    pub fn room(&self, folder: &Path) -> Result<Room, Faults> {
+    pub fn room(&self, folder: &Path) -> Result<(Room, String), Faults> {
         let half = |lengths: [f64; 3]| lengths.map(|length| 0.5 * length);
-        Ok(match self {
+        let mut told = String::new();
+        let room = match self {
             Envelope::Ball { radius } => Room::Ball(radius.unwrap_or(1.0)),
             Envelope::Ellipsoid { semi_axes, ratios } => Room::Ellipsoid(semi_axes.or(*ratios).unwrap_or([1.0; 3])),
             Envelope::Box { lengths, ratios } => Room::Box(half(lengths.or(*ratios).unwrap_or([2.0; 3]))),
             &Envelope::Cylinder { half_height, radius } => Room::Cylinder { half_height, radius },
             Envelope::Model { file, scaled } => {
                 let read = model::surface(folder, file, scaled.unwrap_or(Scaled::Factor(1.0)))?;
+                if read.turned > 0 {
+                    told = format!("{file}: {} triangles turned to point outward", read.turned);
+                }
                 let inside = Inside::new(&read.surface).map_err(|found| {
                     Fault::new(&folder.join(file), None, "surface", found, "expected one with an inside")
                 })?;
                 Room::Inside(inside)
             }
-        })
+        };
+        Ok((room, told))
     }
 }
 

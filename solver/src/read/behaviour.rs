@@ -35,14 +35,26 @@ fn kind_of(geometry: &Geometry) -> usize {
 fn contactor(scene: &Scene, side: &ContactSide) -> Option<(usize, u16)> {
     let body = &scene.bodies[side.body];
     let (kind, class) = match body.shape {
-        Shape::Sphere { .. } => (0, body.class),
-        Shape::Plane { .. } => (1, body.class),
+        Shape::Sphere { .. } if side.rank == 0 => (0, body.class),
+        Shape::Plane { .. } if side.rank == 0 => (1, body.class),
+        Shape::Sphere { .. } | Shape::Plane { .. } => return None,
         Shape::Parts => {
             let part = scene.parts_of(side.body as u32).get(side.rank)?;
             (kind_of(&part.geometry), part.class)
         }
     };
     CONTACTORS[kind].contains(&side.contactor.as_str()).then_some((kind, class))
+}
+
+/// What a status of LMGC90's says: of laws that remember it is one of four letters after the law's own; None of no such word.
+fn status(word: &str) -> Option<Status> {
+    match word.strip_prefix(['C', 'W', 'M', 'E']).unwrap_or(word) {
+        "stick" | "stck" => Some(Status::Stick),
+        "slide" | "slid" | "slifw" | "slibw" | "slfw" | "slbw" => Some(Status::Slide),
+        "noctc" | "nknow" | "nctc" | "nnow" | "vnish" => Some(Status::NoContact),
+        "_RGR_" => Some(Status::Stick),
+        _ => None,
+    }
 }
 
 /// Puts laws and visibility into the scene.
@@ -313,10 +325,10 @@ pub fn history(
             unseen += 1;
             continue;
         };
-        let status = match record.status.as_str() {
-            status if status.ends_with("slide") || status.ends_with("slid") => Status::Slide,
-            "noctc" | "nknow" => Status::NoContact,
-            _ => Status::Stick,
+        let Some(status) = status(&record.status) else {
+            let expected = "expected one of LMGC90's, such as stick, slide, noctc, Mstck or Wslid";
+            faults.push(Fault::new(&file, Some(record.line), "status", record.status.as_str(), expected));
+            continue;
         };
         let bonded = match scene.laws[see.law as usize].cohesion {
             Some(Cohesion::Bond { .. }) => record.status == "Mstck",
@@ -370,6 +382,10 @@ pub fn history(
         scene.notes.push(format!("Vloc_Rloc.INI: {unseen} {what} left out: TACT_BEHAV.DAT has no row for the pair"));
     }
     contacts.sort_by_key(|solved| solved.contact.key());
-    contacts.dedup_by_key(|solved| solved.contact.key());
+    for pair in contacts.chunk_by(|a, b| a.contact.key() == b.contact.key()).filter(|same| same.len() > 1) {
+        let Contact { candidate, antagonist, .. } = pair[0].contact;
+        let found = format!("bodies {} and {} are there {} times", candidate + 1, antagonist + 1, pair.len());
+        faults.push(Fault::new(&file, None, "contact", found, "expected each contact once"));
+    }
     contacts
 }

@@ -154,18 +154,37 @@ fn moved(bodies: &[Body], frames: &[(Vec3, Quat)]) -> Option<String> {
 
 /// Periods that the widest plate does not span, in words: what falls beside it falls on. `q`: orientations.
 pub fn gaps(scene: &Scene, q: &[Quat]) -> Vec<String> {
-    let width = |plate: &u32, axis: usize| {
-        let plate = *plate as usize;
-        let Shape::Plane { half_lengths } = scene.bodies[plate].shape else { unreachable!("planes lists planes") };
-        2.0 * q[plate].to_rotation_matrix().matrix().row(axis).abs().transpose().dot(&half_lengths)
-    };
     let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
     let missed = periods.into_iter().enumerate().filter_map(|(axis, (name, period))| {
-        let widest = scene.planes.iter().map(|plate| width(plate, axis)).reduce(f64::max)?;
+        let widest = scene.planes.iter().map(|&plate| width(scene, q, plate as usize, axis)).reduce(f64::max)?;
         let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // as the files round
         Some(format!("{name}: the widest plate spans {widest} of {period} m; what falls beside it falls on"))
     });
     missed.collect()
+}
+
+/// Refuses plates that span a period on a slope along it: their images would be stairs. `q`: orientations.
+pub fn check_level(datbox: &Path, records: &Bodies, scene: &Scene, q: &[Quat], faults: &mut Faults) {
+    let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
+    for &plate in &scene.planes {
+        let plate = plate as usize;
+        let slope = q[plate] * Vec3::z();
+        for (axis, (name, _)) in periods.iter().enumerate().filter(|(axis, (_, period))| {
+            let spans = |period: f64| width(scene, q, plate, *axis) >= period * (1.0 - 1e-6); // as the files round
+            period.is_some_and(spans) && slope[*axis].abs() > 1e-6
+        }) {
+            let found = format!("a plate as wide as {name} whose normal {:.4?} leans along it", slope.as_slice());
+            let expected = format!("expected {} 0 of it, as images make stairs; gravity may lean", ["x", "y"][axis]);
+            let line = Some(records.0[plate].line);
+            faults.push(Fault::new(&datbox.join("BODIES.DAT"), line, format!("body {}", plate + 1), found, expected));
+        }
+    }
+}
+
+/// How far a plate reaches along a fixed axis, m.
+fn width(scene: &Scene, q: &[Quat], plate: usize, axis: usize) -> f64 {
+    let Shape::Plane { half_lengths } = scene.bodies[plate].shape else { return 0.0 };
+    2.0 * q[plate].to_rotation_matrix().matrix().row(axis).abs().transpose().dot(&half_lengths)
 }
 
 /// Refuses what stands outside a hollow cylinder that it meets: only the inside of one pushes.

@@ -55,6 +55,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     behaviour::check_text(&mut scene);
     let (x, q, v, w) = bodies::motion(&datbox, &bodies, &dof, &scene, &mut faults);
     scene.notes.extend(bodies::gaps(&scene, &q));
+    bodies::check_level(&datbox, &bodies, &scene, &q, &mut faults);
     bodies::check_within(&datbox, &bodies, &scene, &x, &q, &mut faults);
     let contacts = behaviour::history(&datbox, &history, &mut scene, &q, &mut faults);
     let spin =

@@ -540,6 +540,57 @@ fn a_floor_narrower_than_the_period_is_told_of() {
     assert_eq!(told([1.9, 3.0, 0.5], [x, y, z]).as_deref(), Some(note));
 }
 
+/// A floor that leans along a period, and a baffle that does, which is narrower.
+#[test]
+fn plates_on_a_slope_along_a_period() {
+    let (sin, cos) = (0.28, 0.96);
+    let axes = [[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]];
+    let case = |half: [f64; 3]| {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.3]);
+        case.plate(half, [0.0, 0.0, -1.5], axes);
+        case.sphere(0.5, [0.0, 0.0, 1.5]);
+        case.options.steps = Some(2);
+        (case.options.xperiode, case.options.yperiode) = (Some(4.0), Some(6.0));
+        case
+    };
+    let line = "CASE/DATBOX/BODIES.DAT:1: body 1: a plate as wide as xperiode whose normal [0.2800, 0.0000, 0.9600] leans along it; \
+                expected x 0 of it, as images make stairs; gravity may lean";
+    written_refused(&case([3.0, 4.0, 0.5]), &[], &[line]);
+    let baffle = case([1.0, 4.0, 0.5]);
+    baffle.write();
+    assert_eq!(spawn(&baffle, &[]).0, 0);
+}
+
+#[test]
+fn contacts_of_vloc_rloc_that_are_in_doubt() {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.3]);
+    case.gravity = [0.0, 0.0, -1.0];
+    case.floor();
+    case.sphere(0.5, [0.0, 0.0, 0.5]);
+    case.options.text = true;
+    case.run(2);
+    let (datbox, outbox) = (case.path().join("DATBOX"), case.path().join("OUTBOX"));
+    for kind in ["DOF", "Vloc_Rloc"] {
+        fs::copy(outbox.join(format!("{kind}.OUT.1")), datbox.join(format!("{kind}.INI"))).unwrap();
+    }
+    let text = fs::read_to_string(datbox.join("Vloc_Rloc.INI")).unwrap();
+    let record = &text[text.find("$icdan").unwrap()..];
+    let said = |text: &str| {
+        fs::write(datbox.join("Vloc_Rloc.INI"), text).unwrap();
+        spawn(&case, &["--force", "--steps", "3"])
+    };
+    assert_eq!(said(&text).0, 0);
+    for (changed, expected) in [
+        (text.replace(" stick", " stuck"), "status: stuck; expected one of LMGC90's"),
+        (format!("{text}{record}"), "bodies 2 and 1 are there 2 times; expected each contact once"),
+    ] {
+        let (code, told) = said(&changed);
+        assert!(code == 2 && told.contains("CASE/DATBOX/Vloc_Rloc.INI") && told.contains(expected), "{told}");
+    }
+}
+
 #[test]
 fn contactors_that_no_row_lets_meet_are_told_of() {
     let told = |spheres: u32, rows: &[&str]| {
