@@ -263,6 +263,17 @@ impl Setting<'_> {
         travel
     }
 
+    /// How fast points of the two bodies that meet part as both turn, m/s: arms turn, where centres keep to their tangents,
+    /// ½ h n·(ω_a×(ω_a×l_a) - ω_b×(ω_b×l_b)).
+    fn turning(&self, contact: &Contact) -> f64 {
+        let inwards = |body: u32, arm: &Vec3| {
+            let w = &self.q_c.w[body as usize];
+            w.cross(&w.cross(arm)).dot(&contact.normal)
+        };
+        let [at_a, at_b] = arms(contact, &self.q_c.x);
+        0.5 * self.q_c.h * (inwards(contact.candidate, &at_a) - inwards(contact.antagonist, &at_b))
+    }
+
     /// How fast the inside of a hollow cylinder comes nearer to what slides round it, m/s, for it curves away from its tangent: of a
     /// point at the distance D from the axis, which moves by h u_θ along the tangent, (D - √(D² - (h u_θ)²))/h; less what the point
     /// itself turns away from its tangent about its body's centre. 0 at other contacts: where surfaces bulge, the gap opens.
@@ -311,8 +322,8 @@ impl Setting<'_> {
         let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
         let bond = previous.and_then(|old| self.bond(old, contact, law));
         let bond = bond.or(if bonds_now { law.bond(contact.gap, self.effective_radius(contact)) } else { None });
-        // A surface that curves comes nearer at this speed: what keeps to it does not approach it.
-        let curve = self.curve(contact);
+        // What keeps to a surface that curves does not approach it, nor does what a bond carries round part from it.
+        let curve = if bond.is_some() { -self.turning(contact) } else { self.curve(contact) };
         let u_n = n.dot(&u_before) + curve;
         let shift = law.shift(&Approach { gap: contact.gap, h, u_n, radius, slid_before, bond });
         let acts = shift.is_some();

@@ -199,6 +199,34 @@ fn friction_that_is_set_to_nothing_leaves_nothing_behind() {
     }
 }
 
+/// A bonded pair that spins from the first step on, or is set spinning at once: then its first contact stands half a step along the
+/// tangent, where the gap is an eighth of what a step opens.
+#[test]
+fn a_bond_bears_what_turns_the_pair() {
+    let spin = 2.0;
+    for suddenly in [false, true] {
+        let mut case = pair(0.0, 0.0);
+        case.options.dt = 1e-3;
+        let first = if suddenly { 10 } else { 0 };
+        if suddenly {
+            case.event(0.01, Action::AddSpin([0.0, 0.0, spin]));
+        } else {
+            case.launch(0, [0.0, -0.5 * spin, 0.0], [0.0, 0.0, spin]);
+            case.launch(1, [0.0, 0.5 * spin, 0.0], [0.0, 0.0, spin]);
+        }
+        let states = case.states(2000, 1);
+        let tension = states[1].mass(0) * spin * spin * 0.5;
+        let share = |k: usize| -states[first + k].force(0, 1).unwrap().x / tension;
+        let of_start = if suddenly { [1.125, 0.875] } else { [1.0, 1.0] };
+        // Up to second order of the angle of a step, 4e-6.
+        for (k, expected) in [(1, of_start[0]), (2, of_start[1]), (3, 1.0), (4, 1.0), (1900, 1.0)] {
+            equal(share(k), expected, 1e-5);
+        }
+        equal((states[2000].x(1) - states[2000].x(0)).norm(), 1.0, 1e-6);
+        equal(states[2000].w(0).z, spin, 1e-5);
+    }
+}
+
 #[test]
 fn a_restart_from_text_knows_what_is_bonded() {
     for (share, holds) in [(0.9, true), (1.1, false)] {
