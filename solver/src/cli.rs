@@ -8,7 +8,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::tell::{complain, tell};
 use clap::Parser;
 
-use crate::run::{Failure, check, run as run_case};
+use crate::run::{Failure, check, run as run_case, take_on_forces};
 use crate::{plan, read, write};
 
 const PROGRAM: &str = "cd-solve";
@@ -83,8 +83,11 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
     scene.notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
     let mut resumed = false;
     if arguments.resume {
-        resumed = read::resume::last(&write::outbox(case), &scene, &mut state)?.is_some();
-        if !resumed {
+        let before = read::resume::last(&write::outbox(case), &scene, &mut state)?;
+        resumed = before.is_some();
+        if let Some(before) = before {
+            take_on_forces(&scene, &before, &mut state);
+        } else {
             write::expect_none(case, scene.options.text)?;
             tell(format_args!("{PROGRAM}: no snapshot to go on from: starting from DATBOX"));
         }

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::snapshot::Parameters;
 use cd_formats::tell::tell;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -142,6 +143,34 @@ static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(|| {
 /// Of steps that have been made, what was written stays.
 fn written_before(failure: Failure) -> Failure {
     if let Failure::Files(faults) = failure { Failure::Unwritten(faults) } else { failure }
+}
+
+/// Enters in the ledger what forces other than those before a resume make of the potential energy, and tells it.
+pub fn take_on_forces(scene: &Scene, before: &Parameters, state: &mut State) {
+    let options = &scene.options;
+    let same = [
+        ("gravity", state.gravity == Vec3::from(before.uniform_gravity)),
+        ("self_gravity", options.self_gravity == before.self_gravity),
+        ("gravity_constant", options.gravity_constant == before.gravity_constant),
+        ("gravity_quadrupole", options.gravity_quadrupole == before.gravity_quadrupole),
+        ("fields", options.fields == before.fields),
+    ];
+    let changed: Vec<&str> = same.into_iter().filter_map(|(name, same)| (!same).then_some(name)).collect();
+    if changed.is_empty() {
+        return;
+    }
+    let (mut old_scene, mut old) = (scene.clone(), state.clone());
+    old.gravity = before.uniform_gravity.into();
+    old_scene.options.self_gravity = before.self_gravity;
+    old_scene.options.gravity_constant = before.gravity_constant;
+    old_scene.options.gravity_quadrupole = before.gravity_quadrupole;
+    old_scene.options.fields.clone_from(&before.fields);
+    let work = potential_energy(scene, state, &state.x) - potential_energy(&old_scene, &old, &old.x);
+    state.ledger.outside_work += work;
+    let changed = changed.join(", ");
+    tell(format_args!(
+        "cd-solve: other than before: {changed}; the change of potential energy, {work:.3e} J, is work from outside"
+    ));
 }
 
 /// Overlap over the mean radius from which a run tells that it began with it.

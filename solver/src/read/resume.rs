@@ -4,20 +4,17 @@ use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::{self, LawName, Parameters, STATUS_NO_CONTACT, STATUS_SLIDE, Shapes, Snapshot};
-use cd_formats::tell::tell;
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use crate::assemble::potential_energy;
 use crate::geometry::Memory;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{Attraction, Bonding, Contact, PairMemory, SolvedContact, State, Status};
 
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
-/// A snapshot of other bodies or laws than the scene's is refused. Where other forces act from now on, what they change of the
-/// potential energy is work from outside, and it is told.
-pub fn last(outbox: &Path, scene: &Scene, state: &mut State) -> Result<Option<u64>, Faults> {
-    let Some((step, path)) = snapshot::list(outbox).pop() else { return Ok(None) };
+/// A snapshot of other bodies or laws than the scene's is refused. Gives back what the run had done its last step with.
+pub fn last(outbox: &Path, scene: &Scene, state: &mut State) -> Result<Option<Parameters>, Faults> {
+    let Some((_, path)) = snapshot::list(outbox).pop() else { return Ok(None) };
     let snapshot = Snapshot::read(&path)?;
     check(&path, scene, &snapshot)?;
     state.attraction = attraction(scene, &snapshot);
@@ -36,36 +33,7 @@ pub fn last(outbox: &Path, scene: &Scene, state: &mut State) -> Result<Option<u6
         state.bonding = Bonding::No;
         pass_events(scene, state);
     }
-    take_on_forces(scene, &parameters, state);
-    Ok(Some(step))
-}
-
-/// Enters in the ledger what forces other than those of the snapshot make of its potential energy.
-fn take_on_forces(scene: &Scene, before: &Parameters, state: &mut State) {
-    let options = &scene.options;
-    let same = [
-        ("gravity", state.gravity == Vec3::from(before.uniform_gravity)),
-        ("self_gravity", options.self_gravity == before.self_gravity),
-        ("gravity_constant", options.gravity_constant == before.gravity_constant),
-        ("gravity_quadrupole", options.gravity_quadrupole == before.gravity_quadrupole),
-        ("fields", options.fields == before.fields),
-    ];
-    let changed: Vec<&str> = same.into_iter().filter_map(|(name, same)| (!same).then_some(name)).collect();
-    if changed.is_empty() {
-        return;
-    }
-    let (mut old_scene, mut old) = (scene.clone(), state.clone());
-    old.gravity = before.uniform_gravity.into();
-    old_scene.options.self_gravity = before.self_gravity;
-    old_scene.options.gravity_constant = before.gravity_constant;
-    old_scene.options.gravity_quadrupole = before.gravity_quadrupole;
-    old_scene.options.fields.clone_from(&before.fields);
-    let work = potential_energy(scene, state, &state.x) - potential_energy(&old_scene, &old, &old.x);
-    state.ledger.outside_work += work;
-    let changed = changed.join(", ");
-    tell(format_args!(
-        "cd-solve: other than before: {changed}; the change of potential energy, {work:.3e} J, is work from outside"
-    ));
+    Ok(Some(parameters))
 }
 
 /// What events have set follows from the events, so that flags may change the rest.
