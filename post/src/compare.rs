@@ -74,7 +74,7 @@ pub struct Compared<'a> {
 
 /// Reads a table of each case and writes a figure and a table for each of the columns into `output`.
 ///
-/// `labels`: names in the legend, as many as cases, or none for those of the folders.
+/// `labels`: names in the legend, as many as cases and all different, or none for those of the folders.
 ///
 /// Returns how many columns, and what is worth a report.
 pub fn write(
@@ -92,6 +92,13 @@ pub fn write(
             "labels",
             format!("{} names", labels.len()),
             format!("expected {}, one a case", cases.len()),
+        ));
+    }
+    for (k, label) in labels.iter().enumerate().filter(|(k, label)| labels[..*k].contains(label)) {
+        faults.push(option(
+            "labels",
+            format!("'{label}' stands there again as number {}", k + 1),
+            "expected each name once".into(),
         ));
     }
     let Some(kind) = Kind::of(table) else {

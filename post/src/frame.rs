@@ -174,7 +174,7 @@ impl Frame {
     /// Reads a snapshot and takes it apart.
     ///
     /// Errors: those of [`Snapshot::read`], each body with a mass, moment of inertia or length that is not positive, and
-    /// polyhedra that BODIES.DAT has not.
+    /// with polyhedra those of [`Shapes::of`].
     pub fn read(path: &Path, shapes: &Shapes) -> Result<Frame, Faults> {
         let snapshot = Snapshot::read(path)?;
         let mut faults = Faults::default();
@@ -182,7 +182,7 @@ impl Frame {
             faults.push(Fault::new(path, None, object, found, "expected numbers > 0"));
         }
         faults.into_result(())?;
-        let solids = shapes.of(path, &snapshot.bodies)?;
+        let solids = shapes.of(path, &snapshot)?;
         Ok(Frame::with(snapshot, solids))
     }
 

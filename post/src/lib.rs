@@ -8,7 +8,7 @@
 
 use std::collections::HashSet;
 use std::ffi::OsString;
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
@@ -160,6 +160,30 @@ enum Command {
     },
 }
 
+impl Arguments {
+    /// The case that is written to.
+    fn case(&self) -> Option<&Path> {
+        match &self.command {
+            None => Some(&self.options.dir),
+            Some(Command::State { dir, .. } | Command::Track { dir, .. } | Command::Report { dir, .. }) => Some(dir),
+            Some(Command::Compare { .. } | Command::Study { .. } | Command::Trade { .. }) => None,
+        }
+    }
+}
+
+/// Takes a case for this run alone, until the file is dropped; waits for another that is at work in it. Two would write
+/// the same files, and each take away those that the other makes and it does not.
+///
+/// Where files cannot be locked, every run gets it.
+fn take(case: &Path) -> Option<File> {
+    let folder = File::open(case).ok()?;
+    if matches!(folder.try_lock(), Err(TryLockError::WouldBlock)) {
+        complain(format_args!("cd-post: {}: another cd-post is at work in it; waiting for its end", case.display()));
+        folder.lock().ok()?;
+    }
+    Some(folder)
+}
+
 /// A number of the command line.
 fn finite(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "expected a number".to_string())?;
@@ -194,13 +218,14 @@ pub struct Options {
 /// Returns the exit status: 0 done; 1 done, with something reported; 2 input refused, each fault on
 /// a line of stderr as `cd-post: file: object: found; expected`.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
-    let Arguments { command, options } = match Arguments::try_parse_from(args) {
+    let arguments = match Arguments::try_parse_from(args) {
         Ok(arguments) => arguments,
         Err(error) => {
             let _ = error.print();
             return error.exit_code();
         }
     };
+    let Arguments { command, options } = &arguments;
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {
         Ok(pool) => pool,
         Err(error) => {
@@ -211,8 +236,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             return 2;
         }
     };
-    let done = pool.install(|| match &command {
-        None => process(&options),
+    let _alone = arguments.case().and_then(take);
+    let done = pool.install(|| match command {
+        None => process(options),
         Some(Command::State { dir, snapshot, mean }) => state::write(dir, *snapshot, *mean).map(|(folder, notes)| {
             tell(format_args!("cd-post: {}", folder.display()));
             notes
@@ -311,15 +337,20 @@ fn series(options: &Options) -> Result<(Vec<Row>, Vec<Frame>), Faults> {
             .collect();
         let mut faults = Faults::default();
         for result in measured {
-            if let Some((frame, row)) = faults.gather(result) {
-                if in_pictures(rows.len(), selected.len()) {
-                    pictured.push(frame);
+            match result {
+                Ok((frame, row)) => {
+                    if in_pictures(rows.len(), selected.len()) {
+                        pictured.push(frame);
+                    }
+                    rows.push(row);
                 }
-                rows.push(row);
+                Err(Faults(found)) => {
+                    // What is wrong with the one BODIES.DAT of several snapshots is told once.
+                    let told: HashSet<PathBuf> = faults.0.iter().map(|fault| fault.file.clone()).collect();
+                    faults.0.extend(found.into_iter().filter(|fault| !told.contains(&fault.file)));
+                }
             }
         }
-        // What several snapshots lack is told once.
-        faults.0.dedup();
         faults.into_result(())?;
         bar.inc(batch.len() as u64);
     }

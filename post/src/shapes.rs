@@ -7,8 +7,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use cd_formats::bodies::{Bodies, Body, Shape};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::groups::Groups;
-use cd_formats::snapshot::{BodyArrays, SHAPE_PARTS};
+use cd_formats::snapshot::{BodyArrays, SHAPE_PARTS, Snapshot};
 use cd_formats::surface::Surface;
+use cd_formats::unchanged::Computed;
 use nalgebra::Matrix3;
 
 use crate::frame::Vec3;
@@ -82,62 +83,65 @@ impl Solid {
     }
 }
 
-/// The polyhedra of all bodies by their numbers.
-type Solids = HashMap<u64, Option<Arc<Solid>>>;
+/// The polyhedra of a case, and a snapshot whose bodies they are.
+#[derive(Debug)]
+struct Known {
+    /// Of each body of BODIES.DAT.
+    solids: Vec<Option<Arc<Solid>>>,
+    mass: Vec<f64>,
+    inertia: Vec<[f64; 3]>,
+    radius: Vec<f64>,
+}
+
+impl Known {
+    /// Reads BODIES.DAT, whose bodies must be those of the snapshot.
+    fn read(file: &Path, computed: Computed) -> Result<Known, Faults> {
+        let records = Bodies::read(file)?;
+        computed.expect_bodies(file, &records)?;
+        let mut solids = Vec::new();
+        let mut faults = Faults::default();
+        for (number, body) in (1..).zip(&records.0) {
+            match solid(body) {
+                Ok(solid) => solids.push(solid.map(Arc::new)),
+                Err(found) => {
+                    let object = format!("body {number}");
+                    faults.push(Fault::new(file, Some(body.line), object, found, "expected a closed surface"));
+                }
+            }
+        }
+        let bodies = &computed.snapshot.bodies;
+        let (mass, inertia) = (bodies.body_mass.clone(), bodies.body_inertia.clone());
+        faults.into_result(Known { solids, mass, inertia, radius: bodies.body_radius.clone() })
+    }
+
+    /// Whether these are the bodies of another snapshot too.
+    fn fit(&self, bodies: &BodyArrays) -> bool {
+        self.mass == bodies.body_mass && self.inertia == bodies.body_inertia && self.radius == bodies.body_radius
+    }
+}
 
 /// The polyhedra of cases; the BODIES.DAT of each is read once.
 #[derive(Debug, Default)]
-pub struct Shapes(Mutex<HashMap<PathBuf, Arc<Solids>>>);
+pub struct Shapes(Mutex<HashMap<PathBuf, Known>>);
 
 impl Shapes {
     /// The polyhedra of each body of the snapshot `path`, none for other bodies: from DATBOX beside its OUTBOX.
     ///
-    /// Errors: a BODIES.DAT that cannot be read, or that has not as many bodies.
-    pub fn of(&self, path: &Path, bodies: &BodyArrays) -> Result<Vec<Option<Arc<Solid>>>, Faults> {
+    /// Errors: a BODIES.DAT that cannot be read, or whose bodies are not those that the snapshot was computed with.
+    pub fn of(&self, path: &Path, snapshot: &Snapshot) -> Result<Vec<Option<Arc<Solid>>>, Faults> {
+        let bodies = &snapshot.bodies;
         if !bodies.body_shape.contains(&SHAPE_PARTS) {
             return Ok(Vec::new());
         }
         let case = path.parent().and_then(Path::parent).unwrap_or(Path::new(""));
         let file = case.join("DATBOX").join("BODIES.DAT");
-        let solids = self.known(&file)?;
-        let mut faults = Faults::default();
-        let mut solid = |row: usize| {
-            let id = bodies.body_id[row];
-            let found = solids.get(&id);
-            if found.is_none() {
-                let expected = format!("expected body {id}, which {} has", path.display());
-                faults.push(Fault::new(&file, None, "file", format!("{} bodies", solids.len()), expected));
-            }
-            found.filter(|_| bodies.body_shape[row] == SHAPE_PARTS).cloned().flatten()
-        };
-        let found = (0..bodies.body_id.len()).map(&mut solid).collect();
-        faults.into_result(found)
-    }
-
-    fn known(&self, file: &Path) -> Result<Arc<Solids>, Faults> {
-        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(solids) = known.get(file) {
-            return Ok(solids.clone());
+        let mut cases = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if !cases.get(&file).is_some_and(|known| known.fit(bodies)) {
+            cases.insert(file.clone(), Known::read(&file, Computed { path, snapshot })?);
         }
-        let solids = Arc::new(read(file)?);
-        known.insert(file.to_path_buf(), solids.clone());
-        Ok(solids)
+        let rows = cases[&file].solids.iter().zip(&bodies.body_shape);
+        Ok(rows.map(|(solid, &shape)| solid.clone().filter(|_| shape == SHAPE_PARTS)).collect())
     }
-}
-
-fn read(file: &Path) -> Result<Solids, Faults> {
-    let mut solids = HashMap::new();
-    let mut faults = Faults::default();
-    for (number, body) in (1..).zip(Bodies::read(file)?.0) {
-        match solid(&body) {
-            Ok(solid) => drop(solids.insert(number, solid.map(Arc::new))),
-            Err(found) => {
-                let object = format!("body {number}");
-                faults.push(Fault::new(file, Some(body.line), object, found, "expected a closed surface"));
-            }
-        }
-    }
-    faults.into_result(solids)
 }
 
 /// The polyhedra of a body as cd-solve has them: a lone one about its centre of mass; without I1 I2 I3 all about the
@@ -243,6 +247,7 @@ fn faces(surface: &Surface) -> Vec<Vec<u32>> {
 mod tests {
     use super::*;
     use cd_formats::bodies::Contactor;
+    use cd_formats::snapshot::MaterialName;
 
     /// A box of half lengths 1, 2, 3 moved by `to`.
     fn body(to: f64, inertia: Option<[f64; 3]>) -> Body {
@@ -304,24 +309,33 @@ mod tests {
         let datbox = folder.path().join("DATBOX").join("BODIES.DAT");
         let text = Bodies(vec![ball, body(0.0, Some([1.0; 3]))]).to_text();
         cd_formats::atomic::write(&datbox, text.as_bytes()).unwrap();
-        let bodies = |ids: &[u64], shape: u8| BodyArrays {
-            body_id: ids.to_vec(),
-            body_shape: vec![shape; ids.len()],
-            ..BodyArrays::default()
+        let snapshot = |radius: f64, shape: u8| {
+            let mut snapshot = Snapshot::default();
+            snapshot.meta.materials = vec![MaterialName { name: "ROCKx".into(), density: 1.0 }];
+            let mass = 4.0 / 3.0 * std::f64::consts::PI;
+            snapshot.bodies = BodyArrays {
+                body_id: vec![1, 2],
+                body_shape: vec![shape; 2],
+                body_mass: vec![mass, mass * radius.powi(3)],
+                body_radius: vec![1.0, radius],
+                body_inertia: vec![[0.4 * mass; 3], [1.0; 3]],
+                body_material: vec![0; 2],
+                ..BodyArrays::default()
+            };
+            snapshot
         };
-        let counts = |ids: &[u64], shape| -> Vec<usize> {
-            Shapes::default()
-                .of(&path, &bodies(ids, shape))
-                .unwrap()
-                .iter()
-                .map(|s| s.as_ref().map_or(0, |s| s.faces.len()))
-                .collect()
+        let shapes = Shapes::default();
+        let counts = |snapshot: &Snapshot| -> Vec<usize> {
+            let found = shapes.of(&path, snapshot).unwrap();
+            found.iter().map(|solid| solid.as_ref().map_or(0, |solid| solid.faces.len())).collect()
         };
         // A body of other contactors has none, whatever the snapshot calls its shape.
-        assert_eq!(counts(&[2, 1, 2], SHAPE_PARTS), [6, 0, 6]);
-        assert!(counts(&[2], 0).is_empty());
-        let said = Shapes::default().of(&path, &bodies(&[3], SHAPE_PARTS)).unwrap_err().to_string();
-        assert!(said.contains("file: 2 bodies; expected body 3, which"), "{said}");
+        assert_eq!(counts(&snapshot(1.0, SHAPE_PARTS)), [0, 6]);
+        assert!(counts(&snapshot(1.0, 0)).is_empty());
+        // Of a run before BODIES.DAT was made anew, and though that of another snapshot is known.
+        let told = shapes.of(&path, &snapshot(1.5, SHAPE_PARTS)).unwrap_err().to_string();
+        assert!(told.contains("BODIES.DAT:11: body 2: radius 1 m, mass 4.18") && !told.contains("body 1"), "{told}");
+        assert!(told.contains("; expected radius 1.5 m, mass 14.13"), "{told}");
     }
 
     #[test]

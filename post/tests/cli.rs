@@ -4,8 +4,9 @@ mod samples;
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use cd_formats::compute::Field;
 use cd_formats::snapshot;
@@ -179,6 +180,63 @@ fn what_all_snapshots_lack_is_told_once() {
     let output = cd_post(&["--threads", "3"], case.path());
     let told = String::from_utf8(output.stderr).unwrap();
     assert_eq!((output.status.code(), told.matches("BODIES.DAT").count()), (Some(2), 1), "{told}");
+}
+
+#[test]
+fn shapes_of_another_datbox_are_refused_once() {
+    let case = tempfile::tempdir().unwrap();
+    let cubes = |half: f64, count: usize| {
+        let mut scene = scene(0);
+        for k in 0..count {
+            scene.cube([4.0 * k as f64, 0.0, 9.0], half);
+        }
+        scene
+    };
+    for step in 0..4 {
+        let mut scene = cubes(1.0, 8);
+        scene.snapshot.meta.step = step;
+        scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), step)).unwrap();
+    }
+    let datbox = case.path().join("DATBOX");
+    fs::create_dir(&datbox).unwrap();
+    for (now, expected) in [
+        (cubes(1.0, 8), &[][..]),
+        (cubes(1.5, 8), &["body 5: radius", "body 6: ", "body 7: ", "body 8: ", "body 9: ", "3 more bodies differ"]),
+        (cubes(1.0, 3), &["file: 7 bodies; expected 12 as in "]),
+    ] {
+        fs::write(datbox.join("BODIES.DAT"), now.records().to_text()).unwrap();
+        for command in [&["--threads", "2"][..], &["report"], &["state"]] {
+            let output = cd_post(command, case.path());
+            let told = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(if expected.is_empty() { 0 } else { 2 }), "{command:?}: {told}");
+            assert_eq!(told.lines().count(), expected.len(), "{told}");
+            let says = |(line, part): (&str, &&str)| line.contains("DATBOX/BODIES.DAT") && line.contains(part);
+            assert!(told.lines().zip(expected).all(says), "{told}");
+        }
+    }
+}
+
+#[test]
+fn one_waits_for_another_in_the_same_case() {
+    let case = case(&[0, 10]);
+    let taken = fs::File::open(case.path()).unwrap();
+    taken.lock().unwrap();
+    for command in [&[][..], &["state"], &["report"], &["track", "--body", "2"]] {
+        let mut second = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+        let second = second.args(command).arg(case.path()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut second = second.spawn().unwrap();
+        let mut told = String::new();
+        BufReader::new(second.stderr.take().unwrap()).read_line(&mut told).unwrap();
+        assert!(told.ends_with(": another cd-post is at work in it; waiting for its end\n"), "{command:?}: {told}");
+        assert!(!case.path().join("POSTPRO").exists() && second.try_wait().unwrap().is_none());
+        second.kill().unwrap();
+        second.wait().unwrap();
+    }
+    drop(taken);
+    let run = || Command::new(env!("CARGO_BIN_EXE_cd-post")).arg(case.path()).stdout(Stdio::null()).spawn().unwrap();
+    let mut both = [run(), run()];
+    assert!(both.iter_mut().all(|run| run.wait().unwrap().success()));
+    assert_eq!(column(&case.path().join("POSTPRO/series.csv"), "step"), [0.0, 10.0]);
 }
 
 #[test]
@@ -391,6 +449,7 @@ fn runs_are_compared_in_one_figure() {
     for (option, wrong) in [
         ("columns", "no_such"),
         ("labels", "one"),
+        ("labels", "one,one"),
         ("table", "no_such.csv"),
         ("columns", "depth"),
         ("against", "no_such"),

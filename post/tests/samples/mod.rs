@@ -59,7 +59,12 @@ impl Scene {
 
     /// Adds a wall that does not turn; returns its row.
     pub fn plate(&mut self, x: [f64; 3], half_lengths: [f64; 3]) -> usize {
-        self.body(x, SHAPE_PLANE, DRIVEN_ALL, 1.0, 0.0, half_lengths)
+        let [a, b, c] = half_lengths;
+        let volume = 8.0 * a * b * c;
+        let row = self.body(x, SHAPE_PLANE, DRIVEN_ALL, volume, (0.75 * volume / PI).cbrt(), half_lengths);
+        let squares = [b * b + c * c, a * a + c * c, a * a + b * b];
+        self.snapshot.bodies.body_inertia[row] = squares.map(|square| volume / 3.0 * square);
+        row
     }
 
     fn body(&mut self, x: [f64; 3], shape: u8, driven: u8, mass: f64, radius: f64, half_lengths: [f64; 3]) -> usize {
@@ -82,23 +87,28 @@ impl Scene {
         row
     }
 
-    /// BODIES.DAT with the cubes; all others are spheres there.
+    /// The bodies as BODIES.DAT has them.
     pub fn records(&self) -> Bodies {
-        let sphere = |radius| Shape::Sphere { radius };
         let bodies = &self.snapshot.bodies;
         let record = |(row, &radius): (usize, &f64)| {
             let cube = self.cubes.iter().find(|(cube, _)| *cube == row);
-            let shape = cube.map_or(sphere(1.0), |&(_, half)| {
-                let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -half } else { half });
-                let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-                let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-                Shape::Polyhedron { vertices: (0..8).map(corner).collect(), triangles }
-            });
+            let shape = match cube {
+                Some(&(_, half)) => {
+                    let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -half } else { half });
+                    let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+                    let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+                    Shape::Polyhedron { vertices: (0..8).map(corner).collect(), triangles }
+                }
+                None if bodies.body_shape[row] == SHAPE_PLANE => {
+                    Shape::Plane { half_lengths: bodies.body_half_lengths[row] }
+                }
+                None => Shape::Sphere { radius },
+            };
             Body {
                 line: 0,
                 material: "ROCKx".into(),
-                equivalent_radius: if cube.is_some() { radius } else { 1.0 },
-                inertia: Some([1.0; 3]),
+                equivalent_radius: radius,
+                inertia: cube.map(|_| bodies.body_inertia[row]),
                 position: [0.0; 3],
                 contactors: vec![Contactor { colour: "BLUEx".into(), shape, local_frame: None }],
             }
