@@ -46,7 +46,9 @@ pub fn check(scene: &Scene, report: &mut Report) {
         report.expect(turns, &format!("{path}.spin"), format!("{:?}", grains.spin), ABOUT_A_PERIOD);
     }
     for (k, wall) in scene.walls.iter().enumerate() {
-        check_wall(scene, report, &format!("walls.{k}"), wall);
+        let path = format!("walls.{k}");
+        worn(scene, report, &path, wall.material(), wall.colour());
+        check_wall(report, &path, wall);
     }
     check_contacts(scene, report);
     scene.compute.check_in(report, "compute.");
@@ -436,21 +438,9 @@ fn direction(report: &mut Report, path: &str, name: &str, vector: &[f64; 3]) {
     report.expect(positive(length), path, format!("{name} {vector:?}"), "a finite vector that is not 0");
 }
 
-fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
+pub(crate) fn check_wall(report: &mut Report, path: &str, wall: &Wall) {
     match wall {
-        Wall::Cylinder {
-            material,
-            colour,
-            centre,
-            axis,
-            half_height,
-            radius,
-            hollow: _,
-            velocity,
-            force,
-            rotation,
-        } => {
-            worn(scene, report, path, material, colour);
+        Wall::Cylinder { centre, axis, half_height, radius, velocity, force, rotation, .. } => {
             three(report, &format!("{path}.centre"), "", centre, "m");
             direction(report, path, "axis", axis);
             for (name, length) in [("half_height", half_height), ("radius", radius)] {
@@ -459,8 +449,7 @@ fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
             check_pushed(report, path, velocity, force);
             check_evolutions(report, &format!("{path}.rotation"), [rotation], "rad/s");
         }
-        Wall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, force, rotation } => {
-            worn(scene, report, path, material, colour);
+        Wall::Plate { centre, normal, first_axis, half_lengths, velocity, force, rotation, .. } => {
             three(report, &format!("{path}.centre"), "", centre, "m");
             direction(report, path, "normal", normal);
             if let Some(first) = first_axis {
@@ -475,8 +464,7 @@ fn check_wall(scene: &Scene, report: &mut Report, path: &str, wall: &Wall) {
             check_pushed(report, path, velocity, force);
             check_evolutions(report, &format!("{path}.rotation"), rotation, "rad/s");
         }
-        Wall::Box { material, colour, centre, lengths, orientation, half_thickness, lid: _, velocity } => {
-            worn(scene, report, path, material, colour);
+        Wall::Box { centre, lengths, orientation, half_thickness, velocity, .. } => {
             three(report, &format!("{path}.centre"), "", centre, "m");
             let fits = lengths.iter().all(|length| positive(*length));
             report.expect(fits, &format!("{path}.lengths"), format!("{lengths:?}"), "lengths > 0 m");
@@ -612,6 +600,12 @@ impl LawKind {
 }
 
 impl Wall {
+    pub fn material(&self) -> &str {
+        match self {
+            Wall::Plate { material, .. } | Wall::Box { material, .. } | Wall::Cylinder { material, .. } => material,
+        }
+    }
+
     pub fn colour(&self) -> &str {
         match self {
             Wall::Plate { colour, .. } | Wall::Box { colour, .. } | Wall::Cylinder { colour, .. } => colour,

@@ -433,6 +433,46 @@ fn a_drum_holds_new_grains() {
     refused(from.path(), &grain("(0.0, 0.0, -3.6)"));
 }
 
+/// A sphere that has come to rest on a floor gets a plate on top, pushed by a force.
+#[test]
+fn what_has_settled_is_pressed() {
+    let scene = r#"(
+        gravity: (0.0, 0.0, -10.0),
+        materials: [(name: "ROCKx", density: 1000.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
+        contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "FLOOR"), law: "iqsc0")],
+        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(0.5), place: List(positions: [(0.0, 0.0, 0.5)]))],
+        walls: [Plate(material: "ROCKx", colour: "FLOOR", centre: (0.0, 0.0, -0.5), half_lengths: (2.0, 2.0, 0.5))],
+        compute: (dt: 0.01, steps: 5),
+    )"#;
+    let from = Case::of(scene).solved(&[]);
+    let press = |height: f64, law: &str| {
+        format!(
+            "(walls: [Plate(material: \"STEEL\", colour: \"PRESS\", centre: (0, 0, {height}), half_lengths: (1, 1, 0.1), \
+             force: (None, None, Constant(-500.0)))], materials: [(name: \"STEEL\", density: 8000.0)], \
+             contacts: [(between: (\"BLUEx\", \"PRESS\"), law: {law})])"
+        )
+    };
+    let case = next(&from, &press(1.1, "\"iqsc0\"")).solved(&["--steps", "20", "--tol", "1e-10"]);
+    let end = case.last_snapshot();
+    let [sphere, plate] = [0, 2].map(|k| end.bodies.body_mass[k]);
+    let pushed = |body: u32| {
+        let of = (0..end.contacts.contact_body.len()).filter(|&k| end.contacts.contact_body[k] == [0, body]);
+        of.map(|k| end.contacts.contact_force[k][0]).sum::<f64>()
+    };
+    // Its weight and the force; that and the sphere's weight on the floor.
+    assert!((pushed(2) / (500.0 + 10.0 * plate) - 1.0).abs() < 1e-6, "{}", pushed(2));
+    assert!((pushed(1) / (500.0 + 10.0 * (plate + sphere)) - 1.0).abs() < 1e-6, "{}", pushed(1));
+    // In the sphere, and without a law.
+    refused(from.path(), &press(1.0, "\"iqsc0\""));
+    refused(from.path(), &press(1.1, "\"other\""));
+    refused(from.path(), &press(1.1, "\"iqsc0\"").replace("STEEL\", colour", "OTHER\", colour"));
+    refused(
+        from.path(),
+        &press(1.1, "\"iqsc0\"").replace("between: (\"BLUEx\", \"PRESS\")", "between: (\"BLUEx\", \"BLUEx\")"),
+    );
+}
+
 #[test]
 fn images_of_a_scene_that_repeats_are_not_overlapped() {
     let scene = spheres("[(0.0, 0.0, 0.0)]", "xperiode: 20.0").replace("(0.0, 0.0, 1.0e-4)", "(1.0e-4, 0.0, 0.0)");

@@ -31,7 +31,7 @@ use serde::Deserialize;
 use crate::check::three;
 use crate::place::cells::Cells;
 use crate::population::{Population, check_extent, images, populate};
-use crate::scene::{Contact, Grains, Law, Material, Rotation, Scene};
+use crate::scene::{self, Contact, Grains, Law, Material, Rotation, Scene};
 use crate::write;
 use source::{Part, Source, quaternion};
 use tables::Tables;
@@ -47,6 +47,8 @@ pub struct Changes {
     pub bodies: Vec<Taken>,
     /// Further bodies, as in a scene.
     pub grains: Vec<Grains>,
+    /// Further walls, as in a scene.
+    pub walls: Vec<scene::Wall>,
     /// Seed of what is drawn at random for these.
     pub seed: u64,
     /// New ones, and new densities of those that there are.
@@ -261,6 +263,11 @@ fn check(changes: &Changes, report: &mut Report) {
         crate::check::five_characters(report, &format!("{path}.colour"), &grains.colour);
         crate::check::check_grains(report, &path, grains);
     }
+    for (k, wall) in changes.walls.iter().enumerate() {
+        let path = format!("walls.{k}");
+        crate::check::five_characters(report, &format!("{path}.colour"), wall.colour());
+        crate::check::check_wall(report, &path, wall);
+    }
     crate::check::names(report, "materials", changes.materials.iter().map(|material| &material.name));
     for (k, material) in changes.materials.iter().enumerate() {
         let found = format!("{:?}", material.density);
@@ -295,7 +302,7 @@ impl New {
             laws: Vec::new(),
             contacts: Vec::new(),
             grains: changes.grains.clone(),
-            walls: Vec::new(),
+            walls: changes.walls.clone(),
             compute: options.clone(),
         };
         let population = populate(&scene, folder, report);
@@ -369,7 +376,10 @@ fn check_overlaps(
     owner.resize(records.0.len(), parts.len());
     let name = |body: usize| match body.checked_sub(old) {
         None => format!("bodies.{}", owner[body]),
-        Some(grain) => format!("grains.{}", new.population.grains[grain].group),
+        Some(body) => match new.population.grains.get(body) {
+            Some(grain) => format!("grains.{}", grain.group),
+            None => format!("walls.{}", new.population.walls[body - new.population.grains.len()].wall),
+        },
     };
     let known = parts.iter().flat_map(|part| part.state.bodies.body_x.iter().copied());
     let centres: Vec<Vector3<f64>> =
@@ -409,6 +419,14 @@ fn check_overlaps(
             }
         }
         first += part.rows.len();
+    }
+    let walls = new.population.walls.iter().enumerate();
+    for (number, wall) in walls.map(|(number, wall)| (old + new.population.grains.len() + number, wall)) {
+        for &(k, radius) in &balls {
+            for shift in images(options, &(centres[k] - wall.centre)) {
+                meet(wall.overlap(&(centres[k] - shift), radius), k, number, radius);
+            }
+        }
     }
     let mut cells = Cells::new(balls.first().map_or(1.0, |ball| ball.1));
     for &(k, radius) in &balls {

@@ -68,11 +68,12 @@ fn materials(changes: &Changes, parts: &[Part], records: &Bodies, report: &mut R
         }
     }
     let names: Vec<&str> = all.iter().map(|material| material.name.as_str()).collect();
-    for (k, grains) in changes.grains.iter().enumerate() {
-        if !names.contains(&grains.material.as_str()) {
-            let found = format!("'{}' is not defined", grains.material);
-            report.fault(&format!("grains.{k}.material"), found, check::one_of(&names, "a material"));
-        }
+    let of_grains =
+        changes.grains.iter().enumerate().map(|(k, grains)| (format!("grains.{k}"), grains.material.as_str()));
+    let of_walls = changes.walls.iter().enumerate().map(|(k, wall)| (format!("walls.{k}"), wall.material()));
+    for (path, material) in of_grains.chain(of_walls).filter(|(_, material)| !names.contains(material)) {
+        let found = format!("'{material}' is not defined");
+        report.fault(&format!("{path}.material"), found, check::one_of(&names, "a material"));
     }
     all.retain(|material| records.0.iter().any(|body| body.material == material.name));
     BulkBehav { gravity: parts[0].source.bulk.gravity, materials: all }
@@ -278,6 +279,8 @@ fn expect_all_pairs(changes: &Changes, parts: &[Part], rows: &[See], named: &[(&
         free.push(moving);
         driven.push(imposed);
     }
+    free.push(BTreeSet::new());
+    driven.push(changes.walls.iter().map(|wall| wall.colour()).collect());
     let mut told: BTreeSet<(&str, &str)> = BTreeSet::new();
     for (i, mine) in free.iter().enumerate() {
         for a in mine {
