@@ -117,9 +117,10 @@ pub fn write(dir: &Path, step: Option<u64>, mean: u32) -> Result<(PathBuf, Vec<S
         }
         frames.push(frame.clone());
         files.retain(|(name, _)| !name.starts_with("layers"));
-        match mean_layers(&frames) {
-            Some(layers) => files.extend(layers),
-            None => notes.push(format!("not all of {mean} snapshots have a bed: no mean layers")),
+        let (layers, count) = mean_layers(&frames);
+        files.extend(layers);
+        if count < frames.len() {
+            notes.push(format!("a bed is in {count} of {mean} snapshots: the mean layers are those of these"));
         }
     }
     for (name, bytes) in files {
@@ -200,14 +201,16 @@ fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
     ]
 }
 
-/// The mean layers of a bed in several frames, from the floor to its highest point in any of them; None if one has no bed.
-fn mean_layers(frames: &[Frame]) -> Option<Vec<File>> {
-    let beds: Vec<Bed> = frames.iter().map(|frame| Bed::of(frame, &fragments(frame))).collect::<Option<_>>()?;
-    let top = beds.iter().zip(frames).map(|(bed, frame)| bed.top(frame)).fold(0.0, f64::max);
-    let of_frames: Vec<Vec<Layer>> =
-        beds.iter().zip(frames).map(|(bed, frame)| bed.layers(frame, SHELLS, top)).collect();
+/// The mean layers of a bed in those frames that have one, from the floor to its highest point in any of them; and how many
+/// these are.
+fn mean_layers(frames: &[Frame]) -> (Vec<File>, usize) {
+    let of = |frame| Bed::of(frame, &fragments(frame)).map(|bed| (bed, frame));
+    let beds: Vec<(Bed, &Frame)> = frames.iter().filter_map(of).collect();
+    let top = beds.iter().map(|(bed, frame)| bed.top(frame)).fold(0.0, f64::max);
+    let of_frames: Vec<Vec<Layer>> = beds.iter().map(|(bed, frame)| bed.layers(frame, SHELLS, top)).collect();
     let layer = |k: usize| Layer::mean(of_frames.iter().map(|layers| &layers[k]));
-    Some(layers(&(0..SHELLS).map(layer).collect::<Vec<_>>()))
+    let mean: Vec<Layer> = (0..SHELLS).map(layer).collect();
+    (if beds.is_empty() { Vec::new() } else { layers(&mean) }, beds.len())
 }
 
 /// The layers of a bed.

@@ -344,6 +344,14 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
         said.contains("--mean: a mean over 3 snapshots, of which 2 are not later than step 1; expected at most 2"),
         "{said}"
     );
+    // One in which all have left the floor counts for nothing.
+    scene.snapshot.meta.step = 2;
+    scene.snapshot.contacts = Default::default();
+    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 2)).unwrap();
+    let output = cd_post(&["state", "--mean", "3"], case.path());
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("a bed is in 2 of 3 snapshots: the mean layers are those of these"), "{said}");
+    assert_eq!(column(&case.path().join("POSTPRO/state-000002/layers.csv"), "v_x")[0], 0.5);
 }
 
 #[test]
