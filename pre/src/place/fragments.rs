@@ -60,7 +60,7 @@ fn drum(half_height: f64, radius: f64, number: usize) -> Result<Surface, Misfit>
         let (sin, cos) = libm::sincos(angle * (k / 2) as f64);
         [outer * cos, outer * sin, if k.is_multiple_of(2) { -half_height } else { half_height }]
     };
-    Ok(hull::convex(&(0..2 * sides).map(corner).collect::<Vec<_>>())?)
+    hull::convex(&(0..2 * sides).map(corner).collect::<Vec<_>>())
 }
 
 /// Points evenly spread on the sphere of radius 1: a spiral from pole to pole, turned by the golden angle

@@ -1,9 +1,8 @@
 //! A record of BODIES.DAT to a body: its contactors, mass, centre and principal axes.
 
-use std::f64::consts::PI;
-
 use cd_formats::bodies::{self, Contactor, LocalFrame};
 use cd_formats::bulk_behav::BulkBehav;
+use cd_formats::mass::Inert;
 use cd_formats::surface::{MassProperties, Surface};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
@@ -64,7 +63,6 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
         }
     }
     let simple = lone && !matches!(pieces[0].geometry, Geometry::Polyhedron(_));
-    let given = record.inertia.filter(|inertia| !simple && inertia.iter().any(|i| *i != 0.0));
 
     // Where the centre of mass is, in the frame of the file.
     let of_pieces: Vec<MassProperties> = pieces.iter().map(|piece| piece.mass).collect();
@@ -72,19 +70,18 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
     let off_centre = matches!(record.contactors[0].shape, bodies::Shape::OffsetSphere { .. });
     let shift = Vec3::from(record.shift(&own));
     pieces.iter_mut().for_each(|piece| piece.centre -= shift);
-    let (inertia, axes) = match given {
-        Some(inertia) => (inertia, Quat::identity()),
+    let axes = match record.inertia {
         // Of a lone sphere, plate or cylinder the axes are its own, so that its orientation keeps its meaning.
-        None if simple => (in_axes(&own.inertia.into(), &pieces[0].axes), pieces[0].axes),
-        None => principal(&own),
+        _ if simple => pieces[0].axes,
+        Some(inertia) if inertia != [0.0; 3] => Quat::identity(),
+        _ => principal(&own),
     };
-    // Several contactors may overlap or leave gaps: the volume goes with the inertia.
-    let told = avrd != 0.0 && !simple && (lone || given.is_some());
-    let volume = if told { 4.0 / 3.0 * PI * avrd.powi(3) } else { own.volume };
-    let mass = density * volume;
-    let inertia = inertia.map(|i| density * i);
-    if !(mass.is_finite() && mass > 0.0 && inertia.iter().all(|i| i.is_finite() && *i > 0.0)) {
-        return Err((format!("mass {mass} kg"), "expected mass and inertia that a number can hold".into()));
+    let Inert { mass, inertia, radius } = record.inert(&own, density);
+    let sound = |x: f64| x.is_finite() && x > 0.0;
+    if !sound(mass) || !inertia.into_iter().all(sound) {
+        let found =
+            if sound(mass) { format!("principal inertia {inertia:?} kg m²") } else { format!("mass {mass} kg") };
+        return Err((found, "expected mass and inertia above 0 that a number can hold".into()));
     }
     let [i, j, k] = inertia;
     if i + j < 0.999_999 * k || j + k < 0.999_999 * i || k + i < 0.999_999 * j {
@@ -97,12 +94,11 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
         Geometry::Plane { half_lengths, .. } if lone => Shape::Plane { half_lengths: *half_lengths },
         _ => Shape::Parts,
     };
-    let radius = if let Shape::Sphere { radius } = shape { radius } else { (volume * 0.75 / PI).cbrt() };
     let body = Body {
         shape,
         radius,
         mass,
-        inertia: nearly_equal(inertia),
+        inertia,
         driven: false,
         pushed: [true; 3],
         material: material as u16,
@@ -169,22 +165,10 @@ fn piece(contactor: &Contactor, colours: &mut Vec<String>) -> Result<Piece, Refu
     Ok(Piece { geometry, centre, axes, radius, mass, colour })
 }
 
-fn in_axes(inertia: &Matrix3<f64>, axes: &Quat) -> [f64; 3] {
-    let turn = axes.to_rotation_matrix();
-    let local = turn.transpose() * inertia * turn;
-    [local.m11, local.m22, local.m33]
-}
-
-/// Principal moments, ascending, and axes.
-fn principal(mass: &MassProperties) -> ([f64; 3], Quat) {
-    let (moments, axes) = mass.principal();
+/// Principal axes, of ascending moments.
+fn principal(mass: &MassProperties) -> Quat {
+    let (_, axes) = mass.principal();
     let columns = Matrix3::from_fn(|i, j| axes[j][i]);
     let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
-    (moments, UnitQuaternion::from_rotation_matrix(&turn))
-}
-
-/// Moments that differ by rounding of the file are made equal: such a body needs no equation for its rotation.
-fn nearly_equal(moments: [f64; 3]) -> [f64; 3] {
-    let alike = moments.iter().all(|j| (j - moments[0]).abs() <= 1e-7 * moments[0]);
-    if alike { [moments[0]; 3] } else { moments }
+    UnitQuaternion::from_rotation_matrix(&turn)
 }

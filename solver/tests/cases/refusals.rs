@@ -212,7 +212,15 @@ fn materials_and_masses() {
     let shape = Shape::Sphere { radius: 1e99 };
     case.materials[0].density = 1e90;
     case.bodies[1].contactors[0].shape = shape;
-    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: mass inf kg; expected mass and inertia that a number can hold";
+    let line =
+        "CASE/DATBOX/BODIES.DAT:11: body 2: mass inf kg; expected mass and inertia above 0 that a number can hold";
+    written_refused(&case, &[], &[line]);
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    let block = case.block([0.5; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    case.bodies[block].inertia = Some([0.25, 0.0, 0.0]);
+    let line = "CASE/DATBOX/BODIES.DAT:1: body 1: principal inertia [0.25, 0.0, 0.0] kg m²; \
+                expected mass and inertia above 0 that a number can hold";
     written_refused(&case, &[], &[line]);
 }
 
