@@ -81,4 +81,4 @@ $(CD_BIN)/cd-%:
 	$(MAKE) --no-print-directory -C $(TOP) build
 
 clean:
-	rm -rf $(foreach case,$(CASES),$(addprefix $(case)/,DATBOX OUTBOX POSTPRO DISPLAY TIMER.csv)) $(MADE)
+	rm -rf $(foreach case,$(CASES),$(addprefix $(case)/,DATBOX OUTBOX POSTPRO DISPLAY TIMER.csv ERRORS.csv)) $(MADE)
