@@ -338,6 +338,26 @@ fn of_one(fields: &str, half: f64, options: &str) -> String {
 }
 
 #[test]
+fn bodies_whose_motion_is_imposed_need_no_law_for_each_other() {
+    let rough = |driven: &str| {
+        let list = "place: List(positions: [(0, 0, -15)])";
+        said(
+            "    )],\n    walls",
+            &format!(
+                "    ), (material: \"ROCKx\", colour: \"ROUGH\", sizes: Single(1), {list}, driven: {driven})],\n    walls"
+            ),
+        )
+    };
+    let still = "(Constant(0), Constant(0), Constant(0))";
+    assert_eq!(
+        rough(still),
+        "scene.ron:5: contacts: no law between 'BLUEx' and 'ROUGH'; expected one for each pair that can meet (law: None for none)"
+    );
+    // Driven in part it may move against the others.
+    assert_eq!(rough("(Constant(0), Constant(0), None)").lines().count(), 3);
+}
+
+#[test]
 fn ramps_that_do_nothing() {
     let plate = |ramp: &str| {
         let velocity = format!("(Harmonic(amplitude: 1.0, omega: 2.0, {ramp}), Constant(0), Constant(0))");
