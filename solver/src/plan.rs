@@ -129,7 +129,7 @@ pub fn not_needed(scene: &Scene) -> Vec<&'static str> {
     let rolling = laws.iter().any(|law| law.rolling.is_some());
     let absent = [
         (scene.bodies.iter().all(Body::is_sphere), "walls"),
-        (!scene.is_general(), "polyhedra: blocks of contacts are diagonal"),
+        (!scene.needs_blocks(), "polyhedra: blocks of contacts are diagonal"),
         (!scene.options.sphere_orientation, "orientation of spheres"),
         (scene.turning.is_empty(), "free rotation: moments of inertia are equal"),
         (

@@ -306,9 +306,16 @@ impl Scene {
         [self.options.xperiode, self.options.yperiode]
     }
 
-    /// Whether there are bodies whose contacts need full blocks.
+    /// Whether there are other shapes than spheres and plates, or bodies driven in part.
     pub fn is_general(&self) -> bool {
         !BARE && !self.parts.is_empty()
+    }
+
+    /// Whether there are bodies whose contacts need full blocks: that of a sphere with a sphere, or with any body whose
+    /// motion is all imposed, is diagonal.
+    pub fn needs_blocks(&self) -> bool {
+        let not_diagonal = |body: &Body| body.is_driven_in_part() || (!body.is_sphere() && !body.driven);
+        !BARE && self.bodies.iter().any(not_diagonal)
     }
 
     /// Whether the free bodies attract each other.
@@ -392,7 +399,7 @@ impl Scene {
         if self.law_names.is_empty() {
             models.push("no contacts: no row of TACT_BEHAV.DAT concerns these bodies".into());
         }
-        if self.is_general() {
+        if self.parts.iter().any(|part| polyhedron(&part.geometry)) {
             models.push(match self.options.narrow_phase() {
                 NarrowPhase::Fast => "narrow phase fast".into(),
                 NarrowPhase::Accurate => "narrow phase accurate".into(),

@@ -311,7 +311,7 @@ impl Setting<'_> {
 
     /// The row of a contact, with what the last step had of it.
     fn row(&self, contact: &Contact, previous: Option<&SolvedContact>) -> Row {
-        let &Setting { state, q_c, records, full, .. } = self;
+        let &Setting { scene, state, q_c, records, full, .. } = self;
         let h = q_c.h;
         let frame = contact.frame();
         let n = frame[0];
@@ -333,10 +333,14 @@ impl Setting<'_> {
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i as usize);
         let on_plate = self.on_plate(contact);
-        // Arms that end in one point: on a plate in the middle of the gap, else where the radii divide the distance.
+        // Arms that end in one point: where the radii divide the distance, on what is flat in the middle of the gap.
         let radii = [records[a].radius, records[b].radius];
-        let arm =
-            if full { 1.0 } else { 1.0 + contact.gap / if on_plate { 2.0 * radii[0] } else { radii[0] + radii[1] } };
+        let beyond = match scene.part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
+            Some(Geometry::Sphere { radius }) => *radius,
+            _ if on_plate => radii[0],
+            _ => radii[1],
+        };
+        let arm = if full { 1.0 } else { 1.0 + contact.gap / (radii[0] + beyond) };
         let plate = if on_plate { self.plate(contact) } else { Vec3::zeros() };
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
         let w_t = w_n
@@ -408,7 +412,7 @@ fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
         held: if scene.bodies.iter().any(Body::is_driven_in_part) { held() } else { Vec::new() },
         inverse_inertia: scene.bodies.iter().zip(&q_c.q).map(of).collect(),
     };
-    scene.is_general().then(full)
+    scene.needs_blocks().then(full)
 }
 
 impl System {

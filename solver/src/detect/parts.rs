@@ -31,7 +31,7 @@ struct Place<'a> {
     shape: Shape<'a>,
 }
 
-/// In the order in which one is the candidate rather than the other, as in LMGC90.
+/// In the order in which one is the candidate rather than the other, as in LMGC90; of two alike the one that is not driven.
 enum Shape<'a> {
     Sphere { radius: f64 },
     Polyhedron(Posed<'a>),
@@ -190,7 +190,7 @@ fn meet(scene: &Scene, places: &[Place], [i, j]: [u32; 2]) -> Option<([u32; 2], 
         return None;
     }
     let see = scene.visibility.see(a.class, b.class)?;
-    let first = (a.shape.precedence(), i) <= (b.shape.precedence(), j);
+    let first = (a.shape.precedence(), a.driven, i) <= (b.shape.precedence(), b.driven, j);
     Some((if first { [i, j] } else { [j, i] }, see))
 }
 
