@@ -62,16 +62,58 @@ impl Drop for Part {
     }
 }
 
+/// Whether a name stands in its folder: what then cannot be read is a fault, such as a link that leads nowhere.
+pub fn is_there(path: &Path) -> bool {
+    !path.symlink_metadata().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound)
+}
+
+/// Paths of what a folder holds, in any order; nothing where it is absent. One that cannot be read is a fault.
+pub fn entries(folder: &Path) -> Result<Vec<PathBuf>, Faults> {
+    if !is_there(folder) {
+        return Ok(Vec::new());
+    }
+    let paths = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
+    paths.map_err(|error| Fault::io(folder, "read", &error).into())
+}
+
 /// The whole of a text file, without the mark that some editors put at its start; a file that is missing or not UTF-8
 /// is a fault.
 pub fn read_text(path: &Path) -> Result<String, Faults> {
-    let text = fs::read_to_string(path).map_err(|error| Fault::io(path, "read", &error))?;
+    let bytes = fs::read(path).map_err(|error| Fault::io(path, "read", &error))?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
+        Fault::new(path, Some(line), "file", "a letter is not encoded in UTF-8", "expected text in UTF-8")
+    })?;
     Ok(text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_that_leads_nowhere_is_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        assert!(!is_there(&path) && entries(&path) == Ok(Vec::new()));
+        std::os::unix::fs::symlink("nowhere", &path).unwrap();
+        assert!(is_there(&path) && entries(&path).is_err());
+        assert_eq!(entries(folder.path()), Ok(vec![path]));
+    }
+
+    #[test]
+    fn texts_that_are_not_utf_8_are_refused_with_the_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ron");
+        fs::write(&path, b"(\n// caf\xe9\n)").unwrap();
+        let refused = read_text(&path).unwrap_err().to_string();
+        assert!(
+            refused.ends_with("a.ron:2: file: a letter is not encoded in UTF-8; expected text in UTF-8"),
+            "{refused}"
+        );
+    }
 
     #[test]
     fn replaces_whole_files_and_leaves_no_part_behind() {

@@ -93,9 +93,9 @@ impl Bodies {
         let mut number = 0; // as written, so that one gap is one fault
         let mut position = 0;
         while let Some(begin) = scan.peek() {
-            position += usize::from(begin.keyword() == "bdyty");
+            position += u64::from(begin.keyword() == "bdyty");
             scan.about(if position == 0 { "file".into() } else { format!("body {position}") });
-            let body = scan.expect_keyword("bdyty").and_then(|_| read_body(scan, begin.number, &mut number));
+            let body = scan.expect_keyword("bdyty").and_then(|_| read_body(scan, begin.number, position, &mut number));
             if body.is_none() {
                 scan.leave_record();
             }
@@ -118,13 +118,13 @@ impl Bodies {
 }
 
 /// The record after `$bdyty`; `None` after a fault that leaves the scan inside the record.
-fn read_body(scan: &mut Scan, begin: usize, number: &mut u64) -> Option<Body> {
+fn read_body(scan: &mut Scan, begin: usize, position: u64, number: &mut u64) -> Option<Body> {
     let line = scan.expect("expected RBDY3 and the number of the body", Line::is_data)?;
     if !scan.rigid(line, 2) {
         return None;
     }
     let written = scan.integer(line, (7, 15), "number");
-    if let Some(written) = written.filter(|&written| written != *number + 1) {
+    if let Some(written) = written.filter(|&written| written != *number + 1 && written != position) {
         let expected = format!("expected {}: bodies are counted by their place, whatever their number", *number + 1);
         scan.fault(line.number, format!("the number is {written}"), expected);
     }

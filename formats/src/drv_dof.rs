@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::fmt::Write;
 use std::path::Path;
 
+use crate::atomic::is_there;
 use crate::error::Faults;
 use crate::scan::{Line, Scan, Text, e14, free_real, integer, put};
 
@@ -107,10 +108,7 @@ impl DrvDof {
     /// Reads the file and the tables that it names in the same folder; all faults at once. A file that is
     /// absent drives nothing.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        match path.try_exists() {
-            Ok(false) => Ok(DrvDof::default()),
-            _ => Self::parse(path, &Text::load(path)?),
-        }
+        if is_there(path) { Self::parse(path, &Text::load(path)?) } else { Ok(DrvDof::default()) }
     }
 
     /// Reads the text of a file; `path` is for messages and to find tables.

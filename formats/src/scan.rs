@@ -35,13 +35,19 @@ pub const FRAME_TOLERANCE: f64 = 1e-4;
 pub struct Text(String);
 
 impl Text {
-    /// The file's text; a file that cannot be read is a fault.
+    /// The file's text; a file that cannot be read, or is no text of one byte a letter, is a fault.
     pub fn load(path: &Path) -> Result<Self, Faults> {
-        fs::read(path).map(|bytes| Text::new(&bytes)).map_err(|error| Fault::io(path, "read", &error).into())
+        let bytes = fs::read(path).map_err(|error| Fault::io(path, "read", &error))?;
+        if bytes.contains(&0) {
+            let found = "no text, or with two bytes a letter (UTF-16)";
+            return Err(Fault::new(path, None, "file", found, "expected text in ASCII or UTF-8").into());
+        }
+        Ok(Text::new(&bytes))
     }
 
-    /// The text that a file of these bytes has.
+    /// The text that a file of these bytes has, without the mark that some editors put at its start.
     pub fn new(bytes: &[u8]) -> Self {
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         Text(bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '\x1a' }).collect())
     }
 
@@ -205,7 +211,7 @@ impl<'a> Scan<'a> {
         match self.peek() {
             Some(line) => {
                 let text: String = line.text.trim_end().chars().take(40).collect();
-                self.fault(line.number, format!("the line is '{}'", text.escape_default()), expected);
+                self.fault(line.number, format!("the line is '{}'", shown(&text)), expected);
             }
             None => self.fault(self.last, "the file ends", expected),
         }
@@ -285,9 +291,9 @@ impl<'a> Scan<'a> {
         fault: &str,
         expected: &str,
     ) {
-        let found = match line.columns(first, last).trim() {
+        let found = match line.columns(first, last).trim_matches(' ') {
             "" => format!("{what} is blank"),
-            field => format!("{what} is '{}', {fault}", field.escape_default()),
+            field => format!("{what} is '{}', {fault}", shown(field)),
         };
         self.fault(line.number, found, expected);
     }
@@ -305,7 +311,7 @@ impl<'a> Scan<'a> {
     /// The name in columns `first` to `last`, trimmed; empty and a fault if there is none.
     pub fn name(&mut self, line: Line, (first, last): (usize, usize), what: &str) -> String {
         let field = line.columns(first, last);
-        let shown = field.trim_matches(' ').escape_default();
+        let shown = shown(field.trim_matches(' '));
         let (found, expected) = if field.trim_matches(' ').is_empty() {
             (format!("{what} is blank"), format!("expected a name in columns {first} to {last}"))
         } else if field.bytes().any(|byte| !(b' '..=b'~').contains(&byte)) {
@@ -355,10 +361,16 @@ impl<'a> Scan<'a> {
 }
 
 /// What is wrong with a field in which no number could be read, if it is one of the usual things.
+/// For messages, without control characters.
+fn shown(text: &str) -> String {
+    text.replace('\x1a', "?").escape_default().to_string()
+}
+
 fn number_fault(field: &str) -> Option<&'static str> {
     match field {
         "" => Some("blank"),
         stars if stars.contains('*') => Some("a number that did not fit its columns when it was written"),
+        tabs if tabs.contains('\t') => Some("with a tab, which is one column wide"),
         _ => None,
     }
 }
@@ -520,6 +532,21 @@ mod tests {
         ] {
             assert_eq!(fortran_real(field), Ok(value), "{field}");
         }
+    }
+
+    #[test]
+    fn marks_of_editors_are_no_text_and_tabs_are_named() {
+        let text = Text::new(b"\xef\xbb\xbf$bdyty\n RBDY3\t1\n");
+        let mut scan = Scan::new(Path::new("a"), &text);
+        assert!(scan.expect_keyword("bdyty").is_some());
+        let line = scan.line().unwrap();
+        assert_eq!(scan.integer(line, (7, 15), "number"), None);
+        let refused = scan.finish(()).unwrap_err().to_string();
+        assert!(refused.contains("number is '\\t1', with a tab, which is one column wide"), "{refused}");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        fs::write(&path, b"$\0b\0").unwrap();
+        assert!(Text::load(&path).is_err());
     }
 
     #[test]

@@ -554,7 +554,8 @@ impl Snapshot {
         atomic::write(path, &self.to_bytes())
     }
 
-    /// Reads and checks a file: checksums, shapes, equal numbers of rows, finite numbers, indices in range.
+    /// Reads and checks a file: checksums, shapes, equal numbers of rows, finite numbers, indices in range, the step of its
+    /// name.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         let bytes = fs::read(path).map_err(|error| Fault::io(path, "read", &error))?;
         let refuse = |found: String| {
@@ -569,6 +570,10 @@ impl Snapshot {
             return Err(refuse(format!("meta: format {}; this program reads {FORMAT}", version["format"])));
         }
         let meta: Meta = serde_json::from_slice(&meta_text).map_err(|error| refuse(format!("meta: {error}")))?;
+        if let Some(step) = step_of(path).filter(|step| *step != meta.step) {
+            let (found, expected) = (format!("of step {}", meta.step), format!("expected {step}, as its name says"));
+            return Err(Fault::new(path, None, "snapshot", found, expected).into());
+        }
         let bodies = BodyArrays::read(&mut entries);
         let contacts = ContactArrays::read(&mut entries);
         let remembers = entries.archive.index_for_name("contact_bonded.npy").is_some();
@@ -622,20 +627,17 @@ pub fn path(outbox: &Path, step: u64) -> PathBuf {
     outbox.join(format!("snapshot-{step:06}.npz"))
 }
 
-/// The snapshots of a folder by step; a folder that is absent has none.
-pub fn list(outbox: &Path) -> Vec<(u64, PathBuf)> {
-    let mut found: Vec<(u64, PathBuf)> = fs::read_dir(outbox)
-        .into_iter()
-        .flatten()
-        .flatten()
-        .filter_map(|entry| {
-            let name = entry.file_name().into_string().ok()?;
-            let step = name.strip_prefix("snapshot-")?.strip_suffix(".npz")?.parse().ok()?;
-            Some((step, entry.path()))
-        })
-        .collect();
+/// The step in the name of a snapshot.
+fn step_of(path: &Path) -> Option<u64> {
+    path.file_name()?.to_str()?.strip_prefix("snapshot-")?.strip_suffix(".npz")?.parse().ok()
+}
+
+/// The snapshots of a folder by step; a folder that is absent has none, one that cannot be read is a fault.
+pub fn list(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
+    let paths = atomic::entries(outbox)?.into_iter();
+    let mut found: Vec<(u64, PathBuf)> = paths.filter_map(|path| Some((step_of(&path)?, path))).collect();
     found.sort();
-    found
+    Ok(found)
 }
 
 #[cfg(test)]
@@ -668,12 +670,17 @@ mod tests {
     fn round_trips_every_bit_with_and_without_contacts() {
         let folder = tempfile::tempdir().unwrap();
         let path = path(folder.path(), 12);
+        let sample = || {
+            let mut sample = sample();
+            sample.meta.step = 12;
+            sample
+        };
         let snapshot = sample();
         snapshot.write(&path).unwrap();
         let read = Snapshot::read(&path).unwrap();
         assert_eq!(read, snapshot);
         assert_eq!(read.to_bytes(), snapshot.to_bytes()); // -0.0 == 0.0, so compare bytes too
-        assert_eq!(list(folder.path()), vec![(12, path.clone())]);
+        assert_eq!(list(folder.path()), Ok(vec![(12, path.clone())]));
         let mut remembering = sample();
         remembering.memory = Some(MemoryArrays::default());
         remembering.write(&path).unwrap();
@@ -682,6 +689,16 @@ mod tests {
             Some(MemoryArrays { contact_bonded: vec![1], contact_bond_gap: vec![0.1], contact_moment: vec![[0.0; 3]] });
         remembering.write(&path).unwrap();
         Snapshot::read(&path).unwrap_err();
+    }
+
+    #[test]
+    fn refuses_what_is_renamed_and_folders_that_cannot_be_read() {
+        let folder = tempfile::tempdir().unwrap();
+        sample().write(&path(folder.path(), 3)).unwrap();
+        let refused = Snapshot::read(&path(folder.path(), 3)).unwrap_err().to_string();
+        assert!(refused.ends_with("snapshot: of step 0; expected 3, as its name says"), "{refused}");
+        assert_eq!(list(&folder.path().join("absent")), Ok(Vec::new()));
+        list(&path(folder.path(), 3)).unwrap_err();
     }
 
     #[test]

@@ -147,8 +147,8 @@ fn place(case: &Path, table: &Path) -> PathBuf {
     let folder = case.join("POSTPRO");
     let Ok(rest) = table.strip_prefix("state") else { return folder.join(table) };
     let number = |name: &str| name.strip_prefix("state-")?.parse::<u64>().ok();
-    let entries = std::fs::read_dir(&folder).into_iter().flatten().flatten();
-    let states = entries.filter_map(|entry| Some((number(entry.file_name().to_str()?)?, entry.path())));
+    let entries = atomic::entries(&folder).unwrap_or_default().into_iter();
+    let states = entries.filter_map(|path| Some((number(path.file_name()?.to_str()?)?, path)));
     states.max().map_or(folder.join("state"), |(_, path)| path).join(rest)
 }
 

@@ -322,6 +322,7 @@ fn series(options: &Options) -> Result<(Vec<Row>, Vec<Frame>), Faults> {
     let summation = if options.direct_gravity { Summation::Direct } else { Summation::Fast };
     let mut rows = Vec::with_capacity(selected.len());
     let mut pictured = Vec::new();
+    let mut masses: Option<Vec<f64>> = None;
     let shapes = Shapes::default();
     for batch in selected.chunks(rayon::current_num_threads()) {
         let measured: Vec<Result<(Frame, Row), Faults>> = batch
@@ -336,9 +337,14 @@ fn series(options: &Options) -> Result<(Vec<Row>, Vec<Frame>), Faults> {
             })
             .collect();
         let mut faults = Faults::default();
-        for result in measured {
+        for (result, (_, path)) in measured.into_iter().zip(batch) {
             match result {
                 Ok((frame, row)) => {
+                    let own: Vec<f64> = frame.grains.iter().map(|grain| grain.mass).collect();
+                    if *masses.get_or_insert_with(|| own.clone()) != own {
+                        let expected = format!("expected those of {}, of the same run", selected[0].1.display());
+                        faults.push(Fault::new(path, None, "snapshot", "other bodies", expected));
+                    }
                     if in_pictures(rows.len(), selected.len()) {
                         pictured.push(frame);
                     }
@@ -367,8 +373,8 @@ fn in_pictures(k: usize, count: usize) -> bool {
 fn snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let expected = "expected snapshot-*.npz, the results of cd-solve";
     let refuse = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
-    match snapshot::list(outbox) {
-        _ if !outbox.is_dir() => refuse("is not there"),
+    match snapshot::list(outbox)? {
+        _ if !atomic::is_there(outbox) => refuse("is not there"),
         all if all.is_empty() => refuse("holds no snapshot"),
         all => Ok(all),
     }
@@ -427,10 +433,10 @@ fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<(), Faults> 
         current.insert(name);
         current.extend(times.iter().map(|(step, _)| display::file_name(kind, *step)));
     }
-    for entry in fs::read_dir(&display).into_iter().flatten().flatten() {
-        let name = entry.file_name().to_string_lossy().into_owned();
+    for path in atomic::entries(&display)? {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if display::is_ours(&name) && !current.contains(&name) {
-            fs::remove_file(entry.path()).map_err(|error| Fault::io(&entry.path(), "removed", &error))?;
+            fs::remove_file(&path).map_err(|error| Fault::io(&path, "removed", &error))?;
         }
     }
     Ok(())

@@ -136,7 +136,7 @@ pub fn write(dir: &Path, step: Option<u64>, mean: u32) -> Result<(PathBuf, Vec<S
 /// those without a case; none where there is no such file.
 pub fn newcomers(dir: &Path) -> Result<HashSet<u64>, Faults> {
     let path = dir.join("DATBOX/ORIGIN.csv");
-    if !path.exists() {
+    if !atomic::is_there(&path) {
         return Ok(HashSet::new());
     }
     let text = atomic::read_text(&path)?;

@@ -170,6 +170,19 @@ fn a_damaged_snapshot_is_refused_and_the_series_stays_as_it_was() {
 }
 
 #[test]
+fn a_snapshot_of_another_run_is_refused() {
+    let case = case(&[0, 1]);
+    let mut other = scene(2);
+    other.snapshot.bodies.body_mass[1] *= 2.0;
+    let path = snapshot::path(&case.path().join("OUTBOX"), 2);
+    other.snapshot.write(&path).unwrap();
+    let (code, message) = refused(case.path());
+    assert_eq!(code, 2);
+    let expected = format!("cd-post: {}: snapshot: other bodies; expected those of ", path.display());
+    assert!(message.starts_with(&expected), "{message}");
+}
+
+#[test]
 fn what_all_snapshots_lack_is_told_once() {
     let case = tempfile::tempdir().unwrap();
     for step in 0..3 {

@@ -94,7 +94,7 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
     } else if !arguments.force && !arguments.plan {
         write::expect_none(case, scene.options.text)?;
     }
-    check(&scene, &state)?;
+    check(case, &scene, &state)?;
     if let Some(step) = arguments.dump_problem {
         write::expect_problem(&scene, &state, step)?;
     }

@@ -9,6 +9,8 @@ use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::Parameters;
 use cd_formats::tell::tell;
+#[cfg(unix)]
+use signal_hook::consts::SIGXFSZ;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
@@ -137,6 +139,9 @@ static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(|| {
         let _ = flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&stop));
         let _ = flag::register(signal, Arc::clone(&stop));
     }
+    // A file that may not grow on is one that cannot be written, as on a full disk.
+    #[cfg(unix)]
+    let _ = flag::register(SIGXFSZ, Arc::default());
     stop
 });
 
@@ -236,11 +241,11 @@ fn expect(finite: bool, state: &State, what: &str) -> Result<(), Failure> {
 }
 
 /// Refuses options that cannot lead to a run from this state.
-pub fn check(scene: &Scene, state: &State) -> Result<(), Faults> {
+pub fn check(case: &Path, scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
     if scene.free.is_empty() {
         let expected = "expected at least one whose motion is not imposed";
-        faults.push(Fault::new(Path::new("DATBOX/BODIES.DAT"), None, "bodies", "none is free to move", expected));
+        faults.push(Fault::new(&case.join("DATBOX/BODIES.DAT"), None, "bodies", "none is free to move", expected));
     }
     let (start, end) = (scene.start.1, scene.options.end_time);
     if let Some(end) = end.filter(|end| scene.options.steps.is_none() && *end < start - scene.options.dt) {

@@ -112,7 +112,7 @@ impl Case {
     }
 
     pub fn last_snapshot(&self) -> Snapshot {
-        Snapshot::read(&snapshot::list(&self.outbox()).pop().expect("a snapshot").1).unwrap()
+        Snapshot::read(&snapshot::list(&self.outbox()).unwrap().pop().expect("a snapshot").1).unwrap()
     }
 
     /// Name and bytes of every file in OUTBOX.

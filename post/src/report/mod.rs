@@ -200,7 +200,7 @@ fn run(dir: &Path, last: &Frame, seconds: &[(&str, f64)]) -> String {
 
 /// Seconds spent in each room, the sums of the columns of TIMER.csv; none where there is no such file.
 fn seconds(path: &Path) -> Result<Vec<(&'static str, f64)>, Faults> {
-    if !path.exists() {
+    if !atomic::is_there(path) {
         return Ok(Vec::new());
     }
     let rooms = [&TIMED[..], &["writing"]].concat();

@@ -15,7 +15,7 @@ pub mod tables;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use cd_formats::atomic;
+use cd_formats::atomic::{self, is_there};
 use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
 use cd_formats::compute::{ABOUT_A_PERIOD, Compute};
 use cd_formats::dof::{BodyDof, Dof};
@@ -241,7 +241,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
 
 /// Takes away what only `from-outbox` writes, and what another scene would misread.
 pub fn clear(datbox: &Path) -> Result<(), Faults> {
-    for path in [datbox.join(START), datbox.join(ORIGIN)].iter().filter(|path| path.exists()) {
+    for path in [datbox.join(START), datbox.join(ORIGIN)].iter().filter(|path| is_there(path)) {
         fs::remove_file(path).map_err(|error| Fault::io(path, "removed", &error))?;
     }
     Ok(())

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use cd_formats::atomic::is_there;
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::{Action, Compute, Event};
@@ -61,7 +62,7 @@ impl Source {
     pub fn read(case: &Path, step: Option<u64>) -> Result<Source, Faults> {
         let (datbox, outbox) = (case.join("DATBOX"), case.join("OUTBOX"));
         let mut faults = Faults::default();
-        let all = snapshot::list(&outbox);
+        let all = snapshot::list(&outbox)?;
         let found = match step {
             Some(step) => all.iter().find(|(number, _)| *number == step),
             None => all.last(),
@@ -83,7 +84,8 @@ impl Source {
         let tact = faults.gather(TactBehav::read(&of_tact));
         let driven = faults.gather(DrvDof::read(&of_driven));
         let compute = datbox.join("COMPUTE.RON");
-        let written = if compute.exists() { faults.gather(Compute::read(&compute)) } else { Some(Compute::default()) };
+        let written =
+            if is_there(&compute) { faults.gather(Compute::read(&compute)) } else { Some(Compute::default()) };
         let (Some((path, snapshot)), Some(bodies), Some(bulk), Some(tact), Some(driven), Some(written)) =
             (snapshot, bodies, bulk, tact, driven, written)
         else {
@@ -97,8 +99,8 @@ impl Source {
         faults.into_result(())?;
         let shifts = bodies.0.iter().zip(&own).map(|(body, own)| body.shift(own).into()).collect();
         let is_first = all.first().is_some_and(|first| first.1 == *path);
-        let (options, mut notes) = of_run(&written, &snapshot.meta, is_first, datbox.join(START).exists());
-        let there = if compute.exists() { "COMPUTE.RON has" } else { "the default is" };
+        let (options, mut notes) = of_run(&written, &snapshot.meta, is_first, is_there(&datbox.join(START)));
+        let there = if is_there(&compute) { "COMPUTE.RON has" } else { "the default is" };
         let changed = options.values().into_iter().zip(written.values()).filter(|(run, file)| run != file);
         notes.extend(changed.map(|((name, run), (_, file))| (name, format!("{run} as in the run; {there} {file}"))));
         let mut bulk = bulk;

@@ -204,8 +204,7 @@ fn unseen(scene: &Scene) -> Option<String> {
             }
         }
     }
-    // Without any contacts the models of the run say so.
-    (!missed.is_empty() && !scene.laws.is_empty())
+    (!missed.is_empty())
         .then(|| format!("TACT_BEHAV.DAT: no row for {}: they pass through each other", missed.join(", ")))
 }
 
@@ -300,6 +299,14 @@ pub fn history(
 ) -> Vec<SolvedContact> {
     let file = datbox.join("Vloc_Rloc.INI");
     let h = scene.options.dt;
+    let (step, time) = scene.start;
+    // As LMGC90, but for a file without contacts; times have seven digits.
+    let of_another = history.step != step || (history.time - time).abs() > 1e-3 * h + 1e-6 * time.abs();
+    if of_another && !history.contacts.is_empty() {
+        let found = format!("step {}, time {} s", history.step, history.time);
+        let expected = format!("expected step {step}, time {time} s, those of DOF.INI");
+        faults.push(Fault::new(&file, None, "head", found, expected));
+    }
     let mut contacts = Vec::new();
     let mut unseen = 0;
     for (number, record) in (0..).zip(&history.contacts) {
@@ -340,8 +347,12 @@ pub fn history(
             faults.push(Fault::new(&file, Some(record.line), "contact", "a normal of length 0", "expected length 1"));
             continue;
         };
-        // Detection has spheres before polyhedra before cylinders before plates, then the lower number, as candidates.
-        let order = |kind: usize, side: &ContactSide| (CANDIDACY[kind], side.body, side.rank);
+        // Detection has spheres before polyhedra before cylinders before plates, then in general what is not driven, then the
+        // lower number, as candidates.
+        let order = |kind: usize, side: &ContactSide| {
+            let driven = scene.is_general() && scene.bodies[side.body].driven;
+            (CANDIDACY[kind], driven, side.body, side.rank)
+        };
         let turned = order(kind_a, sides[0]) > order(kind_b, sides[1]);
         let (sign, [candidate, antagonist], kinds) =
             if turned { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };

@@ -8,7 +8,7 @@ pub mod resume;
 
 use std::path::{Path, PathBuf};
 
-use cd_formats::atomic::read_text;
+use cd_formats::atomic::{is_there, read_text};
 use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::{Compute, Flags, schedule};
@@ -39,7 +39,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     let driven = faults.gather(DrvDof::read(&datbox.join("DRV_DOF.DAT")));
     let dof = faults.gather(Dof::read(&datbox.join("DOF.INI")));
     let history = datbox.join("Vloc_Rloc.INI");
-    let history = if history.exists() { faults.gather(VlocRloc::read(&history)) } else { Some(VlocRloc::default()) };
+    let history = if is_there(&history) { faults.gather(VlocRloc::read(&history)) } else { Some(VlocRloc::default()) };
     let (Some(options), Some(bulk), Some(tact), Some(bodies), Some(driven), Some(dof), Some(history)) =
         (options, bulk, tact, bodies, driven, dof, history)
     else {
@@ -83,7 +83,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         ledger: Ledger::default(),
     };
     let start = datbox.join(START);
-    let started = start.exists() && faults.0.is_empty();
+    let started = is_there(&start) && faults.0.is_empty();
     if started {
         faults.gather(resume::start(&start, &scene, &mut state));
         scene.start = (state.step, state.time);
@@ -126,7 +126,7 @@ fn check_bare(scene: &Scene, faults: &mut Faults) {
 /// What events are written in: their file and its text, unless they come from the command line.
 fn events_text(datbox: &Path, flags: &Flags) -> Result<(PathBuf, String), Faults> {
     let path = datbox.join(COMPUTE);
-    if flags.events.is_some() || !path.exists() {
+    if flags.events.is_some() || !is_there(&path) {
         return Ok(("options".into(), String::new()));
     }
     let text = read_text(&path)?;
@@ -135,7 +135,7 @@ fn events_text(datbox: &Path, flags: &Flags) -> Result<(PathBuf, String), Faults
 
 fn options(datbox: &Path, flags: &Flags) -> Result<Compute, Faults> {
     let path = datbox.join(COMPUTE);
-    let options = if path.exists() { Compute::read(&path)? } else { Compute::default() };
+    let options = if is_there(&path) { Compute::read(&path)? } else { Compute::default() };
     let options = options.with(flags);
     options.check(Path::new("options"))?;
     Ok(options)

@@ -14,7 +14,7 @@ use crate::state::{Attraction, Bonding, Contact, PairMemory, SolvedContact, Stat
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
 /// A snapshot of other bodies or laws than the scene's is refused. Gives back what the run had done its last step with.
 pub fn last(outbox: &Path, scene: &Scene, state: &mut State) -> Result<Option<Parameters>, Faults> {
-    let Some((_, path)) = snapshot::list(outbox).pop() else { return Ok(None) };
+    let Some((_, path)) = snapshot::list(outbox)?.pop() else { return Ok(None) };
     let snapshot = Snapshot::read(&path)?;
     check(&path, scene, &snapshot)?;
     state.attraction = attraction(scene, &snapshot);

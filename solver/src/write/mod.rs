@@ -10,6 +10,7 @@ mod text;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
+use cd_formats::atomic::{entries, is_there};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::list;
 
@@ -52,12 +53,12 @@ pub fn lock(case: &Path) -> Result<File, Faults> {
 /// Refuses a case that has results; LMGC90's count only if this run would write over them (`text`).
 pub fn expect_none(case: &Path, text: bool) -> Result<(), Faults> {
     let outbox = outbox(case);
-    let (found, expected) = match list(&outbox).last() {
+    let (found, expected) = match list(&outbox)?.last() {
         Some((_, last)) => {
             let found = format!("there is {}", last.file_name().unwrap_or_default().display());
             (found, "expected none; --resume goes on from the last, --force starts anew")
         }
-        None if text && outbox.join("DOF.OUT.1").exists() => {
+        None if text && is_there(&outbox.join("DOF.OUT.1")) => {
             ("there is DOF.OUT.1".into(), "expected none, as --text would write over it; --force removes such files")
         }
         None => return Ok(()),
@@ -75,12 +76,9 @@ pub fn remove(case: &Path) -> Result<(), Faults> {
             || name.starts_with("Vloc_Rloc.OUT.")
     };
     let mut doomed = vec![case.join(log::TIMER), case.join(errors::ERRORS)];
-    for entry in std::fs::read_dir(&outbox).into_iter().flatten().flatten() {
-        if entry.file_name().to_str().is_some_and(ours) {
-            doomed.push(entry.path());
-        }
-    }
-    for path in doomed.iter().filter(|path| path.exists()) {
+    let is_ours = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(ours);
+    doomed.extend(entries(&outbox)?.into_iter().filter(is_ours));
+    for path in doomed.iter().filter(|path| is_there(path)) {
         std::fs::remove_file(path).map_err(|error| Fault::io(path, "removed", &error))?;
     }
     Ok(())

@@ -269,12 +269,12 @@ impl Case {
     }
 
     pub fn written(&self) -> Vec<Snapshot> {
-        let list = snapshot::list(&self.path().join("OUTBOX"));
+        let list = snapshot::list(&self.path().join("OUTBOX")).unwrap();
         list.iter().map(|(_, path)| Snapshot::read(path).unwrap()).collect()
     }
 
     pub fn last(&self) -> Snapshot {
-        let list = snapshot::list(&self.path().join("OUTBOX"));
+        let list = snapshot::list(&self.path().join("OUTBOX")).unwrap();
         Snapshot::read(&list.last().expect("a run writes its last state").1).unwrap()
     }
 
