@@ -35,11 +35,17 @@ const EXCEPTIONS: &[(&str, &str)] = &[
 ];
 
 /// Types of formats that the shelf and the rooms may name: options, events, functions of time and fields from outside are
-/// the same there as in the files.
+/// the same there as in the files; and disjoint sets.
 fn is_shared_type(path: &str) -> bool {
-    ["cd_formats::compute::", "cd_formats::drv_dof::Evolution", "cd_formats::field::Outside", "cd_formats::snapshot::"]
-        .iter()
-        .any(|p| path.starts_with(p))
+    [
+        "cd_formats::compute::",
+        "cd_formats::drv_dof::Evolution",
+        "cd_formats::field::Outside",
+        "cd_formats::groups::Groups",
+        "cd_formats::snapshot::",
+    ]
+    .iter()
+    .any(|p| path.starts_with(p))
         && is_type(path)
         && !path.ends_with("::Snapshot")
 }

@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
+use cd_formats::groups::Groups;
 use rayon::prelude::*;
 
-use super::rows::Setting;
+use super::rows::{Setting, relative_velocity};
 use crate::laws::{Law, Shift, TOUCHING};
 use crate::math::{Quat, Vec3, rotate};
-use crate::state::{Contact, SolvedContact, UNKNOWN};
+use crate::state::{Bonding, Contact, SolvedContact, UNKNOWN};
 
 /// Contacts that one task looks at.
 const CHUNK: usize = 1024;
@@ -47,6 +48,15 @@ fn of_pair<T>(list: &[T], pair: Contactors, contact: impl Fn(&T) -> &Contact) ->
 
 fn carried(old: &SolvedContact) -> bool {
     old.bond.is_some() || old.impulse != Vec3::zeros()
+}
+
+/// What holds the bodies of a contact together.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Hold {
+    /// Gap at which the contact is bonded, m.
+    pub bond: Option<f64>,
+    /// Whether bonds join its bodies, over others or not.
+    pub within: bool,
 }
 
 impl Setting<'_> {
@@ -148,6 +158,43 @@ impl Setting<'_> {
     fn since(&self) -> f64 {
         let theta = self.scene.options.theta;
         theta * self.state.h + (1.0 - theta) * self.q_c.h
+    }
+
+    /// What holds the bodies of each contact together, from what the last step had of it.
+    pub(super) fn holds(&self, contacts: &[Contact], history: &[Option<u32>]) -> Vec<Hold> {
+        if !self.state.laws.iter().any(Law::bonds) {
+            return vec![Hold::default(); contacts.len()];
+        }
+        let bond = |(contact, old): (&Contact, &Option<u32>)| {
+            let law = &self.state.laws[contact.law as usize];
+            let kept = old.and_then(|k| self.bond(&self.state.contacts[k as usize], contact, law));
+            let now = match self.state.bonding {
+                Bonding::All => true,
+                Bonding::New => old.is_none(),
+                Bonding::No => false,
+            };
+            kept.or_else(|| (now && self.touches(contact, law)).then(|| law.bonded_at(contact.gap)))
+        };
+        let bonds: Vec<Option<f64>> = contacts.par_iter().zip(history).with_min_len(256).map(bond).collect();
+        let mut aggregates = Groups::new(self.scene.bodies.len());
+        let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|body| body as usize);
+        for (contact, _) in contacts.iter().zip(&bonds).filter(|(_, bond)| bond.is_some()) {
+            let [a, b] = bodies(contact);
+            aggregates.join(a, b);
+        }
+        let mut joined = |contact: &Contact| {
+            let [a, b] = bodies(contact).map(|body| aggregates.root(body));
+            a == b
+        };
+        contacts.iter().zip(bonds).map(|(contact, bond)| Hold { bond, within: joined(contact) }).collect()
+    }
+
+    /// Whether a contact may be bonded, now or where the step began: of what turns the gap opens on the way here.
+    fn touches(&self, contact: &Contact, law: &Law) -> bool {
+        let Setting { scene, state, q_c, .. } = self;
+        let u = relative_velocity(contact, &q_c.x, &state.v, &q_c.w) - self.turning(contact) * 0.5;
+        let at_start = contact.gap - (1.0 - scene.options.theta) * q_c.h * contact.normal.dot(&u);
+        law.bond(contact.gap.min(at_start), self.effective_radius(contact)).is_some()
     }
 
     /// Gap of the bond that a contact of the last step hands on, m: its own to what is in its place; elsewhere the gap there,

@@ -4,6 +4,7 @@ mod forces;
 mod history;
 mod rows;
 mod stored;
+mod turning;
 
 pub use forces::{Free, GravityReport, events, free_velocity, interventions, potential_energy};
 pub use rows::{Full, Record, Roll, Row, System, arms, contact_problem, relative_velocity};

@@ -7,12 +7,12 @@
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-use super::history::warm_start;
+use super::history::{Hold, warm_start};
 use crate::integrate::Configuration;
 use crate::laws::{Approach, Rolling, Shift};
 use crate::math::{MANY, Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Geometry, Scene, Shape};
-use crate::state::{Bonding, Contact, SolvedContact, State, Status};
+use crate::state::{Contact, SolvedContact, State, Status};
 
 /// What a sweep reads and writes of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -187,9 +187,11 @@ pub fn contact_problem(
     let speeds = speeds.map(|(v, w)| [(v - q_c.drift).norm(), w.norm()]).collect();
     let setting = Setting { scene, state, q_c, v_free, w_free, speeds, records: &records, full: full.is_some() };
     let history = setting.history(contacts);
+    let before = |old: &Option<u32>| old.map(|k| &state.contacts[k as usize]);
+    let holds = setting.holds(contacts, &history);
     let of_contact =
-        |(contact, old): (&Contact, &Option<u32>)| setting.row(contact, old.map(|k| &state.contacts[k as usize]));
-    let mut rows: Vec<Row> = contacts.par_iter().zip(&history).with_min_len(256).map(of_contact).collect();
+        |((contact, old), hold): ((&Contact, &Option<u32>), &Hold)| setting.row(contact, before(old), *hold);
+    let mut rows: Vec<Row> = contacts.par_iter().zip(&history).zip(&holds).with_min_len(256).map(of_contact).collect();
     let mut rolls: Vec<Roll> = if state.laws.iter().any(|law| law.rolling().is_some()) {
         let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
         listed
@@ -263,54 +265,14 @@ impl Setting<'_> {
         travel
     }
 
-    /// How fast points of the two bodies that meet part as both turn, m/s: arms turn, where centres keep to their tangents,
-    /// ½ h n·(ω_a×(ω_a×l_a) - ω_b×(ω_b×l_b)).
-    fn turning(&self, contact: &Contact) -> f64 {
-        let inwards = |body: u32, arm: &Vec3| {
-            let w = &self.q_c.w[body as usize];
-            w.cross(&w.cross(arm)).dot(&contact.normal)
-        };
-        let [at_a, at_b] = arms(contact, &self.q_c.x);
-        0.5 * self.q_c.h * (inwards(contact.candidate, &at_a) - inwards(contact.antagonist, &at_b))
-    }
-
-    /// How fast the inside of a hollow cylinder comes nearer to what slides round it, m/s, for it curves away from its tangent: of a
-    /// point at the distance D from the axis, which moves by h u_θ along the tangent, (D - √(D² - (h u_θ)²))/h; less what the point
-    /// itself turns away from its tangent about its body's centre. 0 at other contacts: where surfaces bulge, the gap opens.
-    fn curve(&self, contact: &Contact) -> f64 {
-        let &Setting { scene, state, q_c, .. } = self;
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
-        let Some(drum) = scene.part(contact.antagonist, contact.ranks.1) else { return 0.0 };
-        let Geometry::Cylinder { hollow: true, .. } = drum.geometry else { return 0.0 };
-        let axis = q_c.q[b] * drum.axes * Vec3::z();
-        if contact.normal.dot(&axis).abs() > 0.5 {
-            return 0.0; // an end, which is flat
-        }
-        // Of a sphere the centre, of a polyhedron the vertex.
-        let in_front = match scene.part(contact.candidate, contact.ranks.0).map(|part| &part.geometry) {
-            Some(Geometry::Sphere { radius }) => radius + 0.5 * contact.gap,
-            _ => 0.5 * contact.gap,
-        };
-        let [at_a, at_b] = arms(contact, &q_c.x).map(|arm| arm + contact.normal * in_front);
-        let from_axis = at_b - q_c.q[b] * drum.offset;
-        let distance = (from_axis - axis * axis.dot(&from_axis)).norm() + contact.gap.max(0.0);
-        // Turning about its own axis the drum stays where it is.
-        let turning = state.w[b] - axis * axis.dot(&state.w[b]);
-        let u = state.v[a] + q_c.w[a].cross(&at_a) - state.v[b] - turning.cross(&at_b);
-        let way = q_c.h * u.dot(&axis.cross(&contact.normal));
-        let sagitta = distance - (distance * distance - way * way).max(0.0).sqrt();
-        let turned = q_c.w[a].cross(&q_c.w[a].cross(&at_a)).dot(&contact.normal);
-        (sagitta / q_c.h - 0.5 * q_c.h * turned).max(0.0)
-    }
-
     /// Velocity of a plate at the contact point, m/s.
     fn plate(&self, contact: &Contact) -> Vec3 {
         let b = contact.antagonist as usize;
         self.v_free[b] + self.w_free[b].cross(&arms(contact, &self.q_c.x)[1])
     }
 
-    /// The row of a contact, with what the last step had of it.
-    fn row(&self, contact: &Contact, previous: Option<&SolvedContact>) -> Row {
+    /// The row of a contact, with what the last step had of it and what holds its bodies together.
+    fn row(&self, contact: &Contact, previous: Option<&SolvedContact>, hold: Hold) -> Row {
         let &Setting { scene, state, q_c, records, full, .. } = self;
         let h = q_c.h;
         let frame = contact.frame();
@@ -319,13 +281,17 @@ impl Setting<'_> {
         let law = &state.laws[contact.law as usize];
         let radius = self.radius(contact);
         let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
-        let bonds_now = state.bonding == Bonding::All || (state.bonding == Bonding::New && previous.is_none());
-        let bond = previous.and_then(|old| self.bond(old, contact, law));
-        let bond = bond.or(if bonds_now { law.bond(contact.gap, self.effective_radius(contact)) } else { None });
-        // What keeps to a surface that curves does not approach it, nor does what a bond carries round part from it.
-        let curve = if bond.is_some() { -self.turning(contact) } else { self.curve(contact) };
+        // Of a contact that begins it is not known what it will carry.
+        let stays = hold.bond.is_some() || hold.within || previous.is_some_and(|old| old.impulse != Vec3::zeros());
+        let turning = if stays { self.turning(contact) } else { Vec3::zeros() };
+        // What keeps to a surface that curves does not approach it, nor does what bonds carry round part from it.
+        let curve = match hold {
+            Hold { bond: Some(_), .. } => -turning.dot(&n),
+            Hold { within: true, .. } => (contact.gap.max(0.0) / h - turning.dot(&n)).min(0.0),
+            Hold { .. } => self.curve(contact),
+        };
         let u_n = n.dot(&u_before) + curve;
-        let shift = law.shift(&Approach { gap: contact.gap, h, u_n, radius, slid_before, bond });
+        let shift = law.shift(&Approach { gap: contact.gap, h, u_n, radius, slid_before, bonded: hold.bond.is_some() });
         let acts = shift.is_some();
         let shift = shift.unwrap_or_default();
         let shift = Shift { normal: shift.normal - curve, ..shift };
@@ -351,7 +317,7 @@ impl Setting<'_> {
             bodies,
             normal: n,
             arm,
-            shift: n * shift.normal + u_tangent * shift.tangential - plate,
+            shift: n * shift.normal + (turning - n * turning.dot(&n)) + u_tangent * shift.tangential - plate,
             w_n,
             w_t,
             friction: shift.friction,
@@ -360,7 +326,7 @@ impl Setting<'_> {
             can_close: acts && (contact.gap <= self.travel(contact) || shift.impulse != 0.0),
             start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
-            bond: bond.filter(|_| acts),
+            bond: hold.bond.filter(|_| acts),
         }
     }
 

@@ -11,7 +11,7 @@
 //! | RST_DS_CLB | the same | the same | 0 | mu_d after sliding, else mu_s |
 //! | IQS_WET_DS_CLB, cohesive force f while g <= range | max(0, g/h) | 0 | -h f | mu_d after sliding, else mu_s |
 //! | xQS_WET_DS_CLB, the same while the contact is wet | max(0, g/h) | 0 | -h f | the same |
-//! | IQS_MOHR_DS_CLB while bonded at gap g_b over the area S | max(0, (g - g_b)/h) | 0 | -h c_n S | c_t/c_n |
+//! | IQS_MOHR_DS_CLB while bonded over the area S | 0 | 0 | -h c_n S | c_t/c_n |
 //! | the same without a bond | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //!
 //! u⁻ is the relative velocity at the step's start. Friction acts on r̂_n = r_n + h f: a cohesive
@@ -95,8 +95,7 @@ pub struct Approach {
     /// 1/(1/R_a + 1/R_b) of the two surfaces, m.
     pub radius: f64,
     pub slid_before: bool,
-    /// Gap at which the contact was bonded, m; none without a bond.
-    pub bond: Option<f64>,
+    pub bonded: bool,
 }
 
 /// What a law adds to the standard problem of one contact in one step.
@@ -195,7 +194,11 @@ impl Law {
     pub fn shift(&self, at: &Approach) -> Option<Shift> {
         let Approach { gap, h, u_n, .. } = *at;
         let (normal, tangential) = match self.unilateral {
-            Unilateral::InelasticShock => (((gap - at.bond.unwrap_or(0.0)) / h).max(0.0), 0.0),
+            // What bonds hold is rigid: where they are more than it takes, they cannot close what errors have opened.
+            Unilateral::InelasticShock if at.bonded && matches!(self.cohesion, Some(Cohesion::Bond { .. })) => {
+                (0.0, 0.0)
+            }
+            Unilateral::InelasticShock => ((gap / h).max(0.0), 0.0),
             Unilateral::Gap => (gap / h, 0.0),
             Unilateral::Velocity if gap <= 0.0 => (0.0, 0.0),
             Unilateral::Restitution { normal, tangential } if gap <= 0.0 => {
@@ -205,10 +208,10 @@ impl Law {
         };
         let friction = if at.slid_before { self.friction_dynamic } else { self.friction_static };
         let (attraction, friction) = match self.cohesion() {
-            Some(Cohesion::Wet { force, range, remembers }) if gap <= range && (at.bond.is_some() || !remembers) => {
+            Some(Cohesion::Wet { force, range, remembers }) if gap <= range && (at.bonded || !remembers) => {
                 (force, friction)
             }
-            Some(Cohesion::Bond { normal, tangential, now }) if at.bond.is_some() && now > 0.0 => {
+            Some(Cohesion::Bond { normal, tangential, now }) if at.bonded && now > 0.0 => {
                 (now * std::f64::consts::PI * at.radius * at.radius, tangential / normal)
             }
             _ => (0.0, friction),
@@ -303,7 +306,7 @@ mod tests {
     #[test]
     fn shifts_follow_the_table() {
         let h = 0.5;
-        let at = |gap, u_n, slid_before| Approach { gap, h, u_n, radius: 2.0, slid_before, bond: None };
+        let at = |gap, u_n, slid_before| Approach { gap, h, u_n, radius: 2.0, slid_before, bonded: false };
         let shift =
             |kind, parameters: &[f64], gap, u_n, slid| Law::new(kind, parameters).unwrap().shift(&at(gap, u_n, slid));
         let plain = |normal, friction| Some(Shift { normal, tangential: 0.0, impulse: 0.0, friction });
@@ -326,12 +329,11 @@ mod tests {
 
     #[test]
     fn bonds_are_made_of_what_touches_and_lost_as_the_law_says() {
-        let bonded = |bond| Approach { gap: 0.015625, h: 0.5, u_n: 0.0, radius: 2.0, slid_before: true, bond };
+        let bonded = Approach { gap: 0.015625, h: 0.5, u_n: 0.0, radius: 2.0, slid_before: true, bonded: true };
         let mohr = Law::new("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]).unwrap();
         let impulse = -0.5 * (10.0 * std::f64::consts::PI * 2.0 * 2.0);
-        let held = Shift { normal: 0.015625, tangential: 0.0, impulse, friction: 0.5 };
-        assert_eq!(mohr.shift(&bonded(Some(0.0078125))), Some(held));
-        assert_eq!(mohr.shift(&bonded(Some(0.02))).unwrap().normal, 0.0);
+        let held = Shift { normal: 0.0, tangential: 0.0, impulse, friction: 0.5 };
+        assert_eq!(mohr.shift(&bonded), Some(held));
         assert_eq!(
             (mohr.bond(0.002, 2.0), mohr.bond(-0.1, 2.0), mohr.bond(0.0021, 2.0)),
             (Some(0.002), Some(-0.1), None)
@@ -342,7 +344,8 @@ mod tests {
         assert_eq!(Law::new("IQS_MOHR_DS_CLB", &[0.0, 0.0, 0.2, 0.3]).unwrap().bond(0.0, 2.0), None);
 
         let wet = Law::new("xQS_WET_DS_CLB", &[10.0, 0.0, 0.02, 0.2, 0.3]).unwrap();
-        assert_eq!(wet.shift(&bonded(Some(0.0))).unwrap().impulse, -5.0);
+        let bridged = Shift { normal: 0.03125, tangential: 0.0, impulse: -5.0, friction: 0.2 };
+        assert_eq!(wet.shift(&bonded), Some(bridged));
         assert_eq!((wet.bond(0.02, 2.0), wet.bond(0.03, 2.0)), (Some(0.0), None));
         assert!(wet.keeps_bond(0.02, true, true) && !wet.keeps_bond(0.03, false, false));
     }
@@ -352,7 +355,7 @@ mod tests {
         let mut mohr = Law::new("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]).unwrap();
         mohr.set_friction(0.4);
         assert!(mohr.set_cohesion(20.0));
-        let at = Approach { gap: 0.0, h: 0.5, u_n: 0.0, radius: 2.0, slid_before: false, bond: Some(0.0) };
+        let at = Approach { gap: 0.0, h: 0.5, u_n: 0.0, radius: 2.0, slid_before: false, bonded: true };
         let twice = Law::new("IQS_MOHR_DS_CLB", &[20.0, 10.0, 0.4, 0.4]).unwrap();
         assert_eq!(mohr.shift(&at), twice.shift(&at));
         // Nothing holds any longer, and what is stronger again holds what is bonded anew.

@@ -1,6 +1,6 @@
 //! A sphere that rolls and slides.
 
-use crate::case::{Case, Figures, equal, near};
+use crate::case::{Case, Figures, Vec3, equal, near};
 
 /// A sphere of radius 1/2 on a floor that slopes by a 3-4-5 triangle, tan = 3/4, under 10 m/s^2.
 fn on_slope(friction: f64, theta: f64) -> Case {
@@ -38,6 +38,46 @@ fn a_sphere_slides_down_a_steep_slope() {
         // Sums of 1000 equal terms.
         near(state.v(1), [6.0 - friction * 8.0, 0.0, 0.0], 1e-12);
         near(state.w(1), [0.0, 2.5 * friction * 8.0 / 0.5, 0.0], 1e-11);
+    }
+}
+
+#[test]
+fn a_sphere_that_spins_as_it_rolls_keeps_its_way() {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.5]);
+    case.gravity = [0.0, 0.0, -8.0];
+    case.options.dt = 0.01;
+    case.floor();
+    let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
+    case.launch(ball, [1.0, 0.0, 0.0], [0.0, 2.0, 5.0]);
+    let end = case.run(1000);
+    // Sums of 1000 terms.
+    near(end.v(ball), [1.0, 0.0, 0.0], 1e-12);
+    near(end.w(ball), [0.0, 2.0, 5.0], 1e-12);
+    near(end.x(ball), [10.0, 0.0, 0.5], 1e-11);
+}
+
+/// An octahedron of balls that attract each other: friction holds what turns as one body, and takes nothing from it.
+#[test]
+fn what_friction_holds_together_turns_for_ever() {
+    let spin = Vec3::new(0.3, 0.2, 0.4);
+    for friction in [0.0, 0.5] {
+        let mut case = Case::new();
+        case.law("IQS_CLB", &[friction]);
+        case.options.self_gravity = true;
+        (case.options.gravity_constant, case.options.dt) = (10.0, 0.02);
+        for (axis, side) in (0..3).flat_map(|axis| [(axis, 0.5f64.sqrt()), (axis, -(0.5f64.sqrt()))]) {
+            let mut x = [0.0; 3];
+            x[axis] = side;
+            let ball = case.sphere(0.5, x);
+            case.launch(ball, spin.cross(&Vec3::from(x)).into(), spin.into());
+        }
+        // Ten turns. With what sticks at rest half a step before its end it would lose (h omega) (omega t), 0.6 of its energy.
+        let states = case.states(5800, 5800);
+        let loss = 1.0 - states[1].kinetic() / states[0].kinetic();
+        // What it opens by until the contacts hold it at gaps of ½ (h omega)² of a diameter, 6e-5.
+        assert!(loss.abs() < 2e-4, "{loss}");
+        near(states[1].w(0) - spin, [0.0; 3], 2e-4);
     }
 }
 
@@ -247,9 +287,9 @@ fn rolling_friction_counts_the_effective_radius_and_the_cohesion() {
 
 #[test]
 fn angular_momentum_is_kept_with_rolling_friction() {
-    // A heap of spinning balls that attract each other; and with a block that falls on them, at whose edges sweeps stall
-    // between 1e-6 and 1e-4 in one step of 300.
-    for (block, tol) in [(false, 1e-6), (true, 1e-4)] {
+    // A heap of spinning balls that attract each other; and with a block that falls on them. Sweeps stall in some steps of 300
+    // between 1e-6 and 1e-5 in the heap, and at the block's edges in one of them at 1e-4.
+    for (block, tol) in [(false, 1e-5), (true, 1e-4)] {
         angular_momentum_is_kept_in_a_heap(block, tol);
     }
 }

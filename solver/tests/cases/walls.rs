@@ -125,19 +125,14 @@ fn turntable() -> Case {
 fn a_ball_on_a_turntable_circles_at_two_sevenths_of_its_rate() {
     let states = turntable().states(512, 64);
     for (k, state) in states.iter().enumerate() {
-        let n = 64.0 * k as f64;
-        // dv/dt = 2/7 omega x v. The scheme rolls at the place half-way through the step: a step stretches v by
-        // sqrt(1 + a^2) and turns it by atan(a), a = 2/7 omega h; the first is half a step. Sums of 512 steps.
+        // dv/dt = 2/7 omega x v: in circles, turned by a in a step. The first step, which does not know yet what it will carry, and the
+        // second, which makes up for it, are off by some a^2, and what further steps add is of higher order.
         let a = 4.0 / 7.0 * STEP;
-        let (stretch, turn) = ((1.0 + a * a).sqrt(), a.atan());
-        let (speed, angle) = match n {
-            0.0 => (0.5, 0.0),
-            _ => (0.5 * (1.0 + 0.25 * a * a).sqrt() * stretch.powf(n - 1.0), (0.5 * a).atan() + (n - 1.0) * turn),
-        };
-        near(state.v(1), [-speed * angle.sin(), speed * angle.cos(), 0.0], 1e-12);
+        let angle = 64.0 * k as f64 * a;
+        near(state.v(1), [-0.5 * angle.sin(), 0.5 * angle.cos(), 0.0], 0.5 * 15.0 * a * a);
         // The circle's radius is v / (2/7 omega) = 7/8 about (1/8, 0), to first order in h.
         let from_centre = (state.x(1) - Vec3::new(0.125, 0.0, 0.5)).norm();
-        equal(from_centre, 0.875, 0.875 * (2.0 * STEP).max(n * a * a));
+        equal(from_centre, 0.875, 0.875 * 2.0 * STEP);
     }
 }
 
