@@ -200,7 +200,7 @@ pub struct Ledger {
     pub momentum_expected: [f64; 3],
     /// Angular momentum about the origin, likewise, kg m^2/s.
     pub angular_momentum_expected: [f64; 3],
-    /// Largest sum of m |v| over the free bodies so far, kg m/s.
+    /// Largest sum so far over the free bodies of m |v|, or of what forces give them in a step, kg m/s.
     pub momentum_scale: f64,
     /// Largest penetration over the mean radius so far.
     pub penetration_largest: f64,

@@ -250,8 +250,11 @@ fn book(
         if flies { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
     };
     let flights: Vec<f64> = scene.free.par_iter().with_min_len(MANY).map(flight).collect();
+    // What rests from the start has no momentum but that which forces give in a step and contacts take.
+    let pushed = |&i: &u32| scene.bodies[i as usize].mass * (free.v[i as usize] - state.v[i as usize]).norm();
+    let pushed: Vec<f64> = scene.free.par_iter().with_min_len(MANY).map(pushed).collect();
     let motion = Motion::of(scene, &q_c.q, &solved.v, &solved.w);
-    ledger.momentum_scale = ledger.momentum_scale.max(motion.scale);
+    ledger.momentum_scale = ledger.momentum_scale.max(motion.scale).max(pushed.iter().sum());
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
     ledger.penetration_largest = ledger.penetration_largest.max(given.penetration_largest / scene.mean_radius);
     ledger.sweeps += solution.sweeps;

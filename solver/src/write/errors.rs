@@ -1,7 +1,7 @@
 //! What a run says of its own errors, and of what they cost.
 //!
 //! Every estimate is a share of the pressure, or of the energy that goes with it, so that they can be compared and added. From the
-//! steps, those before a resume as well, the second half of them, for the first two that of those in which contacts carry force:
+//! steps, those before a resume as well, of the second half of the time, for the first two that in which contacts carry force:
 //!
 //! | source | estimate | option |
 //! |---|---|---|
@@ -36,10 +36,10 @@ const CHANCE: f64 = 0.35;
 /// Figures of the steps so far.
 #[derive(Debug, Clone, Default)]
 pub struct Tally {
-    /// Of the steps in which contacts carry force, one after the other: Σ f·l (J), mean penetration over the mean radius.
-    loaded: Vec<[f64; 2]>,
-    /// By which each step errs in the kinetic energy of bodies in flight, J.
-    flights: Vec<f64>,
+    /// Of the steps in which contacts carry force, one after the other: time (s), Σ f·l (J), mean penetration over the mean radius.
+    loaded: Vec<[f64; 3]>,
+    /// Time (s), and by which each step errs in the kinetic energy of bodies in flight, J.
+    flights: Vec<[f64; 2]>,
     /// Relative errors of the virial at the looks at self-gravity.
     virials: Vec<f64>,
     /// What the fast narrow phase missed at the looks, in the mean of pairs that touch, over the mean radius.
@@ -61,12 +61,13 @@ impl Tally {
     /// The figures of steps from the rows that they have left in steps.csv and TIMER.csv.
     pub fn of(steps: &Kept, timer: &Kept) -> Tally {
         let seen = |name: &str| steps.column(name).filter(|x| !x.is_nan()).collect();
-        let figures = steps.column("contacts_active").zip(steps.column("virial")).zip(steps.column("penetration_mean"));
-        let loaded = figures.filter(|((active, virial), _)| *active > 0.0 && !virial.is_nan());
+        let figures = steps.column("time").zip(steps.column("virial")).zip(steps.column("penetration_mean"));
+        let loaded = figures.zip(steps.column("contacts_active"));
+        let loaded = loaded.filter(|(((_, virial), _), active)| *active > 0.0 && !virial.is_nan());
         let spent = |name: &str| Duration::try_from_secs_f64(timer.column(name).sum()).unwrap_or_default();
         Tally {
-            loaded: loaded.map(|((_, virial), penetration)| [virial, penetration]).collect(),
-            flights: seen("flight_error"),
+            loaded: loaded.map(|(((time, virial), penetration), _)| [time, virial, penetration]).collect(),
+            flights: steps.column("time").zip(steps.column("flight_error")).map(<[f64; 2]>::from).collect(),
             virials: seen("gravity_sampled_virial"),
             missed: seen("narrow_error"),
             clock: Clock {
@@ -81,11 +82,11 @@ impl Tally {
     }
 
     /// Enters a step.
-    pub fn step(&mut self, scene: &Scene, report: &StepReport, lap: &Clock) {
+    pub fn step(&mut self, scene: &Scene, time: f64, report: &StepReport, lap: &Clock) {
         if report.contacts_active > 0 {
-            self.loaded.push([report.virial, report.penetration_mean / scene.mean_radius]);
+            self.loaded.push([time, report.virial, report.penetration_mean / scene.mean_radius]);
         }
-        self.flights.push(report.flight);
+        self.flights.push([time, report.flight]);
         self.virials.extend(report.gravity.sampled.map(|sampled| sampled.virial));
         self.missed.extend(report.missed.map(|missed| missed.mean / scene.mean_radius));
         self.clock.add(lap);
@@ -98,10 +99,10 @@ impl Tally {
 
     /// The sources of error, each with its cost.
     pub fn sources(&self, scene: &Scene, state: &State) -> Vec<Source> {
-        let recent = &self.loaded[self.loaded.len() / 2..];
-        let mean = recent.iter().map(|figures| figures[1]).sum::<f64>() / recent.len().max(1) as f64;
-        let typical = median(recent.iter().map(|figures| figures[0].abs()));
-        let change = median(recent.windows(2).map(|pair| (pair[1][0] - pair[0][0]).abs()));
+        let recent = second_half(&self.loaded);
+        let mean = mean_of(recent.iter().map(|figures| figures[2]));
+        let typical = median(recent.iter().map(|figures| figures[1].abs()));
+        let change = median(recent.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs()));
         let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
         let (drift, scale) = summary::energy_drift(scene, state);
         let lost = over(state.ledger.contact_work.abs(), scale);
@@ -110,9 +111,8 @@ impl Tally {
         let mut pairs: Vec<(u32, u32)> =
             loaded.map(|solved| (solved.contact.candidate, solved.contact.antagonist)).collect();
         pairs.dedup();
-        let mean_of = |looks: &[f64]| looks.iter().sum::<f64>() / looks.len().max(1) as f64;
         let stray = summary::momentum_drift(scene, state).0 * state.ledger.momentum_scale;
-        let flight = over(mean_of(&self.flights[self.flights.len() / 2..]), scale);
+        let flight = over(mean_of(second_half(&self.flights).iter().map(|figures| figures[1])), scale);
         let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).sum();
         let Clock { gravity, detection, assembly, solve, integration, writing } = self.clock;
         let of = |name, option, error, seconds: Duration| Source {
@@ -125,8 +125,8 @@ impl Tally {
         vec![
             of("contacts", "tol", over(2.0 * change, typical), assembly + solve),
             of("step", "dt", 2.0 * mean + flight, detection + integration),
-            of("gravity", "gravity_error", mean_of(&self.virials).abs(), gravity),
-            of("narrow", "narrow_phase", 2.0 * mean_of(&self.missed), none),
+            of("gravity", "gravity_error", mean_of(self.virials.iter().copied()).abs(), gravity),
+            of("narrow", "narrow_phase", 2.0 * mean_of(self.missed.iter().copied()), none),
             of("chance", "", lost * (over(CHANCE, (pairs.len() as f64).sqrt()) + wedged(scene, state)), none),
             of("energy", "theta", drift.abs(), none),
             of("momentum", "", over(0.5 * stray * stray / mass, scale), none),
@@ -151,6 +151,20 @@ fn wedged(scene: &Scene, state: &State) -> f64 {
     }
     pairs.dedup();
     if each > 0.0 { (1.0 - all.norm() / each).max(0.0) / (pairs.len() as f64).sqrt() } else { 0.0 }
+}
+
+/// The rows, of which the first figure is the time, of the second half of the time that they span: with steps of many lengths not
+/// half of the rows.
+fn second_half<const N: usize>(rows: &[[f64; N]]) -> &[[f64; N]] {
+    let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return rows };
+    let half = 0.5 * (first[0] + last[0]);
+    &rows[rows.partition_point(|row| row[0] < half)..]
+}
+
+/// 0 of nothing.
+fn mean_of(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let number = values.len().max(1);
+    values.sum::<f64>() / number as f64
 }
 
 /// 0 of nothing.
@@ -199,6 +213,16 @@ pub fn write(case: &Path, sources: &[Source]) -> Result<(), Faults> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_second_half_is_one_of_time() {
+        let of = |times: &[f64]| second_half(&times.iter().map(|t| [*t]).collect::<Vec<_>>()).len();
+        assert_eq!(of(&[]), 0);
+        assert_eq!(of(&[3.0]), 1);
+        assert_eq!(of(&[1.0, 2.0, 3.0, 4.0]), 2);
+        // Short steps, then long ones.
+        assert_eq!(of(&[1.0, 1.1, 1.2, 1.3, 1.4, 5.0, 9.0]), 2);
+    }
 
     #[test]
     fn what_dominates_is_named() {

@@ -50,8 +50,8 @@ pub fn energy_drift(scene: &Scene, state: &State) -> (f64, f64) {
     (if scale > 0.0 { drift / scale } else { 0.0 }, scale)
 }
 
-/// Change of linear and angular momentum that no wall, field or event explains, over the largest sum of
-/// m |v| (times the largest distance from the origin) so far.
+/// Change of linear and angular momentum that no wall, field or event explains, over the largest sum so far of m |v|,
+/// or of what forces give in a step (times the largest distance from the origin).
 pub fn momentum_drift(scene: &Scene, state: &State) -> (f64, f64) {
     let ledger = &state.ledger;
     if ledger.momentum_scale == 0.0 {

@@ -32,6 +32,20 @@ fn nothing_moves_where_nothing_pulls() {
     assert_eq!(states[1].meta.ledger.momentum_scale, 0.0);
 }
 
+/// What rests from the start has no momentum, and drifts by the rounding of what it weighs.
+#[test]
+fn what_rests_has_a_scale_of_momentum() {
+    let mut case = Case::new();
+    case.gravity = [0.0, 0.0, -8.0];
+    case.law("IQS_CLB", &[0.5]);
+    case.floor();
+    let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
+    let states = case.states(100, 100);
+    let weight = states[1].mass(ball) * 8.0;
+    equal(states[1].meta.ledger.momentum_scale, weight * case.options.dt, 1e-12);
+    assert!(case.column("momentum_drift").iter().all(|drift| *drift < 1e-12));
+}
+
 #[test]
 fn one_sphere_alone() {
     let mut case = Case::new();
