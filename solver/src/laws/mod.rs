@@ -6,8 +6,8 @@
 //! | IQS_CLB, inelastic quasi-shock | max(0, g/h) | 0 | 0 | mu |
 //! | IQS_DS_CLB | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //! | GAP_SGR_CLB, Signorini on the gap | g/h | 0 | 0 | mu |
-//! | VEL_SGR_CLB, Signorini on the velocity (g <= 0, else no contact) | 0 | 0 | 0 | mu |
-//! | RST_CLB, restitution (g <= 0, else no contact) | e_n u_n⁻ | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
+//! | VEL_SGR_CLB, Signorini on the velocity (g <= 1e-9 R, else no contact) | 0 | 0 | 0 | mu |
+//! | RST_CLB, restitution (g <= 1e-9 R, else no contact) | e_n u_n⁻ | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
 //! | RST_DS_CLB | the same | the same | 0 | mu_d after sliding, else mu_s |
 //! | IQS_WET_DS_CLB, cohesive force f while g <= range | max(0, g/h) | 0 | -h f | mu_d after sliding, else mu_s |
 //! | xQS_WET_DS_CLB, the same while the contact is wet | max(0, g/h) | 0 | -h f | the same |
@@ -63,6 +63,9 @@ pub enum Cohesion {
 
 /// Two bodies touch, for a bond, when their gap is at most this share of 1/(1/R_a + 1/R_b).
 pub const TOUCHING: f64 = 1e-3;
+
+/// The same of laws on the velocity: the corners of a face that lies flat are this near, to rounding.
+const CLOSED: f64 = 1e-9;
 
 /// Moments of a contact: at most `rolling` R r̂_n in the tangent plane, opposite to the rolling, and
 /// `spinning` R r̂_n along the normal, opposite to the spinning; 1/R = 1/R_a + 1/R_b.
@@ -200,8 +203,8 @@ impl Law {
             }
             Unilateral::InelasticShock => ((gap / h).max(0.0), 0.0),
             Unilateral::Gap => (gap / h, 0.0),
-            Unilateral::Velocity if gap <= 0.0 => (0.0, 0.0),
-            Unilateral::Restitution { normal, tangential } if gap <= 0.0 => {
+            Unilateral::Velocity if gap <= CLOSED * at.radius => (0.0, 0.0),
+            Unilateral::Restitution { normal, tangential } if gap <= CLOSED * at.radius => {
                 (normal * u_n, if u_n < 0.0 { tangential } else { 0.0 })
             }
             Unilateral::Velocity | Unilateral::Restitution { .. } => return None,
@@ -320,6 +323,9 @@ mod tests {
         let shock = Shift { normal: -0.5, tangential: 0.25, impulse: 0.0, friction: 0.4 };
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, -1.0, false), Some(shock));
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, 1.0, false), plain(0.5, 0.4));
+        // A face that lies flat has all its corners closed, whatever their last digits: R = 2 here.
+        assert_eq!(shift("VEL_SGR_CLB", &[0.4], 1.9e-9, 0.0, false), plain(0.0, 0.4));
+        assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 2.1e-9, -1.0, false), None);
         let wet = Shift { normal: 0.02, tangential: 0.0, impulse: -5.0, friction: 0.3 };
         assert_eq!(shift("IQS_WET_DS_CLB", &[10.0, 0.0, 0.01, 0.2, 0.3], 0.01, 0.0, false), Some(wet));
         assert_eq!(shift("IQS_WET_DS_CLB", &[10.0, 0.0, 0.01, 0.2, 0.3], 0.02, 0.0, false), plain(0.04, 0.3));

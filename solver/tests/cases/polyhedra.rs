@@ -602,3 +602,24 @@ fn a_minute(building: Building) {
     shown(&format!("{name}, the floor"), &range, "its reaction less the weight, over the weight", missed.abs());
     assert!(most < 1e-6, "{}: {moved:?}", building.0);
 }
+
+/// A cube set on a floor that leans, with its corners at gaps of all last digits: laws on the velocity see them all, or none.
+#[test]
+fn a_cube_that_lies_flat_strikes_with_its_whole_face() {
+    for (kind, parameters) in [("RST_CLB", vec![0.5, 0.0, 0.3]), ("VEL_SGR_CLB", vec![0.3])] {
+        for lean in [0.1, 0.37, 0.73, 1.1] {
+            let (s, c) = f64::sin_cos(lean);
+            let (along, across) = ([c, 0.0, s], [-s, 0.0, c]);
+            let at = |height: f64| across.map(|x| height * x);
+            let mut case = Case::new();
+            case.law_of_all(kind, &parameters);
+            case.gravity = at(-10.0);
+            case.plate([4.0, 4.0, 0.5], at(-0.5), [along, Y, across]);
+            let cube = case.block([0.5; 3], at(0.5), [along, Y, across]);
+            for state in case.states(400, 8) {
+                // The digits of the frames, 1e-8, over the length of a step, 2e-3.
+                assert!(state.w(cube).norm() < 1e-5, "{kind} {lean}: {:?} at {}", state.w(cube), state.meta.time);
+            }
+        }
+    }
+}
