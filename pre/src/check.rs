@@ -42,7 +42,8 @@ pub fn check(scene: &Scene, report: &mut Report) {
         let path = format!("grains.{k}");
         worn(scene, report, &path, &grains.material, &grains.colour);
         check_grains(report, &path, grains);
-        let turns = scene.compute.may_turn(&grains.spin);
+        let alone = matches!(&grains.place, Place::List { positions, .. } if positions.len() == 1);
+        let turns = alone || grains.number == Some(1) || scene.compute.may_turn(&grains.spin);
         report.expect(turns, &format!("{path}.spin"), format!("{:?}", grains.spin), ABOUT_A_PERIOD);
     }
     for (k, wall) in scene.walls.iter().enumerate() {

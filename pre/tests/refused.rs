@@ -447,6 +447,19 @@ fn walls_that_repeat_are_not_overlapped() {
 }
 
 #[test]
+fn one_grain_may_spin_where_a_scene_repeats() {
+    for (number, positions, found) in [
+        (", number: 1", "(0, 0, 0)", "nothing"),
+        ("", "(0, 0, 0)", "nothing"),
+        ("", "(0, 0, 0), (4, 0, 0)", "grains 1, spin: [1.0, 0.0, 0.0]; expected a rotation about the only axis"),
+    ] {
+        let fields = format!("sizes: Single(1), place: List(positions: [{positions}]){number}, spin: (1, 0, 0)");
+        let said = of_one(&fields, 2.0, "yperiode: 20.0");
+        assert!(said.contains(found), "{positions}: {said}");
+    }
+}
+
+#[test]
 fn small_radii_are_told_with_five_digits() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.ron");
