@@ -263,6 +263,7 @@ def check_contacts(path, snapshot):
         "gap": (s["contact_gap"], None),
         "status": (s["contact_status"], None),
         "active": (s.active.astype("u1"), None),
+        "bonded": (s.all.get("contact_bonded", np.zeros(len(s.active), "u1")), None),
         "law": (s["contact_law"], None),
         "candidate": (s["body_id"][s["contact_body"][:, 0]], None),
         "antagonist": (s["body_id"][s["contact_body"][:, 1]], None),

@@ -160,6 +160,7 @@ columns! {
     bed_nu: f64, "1", "solid fraction of the bed";
     bed_pressure: f64, "Pa", "a third of the trace of the bed's mean stress, walls included";
     bed_stress_ratio: f64, "1", "horizontal over vertical stress of the bed";
+    n_bonds: u64, "1", "contacts that a bond or a liquid bridge holds";
 }
 
 impl Row {
@@ -278,6 +279,7 @@ impl Row {
             bed_nu: of_bed(&|bed| bed.nu()),
             bed_pressure: of_bed(&|bed| stress::pressure(&bed.stress())),
             bed_stress_ratio: of_bed(&|bed| bed.stress_ratio()),
+            n_bonds: frame.contacts.iter().filter(|contact| contact.bonded).count() as u64,
         };
         row.forget_arms(&cell);
         row

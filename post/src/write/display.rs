@@ -150,6 +150,7 @@ pub fn contacts(frame: &Frame) -> Vec<u8> {
         scalars("gap", all.iter().map(|c| c.gap).collect::<Vec<f64>>()),
         scalars("status", all.iter().map(|c| c.status).collect::<Vec<u8>>()),
         scalars("active", all.iter().map(|c| u8::from(c.active)).collect::<Vec<u8>>()),
+        scalars("bonded", all.iter().map(|c| u8::from(c.bonded)).collect::<Vec<u8>>()),
         scalars("law", all.iter().map(|c| c.law).collect::<Vec<u8>>()),
         scalars("candidate", all.iter().map(|c| id(c.candidate)).collect::<Vec<u64>>()),
         scalars("antagonist", all.iter().map(|c| id(c.antagonist)).collect::<Vec<u64>>()),
