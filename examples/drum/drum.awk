@@ -2,17 +2,18 @@
 #
 #   awk -v speed=0.5 -f drum.awk POSTPRO/series.csv
 #
-# Means over the second half: the angle between the way down and the way from the axis to the centre of mass; and the power
+# Means over the second half: the angle between the way down and the way from the axis to the centre of mass; the median slope of the free surface; and the power
 # that the walls give over the moment of the weight times the speed (rad/s), which are equal in a steady flow.
 
 BEGIN { FS = "," }
 FNR == 1 { for (k = 1; k <= NF; k++) place[$k] = k; next }
-{ n++; time[n] = $place["time"]; x[n] = $place["com_x"]; z[n] = $place["com_z"]; work[n] = $place["E_outside"]; mass = $place["mass"] }
+{ n++; time[n] = $place["time"]; x[n] = $place["com_x"]; z[n] = $place["com_z"]; work[n] = $place["E_outside"]; slope[n] = $place["surface_slope"]; mass = $place["mass"] }
 END {
-    for (k = int(n / 2); k <= n; k++) { count++; sum_x += x[k]; sum_z += z[k] }
+    for (k = int(n / 2); k <= n; k++) { count++; sum_x += x[k]; sum_z += z[k]; sum_slope += slope[k] }
     first = int(n / 2)
     power = (work[n] - work[first]) / (time[n] - time[first])
     x_mean = sum_x / count; if (x_mean < 0) x_mean = -x_mean
     printf "angle of the bed         %.1f degrees\n", atan2(x_mean, -sum_z / count) * 180 / atan2(0, -1)
+    printf "slope of its surface     %.1f degrees\n", sum_slope / count * 180 / atan2(0, -1)
     printf "power over that of gravity %.3f\n", power / (mass * 9.81 * x_mean * speed)
 }

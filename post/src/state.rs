@@ -11,6 +11,7 @@ use crate::derive::bed::{Bed, Layer};
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::fabric::{anisotropy, distribution, eigenvalues, fabric, mobilisation};
 use crate::derive::fragments::{Fragment, fragments};
+use crate::derive::free_surface::FreeSurface;
 use crate::derive::motion::Axes;
 use crate::derive::orbits::orbits;
 use crate::derive::profile::shells;
@@ -20,7 +21,7 @@ use crate::shapes::Shapes;
 use crate::snapshots;
 use crate::write::display::{cells, file, flat, scalars, vectors};
 use crate::write::figure::{Axis, Curve, Figure, Marks};
-use crate::write::map;
+use crate::write::map::{self, Sheet};
 use crate::write::series::{Column, csv, table};
 
 /// Name and bytes of a file.
@@ -75,6 +76,14 @@ pub const EJECTA: [Column; 3] = [
     ("speed_over_escape", "1", ""),
     ("mass_share_faster", "1", "share of the mass that is as fast or faster"),
 ];
+/// Columns of surface.csv of a heap or bed.
+pub const COLUMNS: [Column; 5] = [
+    ("x", "m", ""),
+    ("y", "m", ""),
+    ("z", "m", ""),
+    ("height", "m", "height above the lowest point of the grains"),
+    ("slope", "°", "angle between the normal and the direction against gravity"),
+];
 /// Columns of slopes.csv.
 pub const SLOPES: [Column; 2] =
     [("share_below", "1", "share of the surface"), ("slope", "°", "slope that a share of the surface is below")];
@@ -127,7 +136,7 @@ pub fn write(dir: &Path, step: Option<u64>, mean: u32) -> Result<(PathBuf, Vec<S
         atomic::write(&folder.join(name), &bytes)?;
     }
     if frame.cell().repeats() {
-        notes.push("the scene repeats and has no centre: no profile, no surface".into());
+        notes.push("the scene repeats and has no centre: no profile by radius".into());
     }
     Ok((folder, notes))
 }
@@ -163,7 +172,12 @@ pub fn files(frame: &Frame, newcomers: &HashSet<u64>) -> Vec<File> {
     }
     if !frame.cell().repeats() {
         files.extend(profiles(frame, &fragments[0]));
-        files.extend(surface_files(frame, &fragments[0]));
+    }
+    match FreeSurface::of(frame, &fragments) {
+        // Their own gravity has no one direction.
+        Some(surface) if self_gravity_constant(frame).is_none() => files.extend(free_surface_files(&surface)),
+        _ if !frame.cell().repeats() => files.extend(surface_files(frame, &fragments[0])),
+        _ => {}
     }
     files
 }
@@ -403,49 +417,92 @@ fn surface_files(frame: &Frame, largest: &Fragment) -> Vec<File> {
     };
     let heights: Vec<f64> = facets.iter().map(|f| f.height).collect();
     let slopes: Vec<f64> = facets.iter().map(|f| f.slope.to_degrees()).collect();
-    let shares: Vec<f64> = (1..=SHARES).map(|k| k as f64 / SHARES as f64).collect();
-    let below: Vec<(f64, f64)> =
-        shares.iter().copied().zip(slopes_below(&facets, &shares).into_iter().map(f64::to_degrees)).collect();
+    let sheet = Sheet::of_directions(grid);
+    let x: Vec<Vec3> = facets.iter().map(|f| f.x).collect();
+    let gravity: Vec<Vec3> = facets.iter().map(|f| f.gravity).collect();
+    let counts = [grid.longitudes, grid.latitudes];
+    let mut files = slope_files("Slopes against gravity and rotation", &slopes_below(&facets, &shares()));
+    files.extend([
+        text("surface.csv", csv(&header, facets.iter().map(row))),
+        // From east to west the sphere closes; at the poles it is left open.
+        ("surface.vtp", surface_vtp(counts, [true, false], &x, &heights, &slopes, Some(&gravity))),
+        text("surface_height.svg", map::svg("Height above the centre of mass", "height", "m", &heights, &sheet)),
+        text("surface_slope.svg", map::svg("Slope against gravity and rotation", "slope", "°", &slopes, &sheet)),
+    ]);
+    files
+}
+
+/// Height and slope of a heap or bed by verticals.
+fn free_surface_files(surface: &FreeSurface) -> Vec<File> {
+    let columns = &surface.columns;
+    let heights: Vec<f64> = columns.iter().map(|c| c.height).collect();
+    let slopes: Vec<f64> = columns.iter().map(|c| c.slope.to_degrees()).collect();
+    let x: Vec<Vec3> = columns.iter().map(|c| c.x).collect();
+    let known = columns.iter().filter(|c| c.height.is_finite());
+    let sheet = Sheet::from_above(surface);
+    let mut files = slope_files("Slopes against gravity", &surface.slopes_below(&shares()));
+    files.extend([
+        text("surface.csv", table(&COLUMNS, known.map(|c| [c.x.x, c.x.y, c.x.z, c.height, c.slope.to_degrees()]))),
+        ("surface.vtp", surface_vtp(surface.counts, [false; 2], &x, &heights, &slopes, None)),
+        text("surface_height.svg", map::svg("Height of the free surface", "height", "m", &heights, &sheet)),
+        text("surface_slope.svg", map::svg("Slope of the free surface", "slope", "°", &slopes, &sheet)),
+    ]);
+    files
+}
+
+/// Shares of a surface: every twentieth.
+fn shares() -> Vec<f64> {
+    (1..=SHARES).map(|k| k as f64 / SHARES as f64).collect()
+}
+
+/// The slopes (rad) that [`shares`] of a surface are below.
+fn slope_files(title: &str, below: &[f64]) -> Vec<File> {
+    let below: Vec<(f64, f64)> = shares().into_iter().zip(below.iter().map(|slope| slope.to_degrees())).collect();
     let figure = Figure {
-        title: "Slopes against gravity and rotation".into(),
+        title: title.into(),
         x: Axis::linear("share of the surface that is below", "1"),
         y: Axis::linear("slope", "°"),
         curves: vec![Curve::line("surface", below.clone())],
     };
     vec![
-        text("surface.csv", csv(&header, facets.iter().map(row))),
-        ("surface.vtp", surface_vtp(&facets, &slopes, grid)),
-        text("surface_height.svg", map::svg("Height above the centre of mass", "height", "m", &heights, grid)),
         text("slopes.csv", table(&SLOPES, below.into_iter().map(|(share, slope)| [share, slope]))),
         text("slopes.svg", figure.svg()),
-        text("surface_slope.svg", map::svg("Slope against gravity and rotation", "slope", "°", &slopes, grid)),
     ]
 }
 
-/// Quadrilaterals between four neighbouring directions; the cells at the poles are left open.
-fn surface_vtp(facets: &[Facet], slopes: &[f64], grid: Grid) -> Vec<u8> {
-    let mut number = vec![None; facets.len()];
+/// Quadrilaterals between four neighbours of a grid of so many columns and rows, which closes where `closes` says so. Slopes in
+/// degrees.
+fn surface_vtp(
+    [columns, rows]: [usize; 2],
+    closes: [bool; 2],
+    x: &[Vec3],
+    heights: &[f64],
+    slopes: &[f64],
+    gravity: Option<&[Vec3]>,
+) -> Vec<u8> {
+    let mut number = vec![None; x.len()];
     let mut kept: Vec<usize> = Vec::new();
     // Without gravity and spin nothing is level.
     let level = slopes.iter().any(|slope| slope.is_finite());
-    for k in (0..facets.len()).filter(|&k| facets[k].height.is_finite() && (slopes[k].is_finite() || !level)) {
+    for k in (0..x.len()).filter(|&k| heights[k].is_finite() && (slopes[k].is_finite() || !level)) {
         number[k] = Some(kept.len() as u64);
         kept.push(k);
     }
-    let corner = |row: usize, column: usize| number[row * grid.longitudes + column % grid.longitudes];
-    let quads = (0..grid.latitudes - 1).flat_map(|row| (0..grid.longitudes).map(move |column| (row, column)));
+    let corner = |row: usize, column: usize| number[row % rows * columns + column % columns];
+    let [wide, high] = [columns - usize::from(!closes[0]), rows - usize::from(!closes[1])];
+    let quads = (0..high).flat_map(|row| (0..wide).map(move |column| (row, column)));
     let quads = quads.filter_map(|(row, column)| {
         Some([corner(row, column)?, corner(row, column + 1)?, corner(row + 1, column + 1)?, corner(row + 1, column)?])
     });
-    let of = |value: &dyn Fn(usize) -> f64| kept.iter().map(|&k| value(k)).collect::<Vec<f64>>();
-    let vectors_of = |value: &dyn Fn(usize) -> Vec3| kept.iter().map(|&k| value(k)).collect::<Vec<Vec3>>();
-    let mut point = vec![scalars("height", of(&|k| facets[k].height))];
+    let of = |values: &[f64]| kept.iter().map(|&k| values[k]).collect::<Vec<f64>>();
+    let vectors_of = |values: &[Vec3]| kept.iter().map(|&k| values[k]).collect::<Vec<Vec3>>();
+    let mut point = vec![scalars("height", of(heights))];
     if level {
-        point.push(scalars("slope", of(&|k| slopes[k])));
+        point.push(scalars("slope", of(slopes)));
     }
-    point.push(vectors("gravity", vectors_of(&|k| facets[k].gravity).into_iter()));
+    point.extend(gravity.map(|gravity| vectors("gravity", vectors_of(gravity).into_iter())));
     file(PolyDataPiece {
-        points: flat(vectors_of(&|k| facets[k].x).into_iter()).into(),
+        points: flat(vectors_of(x).into_iter()).into(),
         polys: cells(quads),
         data: Attributes { point, cell: vec![] },
         ..Default::default()

@@ -250,7 +250,7 @@ fn horizontal(stress: &Mat3, up: &Vec3) -> f64 {
 }
 
 /// The grains of all groups that a wall touches with force.
-fn borne(frame: &Frame, fragments: &[Fragment]) -> Vec<usize> {
+pub fn borne(frame: &Frame, fragments: &[Fragment]) -> Vec<usize> {
     let mut touched = vec![false; frame.grains.len()];
     let walls = frame.active().filter(|contact| contact.pair().is_none());
     walls.flat_map(|contact| contact.on_grains()).for_each(|(i, _, _)| touched[i] = true);

@@ -12,6 +12,7 @@
 //! | [`bed`] | grains that rest in a room: level, solid fraction, layers |
 //! | [`profile`] | means over spherical shells |
 //! | [`surface`] | heights and slopes by direction |
+//! | [`free_surface`] | the same of a heap or bed, by verticals |
 //!
 //! Every function takes grains in any number. A mean over nothing is 0/0, so a value that is not
 //! defined comes out as NaN; the writers leave it blank.
@@ -22,6 +23,7 @@ pub mod enclosing;
 pub mod energy;
 pub mod fabric;
 pub mod fragments;
+pub mod free_surface;
 pub mod gravity;
 pub mod motion;
 pub mod orbits;
@@ -31,6 +33,7 @@ pub mod surface;
 
 use crate::frame::{Cell, Frame, Vec3};
 use energy::Summation;
+use free_surface::FreeSurface;
 
 /// A value as it stands in `series.csv`.
 pub trait Field {
@@ -161,6 +164,7 @@ columns! {
     bed_pressure: f64, "Pa", "a third of the trace of the bed's mean stress, walls included";
     bed_stress_ratio: f64, "1", "horizontal over vertical stress of the bed";
     n_bonds: u64, "1", "contacts that a bond or a liquid bridge holds";
+    surface_slope: f64, "rad", "median slope of the free surface of a heap or bed";
 }
 
 impl Row {
@@ -196,6 +200,7 @@ impl Row {
         let (mobilised, sliding_fraction) = fabric::mobilised(frame);
         let largest = Largest::of(&fragments, gravity, whole.mass);
         let bed = bed::Bed::of(frame, &fragments);
+        let free = FreeSurface::of(frame, &fragments).map_or(vec![], |surface| surface.slopes_below(&[0.5]));
         let of_bed = |value: &dyn Fn(&bed::Bed) -> f64| bed.as_ref().map_or(f64::NAN, value);
         let e_grav = gravity.map_or(0.0, |g| energy::gravitational(grains.iter().map(|k| (k.x, k.mass)), g, summation));
         let e_uniform = energy::uniform(grains, Vec3::from(frame.meta.parameters.uniform_gravity));
@@ -280,6 +285,7 @@ impl Row {
             bed_pressure: of_bed(&|bed| stress::pressure(&bed.stress())),
             bed_stress_ratio: of_bed(&|bed| bed.stress_ratio()),
             n_bonds: frame.contacts.iter().filter(|contact| contact.bonded).count() as u64,
+            surface_slope: free.first().copied().unwrap_or(f64::NAN),
         };
         row.forget_arms(&cell);
         row

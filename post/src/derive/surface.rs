@@ -60,7 +60,7 @@ impl Grid {
 }
 
 /// Heights are averaged over so many mean radii around: slopes are those of the aggregate, not of its grains.
-const SMOOTHING: f64 = 3.0;
+pub const SMOOTHING: f64 = 3.0;
 
 /// The surface in one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]

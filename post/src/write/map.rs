@@ -1,12 +1,15 @@
-//! A quantity on the sphere of directions, as SVG: longitude to the right, latitude up, colour by value.
+//! A quantity on a grid, as SVG, colour by value: on the sphere of directions longitude to the right, latitude up; seen from above
+//! one horizontal axis to the right, the other up.
 
 use std::fmt::Write;
 
+use crate::derive::free_surface::FreeSurface;
 use crate::derive::surface::Grid;
 use crate::write::picture::COLOURS;
-use crate::write::scale::{digits, prefixed, rounded};
+use crate::write::scale::{digits, prefixed, round_below, rounded};
 
-const CELL: f64 = 10.0;
+/// Of the longer side of a map seen from above.
+const SIDE: f64 = 640.0;
 const LEFT: f64 = 70.0;
 const TOP: f64 = 50.0;
 const RIGHT: f64 = 120.0;
@@ -14,9 +17,57 @@ const BOTTOM: f64 = 60.0;
 /// Steps of the colour bar.
 const STEPS: usize = 60;
 
-/// The text of the SVG file; `values` by cell of the grid in `unit`, white where not finite.
-pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], grid: Grid) -> String {
-    let (wide, high) = (CELL * grid.longitudes as f64, CELL * grid.latitudes as f64);
+/// What a map shows its values on: cells row by row, from below.
+pub struct Sheet {
+    /// To the right and up.
+    counts: [usize; 2],
+    /// Width and height of a cell.
+    cell: [f64; 2],
+    labels: [String; 2],
+    /// Shares of the side, and what stands there.
+    ticks: [Vec<(f64, String)>; 2],
+}
+
+impl Sheet {
+    pub fn of_directions(grid: Grid) -> Sheet {
+        let every = |step: usize, half: i32| {
+            let degrees = (-half..=half).step_by(step);
+            degrees.map(|d| (f64::from(d + half) / f64::from(2 * half), d.to_string())).collect()
+        };
+        Sheet {
+            counts: [grid.longitudes, grid.latitudes],
+            cell: [10.0; 2],
+            labels: ["longitude (°)".into(), "latitude (°)".into()],
+            ticks: [every(60, 180), every(30, 90)],
+        }
+    }
+
+    pub fn from_above(surface: &FreeSurface) -> Sheet {
+        let FreeSurface { counts, from, widths, .. } = surface;
+        let spans = [0, 1].map(|k| widths[k] * counts[k] as f64);
+        let longest = spans[0].max(spans[1]);
+        let largest = [0, 1].map(|k| from[k].abs().max((from[k] + spans[k]).abs()));
+        let (factor, unit) = prefixed(largest[0].max(largest[1]), "m");
+        let step = round_below(longest / 5.0);
+        let ticks = |k: usize| {
+            let ends = [from[k], from[k] + spans[k]].map(|end| end / step);
+            // Not -0.
+            let at = |i: i64| ((i as f64 * step - from[k]) / spans[k], rounded(i as f64 * step / factor + 0.0, 6));
+            (ends[0].ceil() as i64..=ends[1].floor() as i64).map(at).collect()
+        };
+        Sheet {
+            counts: *counts,
+            cell: [0, 1].map(|k| SIDE * widths[k] / longest),
+            labels: surface.names().map(|name| format!("{name} ({unit})")),
+            ticks: [ticks(0), ticks(1)],
+        }
+    }
+}
+
+/// The text of the SVG file; `values` by cell of the sheet in `unit`, white where not finite.
+pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &Sheet) -> String {
+    let [wide, high] = [0, 1].map(|k| sheet.cell[k] * sheet.counts[k] as f64);
+    let [cell_x, cell_y] = sheet.cell;
     let known = || values.iter().copied().filter(|v| v.is_finite());
     let (low, top) = known().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, top), v| (low.min(v), top.max(v)));
     // Values that are equal within round-off are one value, in the middle.
@@ -33,10 +84,10 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], grid: Grid) 
     put(format!("<text x=\"{}\" y=\"28\" font-size=\"20\" text-anchor=\"middle\">{title}</text>", LEFT + wide / 2.0));
     put("<g shape-rendering=\"crispEdges\">".into());
     for (k, value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
-        let (row, column) = (k / grid.longitudes, k % grid.longitudes);
-        let (x, y) = (LEFT + CELL * column as f64, TOP + high - CELL * (row + 1) as f64);
+        let (row, column) = (k / sheet.counts[0], k % sheet.counts[0]);
+        let (x, y) = (LEFT + cell_x * column as f64, TOP + high - cell_y * (row + 1) as f64);
         let fill = ramp((value - low) / (top - low));
-        put(format!("<rect x=\"{x}\" y=\"{y}\" width=\"{CELL}\" height=\"{CELL}\" fill=\"{fill}\"/>"));
+        put(format!("<rect x=\"{x}\" y=\"{y}\" width=\"{cell_x}\" height=\"{cell_y}\" fill=\"{fill}\"/>"));
     }
     let bar = LEFT + wide + 20.0;
     for step in 0..STEPS {
@@ -51,22 +102,19 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], grid: Grid) 
     put(format!(
         "<rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{wide}\" height=\"{high}\" fill=\"none\" stroke=\"#3c3c3c\"/>"
     ));
-    for degrees in (-180..=180).step_by(60) {
-        let x = LEFT + wide * (f64::from(degrees) + 180.0) / 360.0;
+    for (share, label) in &sheet.ticks[0] {
+        let x = LEFT + wide * share;
         put(format!("<path d=\"M{x} {}v6\" stroke=\"#3c3c3c\"/>", TOP + high));
         put(format!(
-            "<text x=\"{x}\" y=\"{}\" text-anchor=\"middle\" font-size=\"13\">{degrees}</text>",
+            "<text x=\"{x}\" y=\"{}\" text-anchor=\"middle\" font-size=\"13\">{label}</text>",
             TOP + high + 21.0
         ));
     }
-    for degrees in (-90..=90).step_by(30) {
-        let y = TOP + high * (90.0 - f64::from(degrees)) / 180.0;
+    for (share, label) in &sheet.ticks[1] {
+        let y = TOP + high * (1.0 - share);
         put(format!("<path d=\"M{LEFT} {y}h-6\" stroke=\"#3c3c3c\"/>"));
-        put(format!(
-            "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" font-size=\"13\">{degrees}</text>",
-            LEFT - 10.0,
-            y + 5.0
-        ));
+        let (x, below) = (LEFT - 10.0, y + 5.0);
+        put(format!("<text x=\"{x}\" y=\"{below}\" text-anchor=\"end\" font-size=\"13\">{label}</text>"));
     }
     // Without a known value the bar has no numbers.
     for share in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().filter(|_| low.is_finite()) {
@@ -77,13 +125,15 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], grid: Grid) 
     let label = if unit == "1" { quantity.to_string() } else { format!("{quantity} ({unit})") };
     put(format!("<text x=\"{bar}\" y=\"{}\">{label}</text>", TOP - 12.0));
     put(format!(
-        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">longitude (°)</text>",
+        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
         LEFT + wide / 2.0,
-        TOP + high + 46.0
+        TOP + high + 46.0,
+        sheet.labels[0]
     ));
     let middle = TOP + high / 2.0;
     put(format!(
-        "<text x=\"20\" y=\"{middle}\" text-anchor=\"middle\" transform=\"rotate(-90 20 {middle})\">latitude (°)</text>"
+        "<text x=\"20\" y=\"{middle}\" text-anchor=\"middle\" transform=\"rotate(-90 20 {middle})\">{}</text>",
+        sheet.labels[1]
     ));
     put("</svg>".into());
     text
@@ -104,7 +154,7 @@ mod tests {
 
     #[test]
     fn every_known_cell_is_drawn_in_its_place() {
-        let grid = Grid { latitudes: 2, longitudes: 4 };
+        let grid = &Sheet::of_directions(Grid { latitudes: 2, longitudes: 4 });
         let text = svg("Slope", "slope", "1", &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, f64::NAN], grid);
         assert_eq!(text.matches("width=\"10\" height=\"10\"").count(), 7);
         // The first cell is in the south-west, in the colour of the least value.
