@@ -1,7 +1,8 @@
 # Writes what `make -C examples/trade` has measured into docs/accuracy.md, between its marks, and what the programs say of the
 # presets into formats/src/accuracy/PRESET.txt; at the top folder of the project:
 #   awk -f docs/accuracy/trade.awk docs/accuracy.md > docs/accuracy.md.part
-# Numbers come from examples/trade/SCENE/trade/{trade,orders}.csv alone. A missing file or column is a fault.
+# Numbers come from examples/trade/SCENE/trade/{trade,orders}.csv alone, SCENE also with the suffixes of other realisations.
+# A missing file or column is a fault.
 
 function fault(text) { print FILENAME ":" FNR ": " text > "/dev/stderr"; failed = 1; exit 1 }
 
@@ -28,12 +29,27 @@ function row_of(file, run,    k) {
     fault(file ": no run " run)
 }
 
+# Errors of a scene become root mean squares over its realisations; before, `single` counts those of the pressure within a
+# factor of 3 of what their own runs state, of `singles`.
+function realised(scene,    file, other, r, k, c, of, row, x) {
+    file = "examples/trade/" scene "/trade/trade.csv"; load(file)
+    for (r = 1; r <= realisations; r++) {
+        other = "examples/trade/" scene suffix[r] "/trade/trade.csv"; load(other)
+        for (k = 1; k <= rows[file]; k++) {
+            row = row_of(other, value(file, k, "run")); x = value(other, row, "over_estimated")
+            if (x + 0 > 0) { singles[scene]++; if (x <= 3 && x >= 1 / 3) single[scene]++ }
+            for (c = 1; c <= errors; c++) of[k, c] += value(other, row, error[c]) ^ 2
+        }
+    }
+    for (k = 1; k <= rows[file]; k++) for (c = 1; c <= errors; c++) cells[file, k, error[c]] = sqrt(of[k, c] / realisations)
+}
+
 function percent(x) { return x == "" ? "-" : sprintf("%.2g %%", 100 * x) }
 
 function presets(    s, file, k, r, lmgc, worst, name) {
     print "| scene | run | seconds | LMGC90's over it | Z | ν | pressure | energy |\n|---|---|---|---|---|---|---|---|"
     for (s = 1; s <= scenes; s++) {
-        file = "examples/trade/" scene[s] "/trade/trade.csv"; load(file)
+        file = "examples/trade/" scene[s] "/trade/trade.csv"
         lmgc = value(file, row_of(file, "lmgc90"), "seconds")
         for (k = 1; k <= 5; k++) {
             name = preset[k]; r = row_of(file, name)
@@ -128,19 +144,20 @@ function instead(scene, name, option,    file, run, base) {
         value(file, run, "seconds") / value(file, base, "seconds"), value(file, run, "positions_early"), value(file, base, "positions_early")
 }
 
-function honesty(    s, file, k, x, all, good, sum, honest) {
-    print "| scene | estimates within a factor of 3 | too small | too large |\n|---|---|---|---|"
+function honesty(    s, file, k, x, all, good, small, large, sum, sums, lone, honest) {
+    print "| scene | of single runs within a factor of 3 | over " realisations " realisations within a factor of 3 | too small | too large |"
+    print "|---|---|---|---|---|"
     for (s = 1; s <= scenes; s++) {
         file = "examples/trade/" scene[s] "/trade/trade.csv"; all = good = small = large = 0
         for (k = 1; k <= rows[file]; k++) {
-            x = value(file, k, "over_estimated")
-            if (x == "" || x + 0 == 0) continue
+            if (value(file, k, "pressure") == 0 || value(file, k, "estimated") == 0) continue
+            x = value(file, k, "pressure") / value(file, k, "estimated")
             all++; if (x > 3) small++; else if (x < 1 / 3) large++; else good++
         }
-        printf "| %s | %d of %d | %d | %d |\n", scene[s], good, all, small, large
-        sum += all; honest += good
+        printf "| %s | %d of %d | %d of %d | %d | %d |\n", scene[s], single[scene[s]], singles[scene[s]], good, all, small, large
+        sum += all; honest += good; sums += singles[scene[s]]; lone += single[scene[s]]
     }
-    printf "| all | %d of %d, %.0f %% | | |\n", honest, sum, 100 * honest / sum
+    printf "| all | %d of %d, %.0f %% | %d of %d, %.0f %% | | |\n", lone, sums, 100 * lone / sums, honest, sum, 100 * honest / sum
 }
 
 function figures(    s) {
@@ -154,6 +171,9 @@ BEGIN {
     # Presets and estimates are those of the first four; of `cloud`, which has no contacts, what self-gravity does.
     scenes = split("collapse rest spin heap cloud", scene, " ") - 1
     split("draft standard fine reference lmgc90", preset, " ")
+    realisations = split("|-2|-3", suffix, "|")
+    errors = split("Z nu pressure energy estimated", error, " ")
+    for (s = 1; s <= scenes; s++) realised(scene[s])
     groups = split("dt tol max_sweeps theta adaptive alert gravity_error gravity_refresh gravity_order gravity_opening", group, " ")
 }
 

@@ -2,12 +2,16 @@
 #
 #   awk -v speed=0.5 -f drum.awk POSTPRO/series.csv
 #
-# Means over the second half: the angle between the way down and the way from the axis to the centre of mass; the median slope of the free surface; and the power
-# that the walls give over the moment of the weight times the speed (rad/s), which are equal in a steady flow.
+# Means over the second half: the angle between the way down and the way from the axis to the centre of mass; the median slope of
+# the free surface; and the power that the walls give over the moment of the weight times the speed (rad/s), which are equal in a
+# steady flow.
 
 BEGIN { FS = "," }
 FNR == 1 { for (k = 1; k <= NF; k++) place[$k] = k; next }
-{ n++; time[n] = $place["time"]; x[n] = $place["com_x"]; z[n] = $place["com_z"]; work[n] = $place["E_outside"]; slope[n] = $place["surface_slope"]; mass = $place["mass"] }
+{
+    n++; time[n] = $place["time"]; x[n] = $place["com_x"]; z[n] = $place["com_z"]; work[n] = $place["E_outside"]
+    slope[n] = $place["surface_slope"]; mass = $place["mass"]
+}
 END {
     for (k = int(n / 2); k <= n; k++) { count++; sum_x += x[k]; sum_z += z[k]; sum_slope += slope[k] }
     first = int(n / 2)
