@@ -439,12 +439,12 @@ impl Compute {
         (self.xperiode.is_none() || y && z) && (self.yperiode.is_none() || x && z)
     }
 
-    /// The step to end with, from `steps` or `end_time`, for a case whose DOF.INI stands at step
-    /// `first` and `time` (s); none when neither is given.
-    pub fn last_step(&self, first: u64, time: f64) -> Option<u64> {
+    /// The step to end with, from `steps` after step `first`, at which DATBOX stands, or from `end_time` for a run that goes on
+    /// from a step and time (s); none when neither is given.
+    pub fn last_step(&self, first: u64, (step, time): (u64, f64)) -> Option<u64> {
         // A thousandth of a step of slack: end_time / dt seldom divides exactly.
-        let until = |end: f64| ((end - time) / self.dt - 1e-3).ceil().max(0.0) as u64;
-        self.steps.or(self.end_time.map(until)).map(|steps| first.saturating_add(steps))
+        let until = |end: f64| step.saturating_add(((end - time) / self.dt - 1e-3).ceil().max(0.0) as u64);
+        self.steps.map(|steps| first.saturating_add(steps)).or(self.end_time.map(until))
     }
 }
 
@@ -557,7 +557,10 @@ mod tests {
     #[test]
     fn end_time_gives_whole_steps() {
         let compute = Compute { dt: 0.1, end_time: Some(0.3), ..Compute::default() };
-        assert_eq!(compute.last_step(0, 0.0), Some(3)); // 0.3 / 0.1 is 2.9999999999999996
-        assert_eq!(compute.last_step(10, 0.1), Some(12));
+        assert_eq!(compute.last_step(0, (0, 0.0)), Some(3)); // 0.3 / 0.1 is 2.9999999999999996
+        assert_eq!(compute.last_step(10, (10, 0.1)), Some(12));
+        // Whatever the steps were before.
+        assert_eq!(compute.last_step(10, (1000, 0.1)), Some(1002));
+        assert_eq!(Compute { steps: Some(5), ..compute }.last_step(10, (1000, 0.1)), Some(15));
     }
 }

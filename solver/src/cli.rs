@@ -78,12 +78,12 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
             Fault::new(&case.join("DATBOX"), None, "folder", "is not there", "expected the files of cd-pre or LMGC90");
         return Err(Failure::Files(fault.into()));
     }
-    let (scene, mut state) = read::case(case, &arguments.flags)?;
+    let (mut scene, mut state) = read::case(case, &arguments.flags)?;
     let _lock = if arguments.plan { None } else { Some(write::lock(case)?) };
     scene.notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
     let mut resumed = false;
     if arguments.resume {
-        let before = read::resume::last(&write::outbox(case), &scene, &mut state)?;
+        let before = read::resume::last(&write::outbox(case), &mut scene, &mut state)?;
         resumed = before.is_some();
         if let Some(before) = before {
             take_on_forces(&scene, &before, &mut state);

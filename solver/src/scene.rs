@@ -192,6 +192,8 @@ pub struct Scene {
     pub options: Compute,
     /// Step and time (s) of the state in DATBOX.
     pub start: (u64, f64),
+    /// Those of the state that the run goes on from.
+    pub from: (u64, f64),
     /// Events of the options by time, repeated ones each time for itself.
     pub events: Vec<Event>,
     /// Names for the files.
@@ -229,13 +231,12 @@ pub struct Scene {
 impl Scene {
     /// The step to end with.
     pub fn last_step(&self) -> u64 {
-        let (first, time) = self.start;
-        self.options.last_step(first, time).unwrap_or(first + DEFAULT_STEPS)
+        self.options.last_step(self.start.0, self.from).unwrap_or(self.start.0 + DEFAULT_STEPS)
     }
 
     /// When the last step begins or a little later, s.
     pub fn end_time(&self) -> f64 {
-        let (first, time) = self.start;
+        let (first, time) = self.from;
         time + self.last_step().saturating_sub(first) as f64 * self.options.dt
     }
 

@@ -95,6 +95,7 @@ pub fn scene(
         events: Vec::new(),
         options,
         start: (0, 0.0),
+        from: (0, 0.0),
         materials: bulk.materials.iter().map(|m| MaterialName { name: m.name.clone(), density: m.density }).collect(),
         colours,
         law_names: Vec::new(),

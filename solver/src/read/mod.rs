@@ -47,7 +47,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     };
 
     let mut scene = bodies::scene(&datbox, &bodies, &bulk, &driven, options, &mut faults);
-    scene.start = (dof.step, dof.time);
+    (scene.start, scene.from) = ((dof.step, dof.time), (dof.step, dof.time));
     behaviour::laws(&datbox, &tact, &mut scene, &mut faults);
     let (source, text) = faults.gather(events_text(&datbox, flags)).unwrap_or_default();
     let mut of_events = Report::new(&source, &text);
@@ -86,7 +86,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     let started = is_there(&start) && faults.0.is_empty();
     if started {
         faults.gather(resume::start(&start, &scene, &mut state));
-        scene.start = (state.step, state.time);
+        (scene.start, scene.from) = ((state.step, state.time), (state.step, state.time));
     }
     behaviour::check_happenings(&scene, &mut of_events);
     if BARE {

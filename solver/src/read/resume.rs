@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use cd_formats::compute::schedule;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::{self, LawName, Parameters, STATUS_NO_CONTACT, STATUS_SLIDE, Shapes, Snapshot};
 use nalgebra::{Quaternion, UnitQuaternion};
@@ -13,7 +14,7 @@ use crate::state::{Attraction, Bonding, Contact, PairMemory, SolvedContact, Stat
 
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
 /// A snapshot of other bodies or laws than the scene's is refused. Gives back what the run had done its last step with.
-pub fn last(outbox: &Path, scene: &Scene, state: &mut State) -> Result<Option<Parameters>, Faults> {
+pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Option<Parameters>, Faults> {
     let Some((_, path)) = snapshot::list(outbox)?.pop() else { return Ok(None) };
     let snapshot = Snapshot::read(&path)?;
     check(&path, scene, &snapshot)?;
@@ -29,6 +30,9 @@ pub fn last(outbox: &Path, scene: &Scene, state: &mut State) -> Result<Option<Pa
     }
     restore(snapshot, state);
     state.pairs = kept;
+    // Steps may have been of another length before.
+    scene.from = (state.step, state.time);
+    scene.events = schedule(&scene.options.events, scene.end_time());
     if state.step > scene.start.0 {
         state.bonding = Bonding::No;
         pass_events(scene, state);

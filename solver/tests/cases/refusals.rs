@@ -426,6 +426,9 @@ fn results_that_are_there() {
     assert_eq!(case.last(), before);
     let line = "options: steps: 1 is before step 2, from which the run goes on; expected a later step";
     refused(&case, &["--resume", "--steps", "1"], &[line]);
+    let time = before.meta.time;
+    let line = format!("options: end_time: 0.001; expected at least {time} s, from which the run goes on");
+    refused(&case, &["--resume", "--end-time", "0.001", "--dt", "0.001"], &[&line]);
 }
 
 #[test]

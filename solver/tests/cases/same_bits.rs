@@ -307,6 +307,18 @@ fn a_resumed_run_may_change_its_step() {
 }
 
 #[test]
+fn a_resumed_run_ends_in_time_whatever_its_steps_are() {
+    let case = scene(4);
+    files(&case, &[&["--steps", "30"]]);
+    for (dt, end, step) in [("0.005", 0.4, 50), ("0.02", 0.5, 55), ("0.01", 0.5, 55)] {
+        files(&case, &[&["--resume", "--dt", dt, "--end-time", &end.to_string()]]);
+        let state = case.last();
+        equal(state.meta.time, end, 1e-14); // sums of some tens of steps
+        assert_eq!(state.meta.step, step);
+    }
+}
+
+#[test]
 fn flags_win_over_the_file() {
     let mut case = scene(4);
     let by_flags = files(
