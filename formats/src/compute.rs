@@ -259,7 +259,7 @@ options! {
     gravity_refresh: Option<u64> = None, u64, [value_name = "N"];
     /// Part of the mean radius that a body may move between two evaluations of self-gravity, against the mean motion; sooner evaluated where it may have moved more.
     gravity_moved: f64 = 0.25, f64, [value_name = "X"];
-    /// Corrects the attraction of free bodies nearer than three times the sum of their radii for their moments of inertia: the quadrupoles of elongated rocks, with forces and torques.
+    /// Corrects the attraction of free bodies for their moments of inertia: the quadrupoles of elongated rocks, with forces and torques; of all pairs where attraction is summed directly, else of those nearer than three times the sum of their radii.
     gravity_quadrupole: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Spheres keep an orientation, too, which no contact depends on: for pictures of how they roll.
     sphere_orientation: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];

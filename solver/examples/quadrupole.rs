@@ -43,14 +43,15 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         text.push('\n');
     }
-    let Aggregate { force, virial } = aggregate();
+    let Aggregate { force, virial } = aggregate(f64::INFINITY);
     let [plain, corrected] = force.map(|error| 100.0 * error);
     let [virial, virial_corrected] = virial.map(|error| 100.0 * error);
+    let near = 100.0 * aggregate(6.0).force[1];
     let _ = write!(
         text,
         "\nIn an aggregate the neighbours on all sides cancel: of 125 such boxes on a lattice, turned anyhow, the force on a\n\
-         box errs by {plain:.1} % (RMS) as point masses and by {corrected:.1} % with quadrupoles, and the virial of all \
-         forces, which sets the\npressure, by {virial:.2} % and {virial_corrected:.2} %.\n"
+         box errs by {plain:.1} % (RMS) as point masses and by {corrected:.1} % with quadrupoles ({near:.1} % with those of near ones alone), and\n\
+         the virial of all forces, which sets the pressure, by {virial:.2} % and {virial_corrected:.2} %.\n"
     );
     draw(&page::docs().join("images/quadrupole.svg"), &found)?;
     page::put("quadrupole", &text)?;

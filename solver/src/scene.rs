@@ -416,7 +416,8 @@ impl Scene {
                 _ => format!("self-gravity by fast multipoles, error {}", gravity.error),
             });
             if self.options.gravity_quadrupole {
-                models.push("quadrupoles of near bodies".into());
+                let all = gravity.method_for(self.free.len()) == Method::Direct;
+                models.push(if all { "quadrupoles" } else { "quadrupoles of near bodies" }.into());
             }
         }
         if self.options.quench > 0.0 {

@@ -266,7 +266,7 @@ const STALE: f64 = 0.25;
 /// How much farther self-gravity is extrapolated than its last two evaluations are apart.
 const FARTHER: f64 = 2.0;
 
-/// Bodies feel each other's quadrupoles where they are nearer than this times the sum of their radii.
+/// Where attraction is not summed pair by pair, bodies feel each other's quadrupoles nearer than this times the sum of their radii.
 const NEAR: f64 = 3.0;
 
 /// Self-gravity in a step.
@@ -326,18 +326,25 @@ fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
         scene.free.iter().map(|&i| (x[i as usize], NEAR * scene.bodies[i as usize].radius)).unzip();
     let none = |&i: &u32| (i as usize, Vec3::zeros(), Vec3::zeros());
     let mut field = NearField { loads: scene.free.iter().map(none).collect(), energy: 0.0 };
-    let round = |k: usize| scene.bodies[scene.free[k] as usize].is_isotropic();
-    for pair in pairs(&places, &reaches) {
-        let [i, j] = pair.map(|k| k as usize);
+    let round: Vec<bool> = scene.free.iter().map(|&i| scene.bodies[i as usize].is_isotropic()).collect();
+    let mut add = |[i, j]: [usize; 2], reach: f64| {
         let r = places[j] - places[i];
-        if (round(i) && round(j)) || r == Vec3::zeros() {
-            continue;
+        if (round[i] && round[j]) || r == Vec3::zeros() {
+            return;
         }
-        let found = correction(&r, [&rigids[i], &rigids[j]], reaches[i] + reaches[j], options.gravity_constant);
+        let found = correction(&r, [&rigids[i], &rigids[j]], reach, options.gravity_constant);
         field.energy += found.energy;
         for (k, force, torque) in [(i, -found.force, found.torques[0]), (j, found.force, found.torques[1])] {
             field.loads[k].1 += force;
             field.loads[k].2 += torque;
+        }
+    };
+    if scene.gravity().method_for(places.len()) == Method::Direct {
+        (1..places.len()).for_each(|j| (0..j).for_each(|i| add([i, j], f64::INFINITY)));
+    } else {
+        for pair in pairs(&places, &reaches) {
+            let [i, j] = pair.map(|k| k as usize);
+            add([i, j], reaches[i] + reaches[j]);
         }
     }
     field

@@ -24,8 +24,9 @@ pub struct Correction {
     pub energy: f64,
 }
 
-/// From this part of the reach on it fades, so that nothing jumps where a pair comes within reach.
-const FADES: f64 = 0.8;
+/// From this part of the reach on it fades, so that nothing jumps where a pair comes within reach. The way is long, as on a short
+/// one the force that keeps the energy would be several times that of the quadrupoles.
+const FADES: f64 = 0.5;
 
 /// The second body stands at `r` from the first, |r| > 0. With d = |r| and S = m_2 I_1 + m_1 I_2,
 ///
@@ -33,7 +34,7 @@ const FADES: f64 = 0.8;
 /// U = -G (tr S/(2 d^3) - 3 r.S r/(2 d^5)),    F = -dU/dr,    T_1 = 3 G m_2/d^5 r x I_1 r,    T_2 = 3 G m_1/d^5 r x I_2 r,
 /// ```
 ///
-/// times a factor of d that falls from 1 at 0.8 of `reach` to 0 at `reach`. F stems from U with that factor, and
+/// times a factor of d that falls from 1 at half of `reach` to 0 at `reach`, 1 everywhere if that is infinite. F stems from U with that factor, and
 /// T_1 + T_2 + r x F = 0: energy, momentum and angular momentum are kept.
 /// Source: J. MacCullagh (1844), see C.D. Murray and S.F. Dermott, Solar System Dynamics (1999), ch. 5.
 pub fn correction(r: &Vec3, [one, two]: [&Rigid; 2], reach: f64, constant: f64) -> Correction {

@@ -42,17 +42,19 @@ fn rocks_of_two_to_one() {
 
 #[test]
 fn forces_in_an_aggregate() {
-    let Aggregate { force: [plain, corrected], virial } = aggregate();
-    assert!(corrected < 0.5 * plain, "{plain} {corrected}");
-    // The neighbours on all sides cancel.
-    assert!(virial.iter().all(|error| *error < 0.1 * plain), "{virial:?}");
+    for reach in [6.0, f64::INFINITY] {
+        let Aggregate { force: [plain, corrected], virial } = aggregate(reach);
+        assert!(corrected < 0.5 * plain, "{reach}: {plain} {corrected}");
+        // The neighbours on all sides cancel.
+        assert!(virial.iter().all(|error| *error < 0.1 * plain), "{reach}: {virial:?}");
+    }
 }
 
 #[test]
 fn keeps_energy_momentum_and_angular_momentum() {
     let (one, two) = (rigid(&rock([1.0, 0.5, 0.5], Vec3::y())), rigid(&rock([0.75, 0.5, 1.0], Vec3::x())));
     // Inside, where it fades, and outside.
-    for d in [3.0, 4.3, 4.8, 5.5] {
+    for d in [2.0, 3.0, 4.3, 4.8, 5.5] {
         let r = Vec3::new(0.6, -0.48, 0.64) * d;
         let at = |r: &Vec3| correction(r, [&one, &two], 5.0, 2.0);
         let found = at(&r);
@@ -67,5 +69,16 @@ fn keeps_energy_momentum_and_angular_momentum() {
         let turn = found.torques[0] + found.torques[1] + r.cross(&found.force);
         assert!(turn.norm() < 1e-14 * scale, "{d}: {turn}");
         assert!(d < 5.0 || (found.force == Vec3::zeros() && found.energy == 0.0));
+    }
+}
+
+#[test]
+fn where_it_fades_the_force_is_about_that_of_the_quadrupoles() {
+    let long = rigid(&rock([1.0, 0.5, 0.5], Vec3::zeros()));
+    for k in 0..=100 {
+        let r = Vec3::x() * (3.0 + 0.04 * f64::from(k));
+        let [whole, faded] = [f64::INFINITY, 6.0].map(|reach| correction(&r, [&long, &long], reach, 1.0).force.x);
+        // Of s + |d ds/dd|/3 the largest is 1.33.
+        assert!((-1e-12..1.34).contains(&(faded / whole)), "{k}: {faded} {whole}");
     }
 }

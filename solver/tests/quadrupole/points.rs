@@ -40,7 +40,7 @@ pub fn point(r: &Vec3, one: &Rigid, two: &Rigid) -> Vec3 {
 pub fn errors(r: &Vec3, one: &[Vec3], two: &[Vec3]) -> [f64; 3] {
     let (a, b) = (rigid(one), rigid(two));
     let (force, torques) = exact(r, one, two);
-    let found = correction(r, [&a, &b], 1e9, 1.0);
+    let found = correction(r, [&a, &b], f64::INFINITY, 1.0);
     let plain = point(r, &a, &b);
     let turned = (found.torques[0] - torques[0]).norm() + (found.torques[1] - torques[1]).norm();
     [(plain - force).norm(), (plain + found.force - force).norm(), turned / r.norm()].map(|x| x / force.norm())
@@ -54,8 +54,9 @@ pub struct Aggregate {
     pub virial: [f64; 2],
 }
 
-/// 125 rocks of 2:1:1 on a lattice as wide as they are long, turned anyhow.
-pub fn aggregate() -> Aggregate {
+/// 125 rocks of 2:1:1 on a lattice as wide as they are long, turned anyhow; quadrupoles up to `reach` radii of equal volume.
+pub fn aggregate(reach: f64) -> Aggregate {
+    let reach = reach * (1.5 / std::f64::consts::PI).cbrt();
     let turn = |k: usize| Vec3::new((1.3 * k as f64).sin(), (2.1 * k as f64).sin(), (0.7 * k as f64).cos()) * 3.0;
     let rocks: Vec<Vec<Vec3>> = (0..125).map(|k| rock([1.0, 0.5, 0.5], turn(k))).collect();
     let at = |k: usize| Vec3::new((k % 5) as f64, (k / 5 % 5) as f64, (k / 25) as f64) * 1.8;
@@ -69,7 +70,7 @@ pub fn aggregate() -> Aggregate {
             force += exact(&r, &rocks[j], &rocks[i]).0;
             let plain = point(&r, &rigids[j], &rigids[i]);
             found[0] += plain;
-            found[1] += plain + correction(&r, [&rigids[j], &rigids[i]], 3.0 * 2.0 * 0.78, 1.0).force;
+            found[1] += plain + correction(&r, [&rigids[j], &rigids[i]], reach, 1.0).force;
         }
         scale += force.norm_squared();
         virial += at(i).dot(&force);
