@@ -5,8 +5,13 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::field::Outside;
 
-use crate::frame::{Frame, Side, Vec3, WallShape};
+use crate::derive::bed::borne;
+use crate::derive::energy::{outside, self_gravity_constant};
+use crate::derive::fragments::{Fragment, fragments};
+use crate::derive::surface::attraction;
+use crate::frame::{Cell, Frame, Grain, Side, Vec3, WallShape};
 use crate::select;
 use crate::shapes::Shapes;
 use crate::write::figure::{Axis, Curve, Figure};
@@ -60,6 +65,8 @@ struct Seen {
     reach: f64,
     force: Vec3,
     contacts: usize,
+    /// Its acceleration where nothing touches it, m/s^2; none in axes that turn, where it is not of the place alone.
+    fall: Option<Vec3>,
 }
 
 /// Reads the snapshots of a case and writes `POSTPRO/track-N/`: track.csv, impact.csv, crater.csv and their figures.
@@ -68,20 +75,20 @@ struct Seen {
 pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
     let mut seen = Vec::new();
     let (mut first, mut last) = (None, None);
-    let (mut up, mut fall) = (Vec3::z(), None);
+    let mut up = Vec3::z();
     let shapes = Shapes::default();
     for (_, path) in select(&dir.join("OUTBOX"), 1)? {
         let frame = Frame::read(&path, &shapes)?;
-        // A wall that is driven in part falls with what pushes it.
-        let free = frame.grains.iter().any(|grain| grain.id == body);
-        (up, fall) = (upward(&frame), free_fall(&frame).filter(|_| free));
+        // What attracts it from all sides has one direction where it starts.
+        up = against_gravity(&frame).unwrap_or(up);
+        if first.is_none() {
+            up = against_gravity(&frame).or(away(&frame, body)).unwrap_or(up);
+            first = Some(frame.clone());
+        }
         seen.push(find(&frame, body, &up).ok_or_else(|| {
             let expected = "expected the number of a sphere or polyhedron in BODIES.DAT";
             Fault::new(&path, None, format!("body {body}"), "is not there", expected)
         })?);
-        if first.is_none() {
-            first = Some(frame.clone());
-        }
         last = Some(frame);
     }
     let (Some(first), Some(last)) = (first, last) else { unreachable!("select gives at least one") };
@@ -90,7 +97,7 @@ pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
     let folder = dir.join(format!("POSTPRO/track-{body}"));
     let put = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
     put("track.csv", table(&COLUMNS, rows.clone()))?;
-    put("impact.csv", table(&IMPACT, [bounce(&seen, &rows, &up, &fall)]))?;
+    put("impact.csv", table(&IMPACT, [bounce(&seen, &rows, &up)]))?;
     let crater = crater(&first, &last, body, &up, &seen[0].x, level);
     put("crater.csv", table(&CRATER, crater.clone()))?;
     let against_time = |title: &str, column: &str, unit: &str| {
@@ -112,16 +119,26 @@ pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
     Ok(folder)
 }
 
-/// Against uniform gravity, length 1; z without it.
-fn upward(frame: &Frame) -> Vec3 {
-    (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0).unwrap_or(Vec3::z())
+/// Against uniform gravity, length 1; none without it.
+fn against_gravity(frame: &Frame) -> Option<Vec3> {
+    (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)
 }
 
-/// The acceleration of what nothing touches, m/s^2, where it is the same everywhere.
-fn free_fall(frame: &Frame) -> Option<Vec3> {
-    let parameters = &frame.meta.parameters;
-    let uniform = !parameters.self_gravity && parameters.fields.is_empty();
-    uniform.then(|| parameters.uniform_gravity.into())
+/// Against what accelerates a grain, length 1.
+fn away(frame: &Frame, body: u64) -> Option<Vec3> {
+    let grain = frame.grains.iter().position(|grain| grain.id == body)?;
+    (-free_fall(frame, grain)?).try_normalize(0.0)
+}
+
+/// The acceleration of a grain that nothing touches, m/s^2; none in axes that turn.
+fn free_fall(frame: &Frame, grain: usize) -> Option<Vec3> {
+    let (x, fields) = (frame.grains[grain].x, outside(frame));
+    let turns = fields.iter().any(|field| matches!(field, Outside::Turning { .. }));
+    let others = frame.grains.iter().enumerate().filter(|(k, _)| *k != grain);
+    let pull = self_gravity_constant(frame)
+        .map_or(Vec3::zeros(), |constant| others.map(|(_, other)| attraction(other, x)).sum::<Vec3>() * constant);
+    let from_outside: Vec3 = fields.iter().map(|field| field.at(&x).0).sum();
+    (!turns).then(|| Vec3::from(frame.meta.parameters.uniform_gravity) + pull + from_outside)
 }
 
 fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
@@ -159,7 +176,9 @@ fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
             contacts += 1;
         }
     }
-    Some(Seen { time: frame.meta.time, x, v, reach, force, contacts })
+    // A wall that is driven in part falls with what pushes it.
+    let fall = side.grain().and_then(|grain| free_fall(frame, grain));
+    Some(Seen { time: frame.meta.time, x, v, reach, force, contacts, fall })
 }
 
 fn row(seen: &Seen, up: &Vec3, level: f64) -> [f64; 13] {
@@ -173,18 +192,17 @@ fn row(seen: &Seen, up: &Vec3, level: f64) -> [f64; 13] {
 const SHOCK: f64 = 0.01;
 
 /// The row of impact.csv; empty where nothing touched it. Where the acceleration of the free fall is not known, contacts
-/// alone tell that it is touched.
-fn bounce(seen: &[Seen], rows: &[[f64; 13]], up: &Vec3, free_fall: &Option<Vec3>) -> [f64; 6] {
+/// alone tell that it is touched. Between two snapshots it is the mean of both, give or take half of their difference.
+fn bounce(seen: &[Seen], rows: &[[f64; 13]], up: &Vec3) -> [f64; 6] {
     let speed = |s: &Seen| s.v.map_or(f64::NAN, |v| v.dot(up));
     let largest = |k: usize| rows.iter().map(|row| row[k]).fold(f64::NAN, f64::max);
     let final_depth = rows.last().map_or(f64::NAN, |row| row[7]);
-    let struck = |k: usize| match (k.checked_sub(1).and_then(|before| seen[before].v), seen[k].v, free_fall) {
-        (Some(before), Some(v), Some(free_fall)) => {
-            let fall = free_fall * (seen[k].time - seen[k - 1].time);
-            (v - before - fall).norm() > SHOCK * before.norm().max(v.norm())
-        }
-        _ => false,
+    let between = |before: &Seen, now: &Seen| {
+        let [v, w, a, b] = [before.v?, now.v?, before.fall?, now.fall?];
+        let half = 0.5 * (now.time - before.time);
+        Some((w - v - (a + b) * half).norm() > SHOCK * v.norm().max(w.norm()) + (b - a).norm() * half)
     };
+    let struck = |k: usize| k > 0 && between(&seen[k - 1], &seen[k]) == Some(true);
     let Some(touched) = (0..seen.len()).find(|&k| seen[k].contacts > 0 || struck(k)) else {
         return [f64::NAN, f64::NAN, f64::NAN, largest(7), largest(11), final_depth];
     };
@@ -199,7 +217,8 @@ fn bounce(seen: &[Seen], rows: &[[f64; 13]], up: &Vec3, free_fall: &Option<Vec3>
 fn level(frame: &Frame, body: u64, up: &Vec3, seen: &Seen) -> f64 {
     let places =
         std::iter::once(seen.x).chain([0.25, 0.5, 0.75].into_iter().flat_map(|k| circle(&seen.x, up, k * seen.reach)));
-    let heights: Vec<f64> = places.filter_map(|place| surface(frame, body, up, &place)).collect();
+    let (ground, cell) = (ground(frame, body), frame.cell());
+    let heights: Vec<f64> = places.filter_map(|place| surface(&ground, &cell, up, &place)).collect();
     heights.iter().sum::<f64>() / heights.len() as f64
 }
 
@@ -211,18 +230,27 @@ fn circle(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
     angles.map(|angle| centre + (across * angle.cos() + along * angle.sin()) * radius).collect()
 }
 
-/// Height along `up` of the bed on the vertical through `place`: of the highest sphere there, of polyhedra the sphere of
-/// equal volume, in a scene that repeats of the nearest image. The body itself does not count, nor do grains that carry
-/// no force where others do. None where there is nothing.
-fn surface(frame: &Frame, body: u64, up: &Vec3, place: &Vec3) -> Option<f64> {
+/// What the surface is made of beside the body: the groups of touching grains that a wall touches with force, and the heaviest; all where
+/// nothing touches.
+fn ground(frame: &Frame, body: u64) -> Vec<&Grain> {
+    let fragments = fragments(frame);
+    let others = |fragment: &Fragment| -> Vec<usize> {
+        fragment.grains.iter().copied().filter(|&i| frame.grains[i].id != body).collect()
+    };
+    let mass = |grains: &[usize]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
+    let groups = fragments.iter().map(others).filter(|grains| grains.len() > 1);
+    let heaviest = groups.max_by(|a, b| mass(a).total_cmp(&mass(b))).unwrap_or_default();
     let mut held = vec![false; frame.grains.len()];
-    for contact in frame.contacts.iter().filter(|contact| contact.active) {
-        contact.sides().filter_map(Side::grain).for_each(|k| held[k] = true);
-    }
-    let others = || frame.grains.iter().zip(&held).filter(|(grain, _)| grain.id != body);
-    let loose = !others().any(|(_, held)| *held);
-    let cell = frame.cell();
-    let top = others().filter(|(_, held)| **held || loose).filter_map(|(grain, _)| {
+    borne(frame, &fragments).into_iter().chain(heaviest).for_each(|i| held[i] = true);
+    let all = || frame.grains.iter().zip(&held).filter(|(grain, _)| grain.id != body);
+    let loose = !all().any(|(_, held)| *held);
+    all().filter(|(_, held)| **held || loose).map(|(grain, _)| grain).collect()
+}
+
+/// Height along `up` of the ground on the vertical through `place`: of the highest sphere there, of polyhedra the sphere of
+/// equal volume, in a scene that repeats of the nearest image. None where there is nothing.
+fn surface(ground: &[&Grain], cell: &Cell, up: &Vec3, place: &Vec3) -> Option<f64> {
+    let top = ground.iter().filter_map(|grain| {
         let x = grain.x - cell.nearest(grain.x - place);
         let arm = x - place;
         let aside = (arm - up * arm.dot(up)).norm_squared();
@@ -243,16 +271,17 @@ fn crater(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level:
     // The farthest grain of a box is in a corner: 1 / sqrt(2) of its distance is to the middle of a side. Beyond half a
     // period a ring would meet itself.
     let widest = cell.0.iter().flatten().map(|period| 0.5 * period).fold(farthest * FRAC_1_SQRT_2, f64::min);
-    let mean = |frame: &Frame, radius: f64| {
+    let mean = |ground: &[&Grain], radius: f64| {
         let heights: Vec<f64> =
-            circle(axis, up, radius).iter().filter_map(|place| surface(frame, body, up, place)).collect();
+            circle(axis, up, radius).iter().filter_map(|place| surface(ground, &cell, up, place)).collect();
         // Beyond a wall or where the floor is bare there is no surface.
         if heights.len() < PLACES / 2 { f64::NAN } else { heights.iter().sum::<f64>() / heights.len() as f64 - level }
     };
+    let [before, after] = [first, last].map(|frame| ground(frame, body));
     // All rings of a bed that is nowhere beside the axis would be one point.
     (0..if widest > 0.0 { RINGS } else { 0 })
         .map(|k| widest * (k as f64 + 0.5) / RINGS as f64)
-        .map(|radius| [radius, mean(first, radius), mean(last, radius)])
+        .map(|radius| [radius, mean(&before, radius), mean(&after, radius)])
         .collect()
 }
 
@@ -278,12 +307,16 @@ mod tests {
         scene.frame()
     }
 
+    fn height_of(frame: &Frame, body: u64, place: &Vec3) -> Option<f64> {
+        surface(&ground(frame, body), &frame.cell(), &Vec3::z(), place)
+    }
+
     #[test]
     fn depth_force_and_bounce_of_a_lander() {
         let frames = [frame(3.0, -2.0, false), frame(1.4, -1.0, true), frame(2.0, 0.5, false)];
-        let up = upward(&frames[0]);
+        let up = against_gravity(&frames[0]).unwrap();
         assert_eq!(up, Vec3::z());
-        let level = surface(&frames[0], 5, &up, &Vec3::new(0.0, 0.0, 3.0)).unwrap();
+        let level = height_of(&frames[0], 5, &Vec3::new(0.0, 0.0, 3.0)).unwrap();
         assert_eq!(level, 1.0);
         let seen: Vec<Seen> = frames.iter().map(|frame| find(frame, 5, &up).unwrap()).collect();
         let rows: Vec<[f64; 13]> = seen.iter().map(|s| row(s, &up, level)).collect();
@@ -293,7 +326,7 @@ mod tests {
         };
         near(&rows.iter().map(|row| row[7]).collect::<Vec<_>>(), &[-1.5, 0.1, -0.5]);
         near(&rows.iter().map(|row| row[11]).collect::<Vec<_>>(), &[0.0, 3.0, 0.0]);
-        near(&bounce(&seen, &rows, &up, &Some(Vec3::new(0.0, 0.0, -1.0))), &[8.6, 2.0, 0.25, 0.1, 3.0, -0.5]);
+        near(&bounce(&seen, &rows, &up), &[8.6, 2.0, 0.25, 0.1, 3.0, -0.5]);
         assert!(find(&frames[0], 99, &up).is_none());
     }
 
@@ -325,18 +358,38 @@ mod tests {
 
     #[test]
     fn only_what_is_more_than_rounding_is_a_shock() {
-        let (up, gravity) = (Vec3::z(), Vec3::new(0.0, 0.0, -0.1));
-        let touched = |gravity: Option<Vec3>, speeds: [f64; 3]| {
+        let up = Vec3::z();
+        let touched = |fall: Option<[f64; 3]>, speeds: [f64; 3]| {
             let frames: Vec<Frame> = speeds.iter().zip([3.0, 2.0, 1.0]).map(|(v, z)| frame(z, *v, false)).collect();
-            let seen: Vec<Seen> = frames.iter().map(|frame| find(frame, 5, &up).unwrap()).collect();
+            let mut seen: Vec<Seen> = frames.iter().map(|frame| find(frame, 5, &up).unwrap()).collect();
+            assert!(seen.iter().all(|seen| seen.fall == Some(-up)));
+            for (k, seen) in seen.iter_mut().enumerate() {
+                seen.fall = fall.map(|fall| up * fall[k]);
+            }
             let rows: Vec<[f64; 13]> = seen.iter().map(|s| row(s, &up, 1.0)).collect();
-            bounce(&seen, &rows, &up, &gravity)[0]
+            bounce(&seen, &rows, &up)[0]
         };
+        let same = Some([-0.1; 3]);
         // From rest, a second apart.
-        assert!(touched(Some(gravity), [0.0, -0.1 * (1.0 + 1e-15), -0.2]).is_nan());
-        assert_eq!(touched(Some(gravity), [0.0, -0.1, 0.0]), 9.0);
+        assert!(touched(same, [0.0, -0.1 * (1.0 + 1e-15), -0.2]).is_nan());
+        assert_eq!(touched(same, [0.0, -0.1, 0.0]), 9.0);
+        // Where gravity changes on the way nothing is known to better than that.
+        let grows = Some([-0.1, -0.2, -0.4]);
+        assert!(touched(grows, [0.0, -0.17, -0.4]).is_nan());
+        assert_eq!(touched(grows, [0.0, -0.17, 0.0]), 9.0);
         // Where the free fall is not known contacts alone tell.
         assert!(touched(None, [0.0, -0.1, 0.0]).is_nan());
+    }
+
+    #[test]
+    fn up_is_away_from_what_attracts() {
+        let mut scene = Scene::self_gravitating(2.0);
+        scene.grain([1.0, 0.0, 0.0], 1.0);
+        let lander = scene.grain([1.0, 5.0, 0.0], 0.5);
+        let frame = scene.frame();
+        assert_eq!(away(&frame, lander as u64 + 1), Some(Vec3::y()));
+        let expected = -2.0 * frame.grains[0].mass / 25.0;
+        assert!((free_fall(&frame, lander).unwrap() - Vec3::y() * expected).norm() < 1e-15);
     }
 
     #[test]
@@ -356,14 +409,13 @@ mod tests {
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);
         let lander = scene.grain([0.0, 0.0, 3.0], 1.0) as u64 + 1;
-        assert_eq!(surface(&scene.frame(), lander, &Vec3::z(), &Vec3::zeros()), Some(1.0));
+        assert_eq!(height_of(&scene.frame(), lander, &Vec3::zeros()), Some(1.0));
     }
 
     #[test]
     fn the_surface_is_that_of_grains_that_are_held() {
-        let up = Vec3::z();
         let frame = frame(3.0, 0.0, false);
-        let height = |x, y| surface(&frame, 0, &up, &Vec3::new(x, y, 0.0)); // the lander touches nothing
+        let height = |x, y| height_of(&frame, 0, &Vec3::new(x, y, 0.0)); // the lander touches nothing
         assert_eq!(height(2.0, 0.0), Some(1.0));
         assert!((height(0.6, 0.0).unwrap() - 0.8).abs() < 1e-15);
         assert_eq!(height(5.0, 0.0), None);

@@ -168,7 +168,7 @@ fn smoothed(raw: &[f64], length: f64, grid: Grid) -> Vec<f64> {
 }
 
 /// Acceleration by a solid ball over G, kg/m^2: m r / r^3, within it m r / R^3.
-fn attraction(grain: &Grain, x: Vec3) -> Vec3 {
+pub fn attraction(grain: &Grain, x: Vec3) -> Vec3 {
     let d = grain.x - x;
     let distance = d.norm().max(grain.radius);
     d * (grain.mass / distance.powi(3))
