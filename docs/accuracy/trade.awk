@@ -138,7 +138,8 @@ function knobs(of, shown, groups,    s, file, g, k, cell) {
 
 # What one other method does in place of the standard one.
 function instead(scene, name, option,    file, run, base) {
-    file = "examples/trade/" scene "/trade/trade.csv"; load(file)
+    file = "examples/trade/" scene "/trade/trade.csv"
+    if (!(file in rows)) load(file)
     run = row_of(file, name); base = row_of(file, "dt-1")
     printf "- `%s` in `%s`: %.2f times the seconds; error of the early positions %.1e in place of %.1e.\n", option, scene, \
         value(file, run, "seconds") / value(file, base, "seconds"), value(file, run, "positions_early"), value(file, base, "positions_early")
