@@ -74,6 +74,13 @@ pub enum Action {
     SetTorque([f64; 3]),
     /// Adds a velocity to all free bodies, m/s.
     AddVelocity([f64; 3]),
+    /// Adds to each free body a random velocity of this root mean square, m/s, drawn evenly from a ball, less what these add up
+    /// to in momentum and angular momentum. Another seed, another draw.
+    Shake {
+        speed: f64,
+        #[serde(default)]
+        seed: u64,
+    },
     /// Sets the uniform gravity, m/s^2.
     SetGravity([f64; 3]),
     /// Sets the option `quench`.
@@ -404,19 +411,22 @@ impl Compute {
                 Action::AddSpin(v) | Action::SetTorque(v) | Action::AddVelocity(v) | Action::SetGravity(v) => {
                     v.to_vec()
                 }
-                Action::SetQuench(x) | Action::SetFriction(_, x) | Action::SetCohesion(_, x) => vec![*x],
+                Action::SetQuench(x)
+                | Action::SetFriction(_, x)
+                | Action::SetCohesion(_, x)
+                | Action::Shake { speed: x, .. } => vec![*x],
                 Action::Bond => vec![],
             };
             let in_range = match event.action {
                 Action::SetQuench(q) => (0.0..=1.0).contains(&q),
-                Action::SetFriction(_, x) | Action::SetCohesion(_, x) => x >= 0.0,
+                Action::SetFriction(_, x) | Action::SetCohesion(_, x) | Action::Shake { speed: x, .. } => x >= 0.0,
                 _ => true,
             };
             expect(
                 event.time.is_finite() && values.iter().all(|v| v.is_finite()) && in_range,
                 &format!("events.{k}"),
                 as_written(event),
-                "a finite time and finite values, quench from 0 to 1, friction and cohesion >= 0",
+                "a finite time and finite values, quench from 0 to 1, friction, cohesion and speed >= 0",
             );
             if let Action::AddSpin(turn) | Action::SetTorque(turn) = &event.action {
                 expect(self.may_turn(turn), &format!("events.{k}"), as_written(event), ABOUT_A_PERIOD);

@@ -165,7 +165,7 @@ impl State {
             Action::SetCohesion(name, value) => {
                 law(name).into_iter().for_each(|k| _ = self.laws[k].set_cohesion(*value));
             }
-            Action::AddSpin(_) | Action::AddVelocity(_) | Action::Bond => {}
+            Action::AddSpin(_) | Action::AddVelocity(_) | Action::Shake { .. } | Action::Bond => {}
         }
     }
 

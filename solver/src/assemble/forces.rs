@@ -11,6 +11,7 @@ use crate::gravity::quadrupole::{Rigid, correction};
 use crate::gravity::sample::{self, Sampled};
 use crate::gravity::{Field, Gravity, Method, balance};
 use crate::integrate::Configuration;
+use crate::math::random::{in_ball, scrambled};
 use crate::math::{Mat3, Quat, Vec3, to_world};
 use crate::scene::Scene;
 use crate::state::{Attraction, Bonding, State};
@@ -57,6 +58,7 @@ pub fn events(scene: &Scene, state: &mut State) -> bool {
         match event.action {
             Action::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
             Action::AddSpin(spin) => add_spin(scene, state, Vec3::from(spin)),
+            Action::Shake { speed, seed } => shake(scene, state, speed, seed),
             Action::Bond => state.bonding = Bonding::All,
             Action::SetTorque(_)
             | Action::SetGravity(_)
@@ -86,6 +88,25 @@ fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
     let centre = centre_of_mass(scene, &state.x);
     let x = state.x.clone();
     change_motion(scene, state, |i, v, w| (v + spin.cross(&(x[i] - centre)), w + spin));
+}
+
+/// Adds random velocities of a root mean square, m/s, to the free bodies, less the rigid motion that has their momentum and
+/// angular momentum. Where a scene repeats, the latter is none that is kept.
+fn shake(scene: &Scene, state: &mut State, speed: f64, seed: u64) {
+    // The mean square of the distance from the middle of a ball is 3/5 of its radius'.
+    let radius = speed * (5.0f64 / 3.0).sqrt();
+    let of_event = scrambled(scrambled(seed) ^ state.events_done as u64);
+    let added: Vec<Vec3> = (0..scene.bodies.len() as u64).map(|i| in_ball(scrambled(of_event ^ i)) * radius).collect();
+    let shared = centre_of_mass(scene, &added);
+    let centre = centre_of_mass(scene, &state.x);
+    let turn = if scene.options.xperiode.is_some() || scene.options.yperiode.is_some() {
+        Vec3::zeros()
+    } else {
+        let about = |&i: &u32| (state.x[i as usize] - centre).cross(&added[i as usize]) * scene.bodies[i as usize].mass;
+        rigid_spin(scene, state, scene.free.iter().map(about).sum())
+    };
+    let x = state.x.clone();
+    change_motion(scene, state, |i, v, w| (v + added[i] - shared - turn.cross(&(x[i] - centre)), w - turn));
 }
 
 /// The rigid rotation (rad/s) of the free bodies that has the angular momentum `impulse` (N m s) about their centre of
@@ -131,6 +152,7 @@ fn add(sum: &mut [f64; 3], term: &Vec3) {
     sum.iter_mut().zip(term.iter()).for_each(|(s, t)| *s += t);
 }
 
+/// The mean over the free bodies by mass, of places or velocities.
 fn centre_of_mass(scene: &Scene, x: &[Vec3]) -> Vec3 {
     let (moment, mass) = scene.free.iter().fold((Vec3::zeros(), 0.0), |(moment, mass), &i| {
         let m = scene.bodies[i as usize].mass;

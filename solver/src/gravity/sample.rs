@@ -2,6 +2,7 @@
 
 use super::direct;
 use crate::math::Vec3;
+use crate::math::random::scrambled;
 
 /// Bodies looked at.
 const BODIES: u64 = 64;
@@ -44,14 +45,6 @@ pub fn error(positions: &[Vec3], masses: &[f64], constant: f64, acceleration: &[
     }
     let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
     Sampled { rms: over(error, scale).sqrt(), largest, virial: over(virial_error, virial.abs()) }
-}
-
-/// Source: S. Vigna, splitmix64 (2015), public domain.
-fn scrambled(seed: u64) -> u64 {
-    let z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 pub mod lanes;
 pub mod morton;
+pub mod random;
 pub mod rotation;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};

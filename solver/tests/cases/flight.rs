@@ -253,6 +253,60 @@ fn repeated_events_come_at_each_of_their_times() {
 }
 
 #[test]
+fn shaking_adds_energy_and_no_momentum() {
+    let shaken = |seed, period: Option<f64>| {
+        let mut case = Case::new();
+        case.options.dt = 0.1;
+        case.options.xperiode = period;
+        for k in 0..1000 {
+            let place = [k / 100, k / 10 % 10, k % 10].map(|step| 1.5 * f64::from(step));
+            let body = case.sphere(if k % 2 == 0 { 0.5 } else { 0.25 }, place);
+            case.launch(body, [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]);
+        }
+        let action = Action::Shake { speed: 1e-3, seed };
+        case.options.events.push(Event { time: 0.0, every: Some(0.2), until: None, action });
+        case.states(4, 1)
+    };
+    let states = shaken(0, None);
+    let kick = |from: usize, states: &[Snapshot]| -> Vec<Vec3> {
+        (0..1000).map(|k| states[from + 1].v(k) - states[from].v(k)).collect()
+    };
+    let first = kick(0, &states);
+    let mean_square = |kick: &[Vec3]| kick.iter().map(|v| v.norm_squared()).sum::<f64>() / kick.len() as f64;
+    // Of a ball, the squares of distances have a standard deviation of 0.44 of their mean; five standard errors of 1000.
+    equal(mean_square(&first), 1e-6, 5.0 * 0.44e-6 / 1000f64.sqrt());
+    assert!(
+        first.iter().all(|v| v.norm() < 1.3e-3 * 1.1),
+        "none is faster than the ball's radius, but for what is shared"
+    );
+    let momentum = |k: usize| states[k].momentum();
+    near(momentum(1) - momentum(0), [0.0; 3], 1e-10); // round-off of 8e5 kg m/s
+    let angular = |state: &Snapshot| -> Vec3 {
+        (0..1000)
+            .map(|k| {
+                let moment = state.w(k) * state.bodies.body_inertia[k][0];
+                state.x(k).cross(&(state.v(k) * state.mass(k))) + moment
+            })
+            .sum()
+    };
+    near(angular(&states[1]) - angular(&states[0]), [0.0; 3], 1e-8); // the same, some 10 m out
+    // Between two no one moves another; each draws anew, and so does another seed.
+    assert_eq!(mean_square(&kick(1, &states)), 0.0);
+    let unlike = |a: &[Vec3], b: &[Vec3]| {
+        let both: f64 = a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>() / 1e-3;
+        assert!(both.abs() < 5.0 / 3000f64.sqrt(), "{both}"); // independent: five standard errors
+    };
+    unlike(&first, &kick(2, &states));
+    unlike(&first, &kick(0, &shaken(1, None)));
+    // Booked as energy from outside.
+    equal(states[4].kinetic(), states[0].kinetic() + states[4].meta.ledger.outside_work, 1e-12 * states[0].kinetic());
+    // Where the scene repeats, none is turned.
+    let states = shaken(0, Some(15.0));
+    near(states[1].momentum() - states[0].momentum(), [0.0; 3], 1e-10);
+    assert!((0..1000).all(|k| states[1].w(k) == Vec3::zeros()));
+}
+
+#[test]
 fn quench_takes_its_share_at_every_step() {
     let mut case = Case::new();
     case.options.quench = 0.25;

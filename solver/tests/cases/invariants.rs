@@ -109,6 +109,7 @@ fn everything() -> Case {
     case.drive(65, turning);
     case.event(0.5, Action::AddSpin([0.1, 0.2, 0.5]));
     case.event(0.8, Action::AddVelocity([0.3, 0.0, 1.0]));
+    case.event(0.85, Action::Shake { speed: 0.2, seed: 3 });
     case.event(1.0, Action::SetQuench(0.01));
     case.event(1.2, Action::SetQuench(0.0));
     case.event(0.6, Action::SetTorque([20.0, -10.0, 5.0]));
@@ -120,7 +121,7 @@ fn everything() -> Case {
 fn walls_forces_and_events_are_all_accounted_for() {
     let mut case = everything();
     let states = case.states(1000, 500);
-    assert_eq!(states[2].meta.parameters.events_done, 6);
+    assert_eq!(states[2].meta.parameters.events_done, 7);
     assert!(case.column("contacts_active")[999] > 30.0, "they lie in the tub");
     // Round-off of 1000 steps of a hundred contacts: the books close exactly at theta = 1/2.
     let away = unaccounted(&states);

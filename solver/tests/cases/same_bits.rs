@@ -36,6 +36,12 @@ fn scene(side: i64) -> Case {
         until: Some(0.5),
         action: Action::AddSpin([0.0, 0.1, 0.3]),
     });
+    case.options.events.push(Event {
+        time: 0.12,
+        every: Some(0.1),
+        until: None,
+        action: Action::Shake { speed: 0.1, seed: 0 },
+    });
     case.event(0.05, Action::SetTorque([0.0, 20.0, 0.0]));
     case.event(0.2, Action::SetGravity([0.0, 0.2, -8.0]));
     case.event(0.25, Action::SetQuench(0.001));
