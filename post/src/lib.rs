@@ -287,7 +287,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
 /// The files that name others (`series.csv`, `*.pvd`) are written last: if a snapshot is
 /// refused, they are those of before.
 pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
-    let (rows, frames) = series(options)?;
+    let (rows, frames) = series(options, |k, count, frame| evenly(k, count, PICTURED).then_some(frame))?;
     let last = frames.last().expect("the last snapshot is taken");
     let postpro = options.dir.join("POSTPRO");
     atomic::write(&postpro.join("series.csv"), write::series::text(&rows).as_bytes())?;
@@ -311,43 +311,45 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
     Ok(notes(&rows))
 }
 
-/// A row for each snapshot that is taken, and the frames for pictures, the last one at the end; writes the ParaView files
-/// by the way.
+/// A row for each snapshot that is taken, and what `keep` makes of the k-th of so many; writes the ParaView files by the way.
 ///
-/// Snapshots go through in batches of as many as there are threads, so memory holds no more than these.
-fn series(options: &Options) -> Result<(Vec<Row>, Vec<Frame>), Faults> {
+/// Snapshots go through in batches of as many as there are threads, so memory holds no more than these and what is kept.
+fn series<T: Send>(
+    options: &Options,
+    keep: impl Fn(usize, usize, Frame) -> Option<T> + Sync,
+) -> Result<(Vec<Row>, Vec<T>), Faults> {
     let outbox = options.dir.join("OUTBOX");
     let selected = select(&outbox, options.every)?;
     let bar = progress(selected.len());
     let summation = if options.direct_gravity { Summation::Direct } else { Summation::Fast };
     let mut rows = Vec::with_capacity(selected.len());
-    let mut pictured = Vec::new();
+    let mut kept = Vec::new();
     let mut masses: Option<Vec<f64>> = None;
     let shapes = Shapes::default();
     for batch in selected.chunks(rayon::current_num_threads()) {
-        let measured: Vec<Result<(Frame, Row), Faults>> = batch
+        let first = rows.len();
+        let measured: Vec<Result<_, Faults>> = batch
             .par_iter()
-            .map(|(_, path)| {
+            .enumerate()
+            .map(|(k, (_, path))| {
                 let frame = Frame::read(path, &shapes)?;
                 let row = Row::with(&frame, summation);
                 if !options.no_vtk {
                     draw(&options.dir, &frame)?;
                 }
-                Ok((frame, row))
+                let own: Vec<f64> = frame.grains.iter().map(|grain| grain.mass).collect();
+                Ok((row, own, keep(first + k, selected.len(), frame)))
             })
             .collect();
         let mut faults = Faults::default();
         for (result, (_, path)) in measured.into_iter().zip(batch) {
             match result {
-                Ok((frame, row)) => {
-                    let own: Vec<f64> = frame.grains.iter().map(|grain| grain.mass).collect();
+                Ok((row, own, for_later)) => {
                     if *masses.get_or_insert_with(|| own.clone()) != own {
                         let expected = format!("expected those of {}, of the same run", selected[0].1.display());
                         faults.push(Fault::new(path, None, "snapshot", "other bodies", expected));
                     }
-                    if in_pictures(rows.len(), selected.len()) {
-                        pictured.push(frame);
-                    }
+                    kept.extend(for_later);
                     rows.push(row);
                 }
                 Err(Faults(found)) => {
@@ -361,12 +363,16 @@ fn series(options: &Options) -> Result<(Vec<Row>, Vec<Frame>), Faults> {
         bar.inc(batch.len() as u64);
     }
     bar.finish_and_clear();
-    Ok((rows, pictured))
+    Ok((rows, kept))
 }
 
-/// Whether snapshot `k` of `count` is one of those that are drawn: the first, the last and two between.
-fn in_pictures(k: usize, count: usize) -> bool {
-    (0..=3).any(|third| (count - 1) * third / 3 == k)
+/// Snapshots in one picture: the first, the last and two between.
+const PICTURED: usize = 4;
+
+/// Whether snapshot `k` of `count` is one of `some` from the first to the last; of one it is the first.
+fn evenly(k: usize, count: usize, some: usize) -> bool {
+    let parts = some.max(2) - 1;
+    (0..some).any(|part| (count - 1) * part / parts == k)
 }
 
 /// The snapshots of a folder by step, one at least.

@@ -677,6 +677,14 @@ fn a_report_is_one_page_that_needs_nothing_else() {
         assert!(page.contains(wanted), "{wanted}");
     }
     assert!(!page.contains("NaN"));
+    let start = page.find("id=\"grains\">").unwrap() + "id=\"grains\">".len();
+    let grains: serde_json::Value = serde_json::from_str(page[start..].split("</script>").next().unwrap()).unwrap();
+    let steps: Vec<_> = grains["states"].as_array().unwrap().iter().map(|state| state["step"].as_u64()).collect();
+    assert_eq!(steps, [Some(0), Some(10)]);
+    for quantity in grains["quantities"].as_array().unwrap() {
+        let lasting = ["radius", "colour", "number"].contains(&quantity["name"].as_str().unwrap());
+        assert_eq!(quantity["states"].as_array().unwrap().len(), if lasting { 1 } else { 2 }, "{quantity}");
+    }
     // Steps of their own length are counted by steps.csv, where there is one.
     let path = snapshot::path(&case.path().join("OUTBOX"), 10);
     let mut last = scene(10).snapshot;

@@ -1,4 +1,4 @@
-//! The grains of a frame for the script of the page: JSON with arrays of 32-bit floats in base 64.
+//! The grains of a run for the script of the page: JSON with arrays of 32-bit floats in base 64.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -7,32 +7,96 @@ use serde_json::{Value, json};
 use crate::derive::coordination::contact_counts;
 use crate::derive::enclosing::enclosing_ball;
 use crate::derive::fragments::{fragments, membership};
+use crate::derive::motion::Whole;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::frame::{Frame, Vec3};
+use crate::evenly;
+use crate::frame::{Frame, Grain, Vec3};
 
-/// Balls with the grain that each shows, triangles likewise, and the quantities to colour by.
+/// States on a page at most, and bytes of their numbers: what a browser opens at once.
+const STATES: usize = 60;
+const BYTES: usize = 20_000_000;
+
+/// What the page keeps of a snapshot.
+pub struct State {
+    step: u64,
+    /// s
+    time: f64,
+    /// What stays in the middle of the view, m: the centre of mass of all grains, or a place where there are walls or
+    /// borders to see them pass.
+    centre: Vec3,
+    /// Of the grains, m.
+    places: Vec<Vec3>,
+    /// Quaternions, scalar part last, where a grain is no sphere about its centre; empty otherwise.
+    turns: Vec<f32>,
+    /// Values of the grains, in the order of [`CHANGING`].
+    values: [Vec<f64>; CHANGING.len()],
+}
+
+/// Quantities that change in time, with units.
+const CHANGING: [(&str, &str); 4] = [("contacts", "1"), ("pressure", "Pa"), ("speed", "m/s"), ("fragment", "1")];
+
+impl State {
+    /// That of snapshot `k` of `count`, if it is one of those that a page has room for; the last always is.
+    pub fn of(k: usize, count: usize, frame: &Frame) -> Option<State> {
+        let grains = &frame.grains;
+        let turning = grains.iter().any(|grain| grain.solid.is_some());
+        // A text in base 64 is a third longer.
+        let floats = 3 + CHANGING.len() + if turning { 4 } else { 0 };
+        let room = BYTES / (grains.len() * floats * 16 / 3).max(1);
+        if k + 1 < count && !evenly(k, count, room.min(STATES)) {
+            return None;
+        }
+        let options = &frame.meta.parameters;
+        let apart = frame.walls.is_empty() && options.xperiode.is_none() && options.yperiode.is_none();
+        Some(State {
+            step: frame.meta.step,
+            time: frame.meta.time,
+            centre: if apart && !grains.is_empty() { Whole::of(grains).x } else { Vec3::zeros() },
+            places: grains.iter().map(|grain| grain.x).collect(),
+            turns: grains.iter().filter(|_| turning).flat_map(turn).collect(),
+            values: [
+                contact_counts(frame).iter().map(|n| f64::from(*n)).collect(),
+                grain_stresses(frame).iter().map(pressure).collect(),
+                grains.iter().map(|grain| grain.v.norm()).collect(),
+                membership(&fragments(frame), grains.len()).iter().map(|n| f64::from(*n)).collect(),
+            ],
+        })
+    }
+}
+
+fn turn(grain: &Grain) -> [f32; 4] {
+    grain.rotation.coords.map(|component| component as f32).into()
+}
+
+/// Balls and triangles in the frames of the grains that they belong to; the states, in time, with places and turns; and the
+/// quantities to colour by.
 ///
-/// `middle` and `radius` frame the picture: the largest fragment; `reach` holds all grains.
-pub fn json(frame: &Frame) -> String {
-    let grains = &frame.grains;
-    let owners: Vec<usize> = (0..grains.len()).flat_map(|k| grains[k].balls().map(move |_| k)).collect();
-    let of_balls = grains.iter().flat_map(|grain| grain.balls()).flat_map(|(x, radius)| [x.x, x.y, x.z, radius]);
-    let balls: Vec<f32> = of_balls.map(|value| value as f32).collect();
-    // Faces as fans of triangles; a corner has four numbers as a ball has.
+/// `radius` frames the picture: the largest fragment of `last`, with its middle at the origin; `reach` holds all grains in
+/// all states.
+pub fn json(states: &[State], last: &Frame) -> String {
+    let grains = &last.grains;
+    let (mut balls, mut ball_owners) = (Vec::new(), Vec::new());
     let (mut corners, mut corner_owners) = (Vec::new(), Vec::new());
     for (k, grain) in grains.iter().enumerate() {
-        let Some(solid) = &grain.solid else { continue };
-        let vertices: Vec<Vec3> = grain.vertices().collect();
-        for pair in solid.faces.iter().flat_map(|face| face[1..].windows(2).map(|pair| [face[0], pair[0], pair[1]])) {
-            for corner in pair {
-                let x = vertices[corner as usize];
-                corners.extend([x.x as f32, x.y as f32, x.z as f32, 1.0]);
-                corner_owners.push(k as f32);
+        let solid = grain.solid.as_deref();
+        let whole = solid.is_none().then_some((Vec3::zeros(), grain.radius));
+        for (centre, radius) in whole.into_iter().chain(solid.into_iter().flat_map(|solid| solid.balls.iter().copied()))
+        {
+            balls.extend([centre.x, centre.y, centre.z, radius]);
+            ball_owners.push(k);
+        }
+        // Faces as fans of triangles.
+        let faces = solid.into_iter().flat_map(|solid| solid.faces.iter().map(move |face| (solid, face)));
+        for (solid, face) in faces {
+            for corner in face[1..].windows(2).flat_map(|pair| [face[0], pair[0], pair[1]]) {
+                corners.extend(solid.vertices[corner as usize].iter());
+                corner_owners.push(k);
             }
         }
     }
-    let fragments = fragments(frame);
-    let members = fragments.first().map_or(Vec::new(), |largest| largest.grains.clone());
+
+    let largest = fragments(last);
+    let members = largest.first().map_or(Vec::new(), |largest| largest.grains.clone());
     let mut chosen: Vec<_> = members.iter().map(|&i| grains[i].clone()).collect();
     // A fragment that is but a part is seen with the rest.
     if 2 * chosen.len() < grains.len() {
@@ -40,41 +104,76 @@ pub fn json(frame: &Frame) -> String {
     }
     let ball = enclosing_ball(&chosen);
     let (middle, radius) = if chosen.is_empty() { (Vec3::zeros(), 1.0) } else { (ball.centre, ball.radius) };
-    let reach = grains.iter().map(|g| (g.x - middle).norm() + 2.0 * g.radius).fold(radius, f64::max);
-    let stresses = grain_stresses(frame);
-    let quantities = [
-        quantity("contacts", "1", contact_counts(frame).iter().map(|n| f64::from(*n)).collect()),
-        quantity("pressure", "Pa", stresses.iter().map(pressure).collect()),
-        quantity("speed", "m/s", grains.iter().map(|g| g.v.norm()).collect()),
-        quantity("distance from the middle", "m", grains.iter().map(|g| (g.x - middle).norm()).collect()),
-        quantity("radius", "m", grains.iter().map(|g| g.radius).collect()),
-        quantity("fragment", "1", membership(&fragments, grains.len()).iter().map(|n| f64::from(*n)).collect()),
-        quantity("colour", "1", grains.iter().map(|g| f64::from(g.colour)).collect()),
-        quantity("number", "1", grains.iter().map(|g| g.id as f64).collect()),
+    // From the middle of the last state, and of the others where that would be if it moved as the centre does.
+    let end = states.last().map_or(Vec3::zeros(), |state| state.centre);
+    let seen = |state: &State| -> Vec<Vec3> {
+        let origin = middle - end + state.centre;
+        state.places.iter().map(|x| x - origin).collect()
+    };
+    let seen: Vec<Vec<Vec3>> = states.iter().map(seen).collect();
+    let farthest = |places: &Vec<Vec3>| {
+        places.iter().zip(grains).map(|(x, grain)| x.norm() + 2.0 * grain.reach()).fold(radius, f64::max)
+    };
+    let reach = seen.iter().map(farthest).fold(radius, f64::max);
+
+    let changing = (0..CHANGING.len()).map(|k| {
+        let values: Vec<&[f64]> = states.iter().map(|state| &state.values[k][..]).collect();
+        quantity(CHANGING[k], &values)
+    });
+    let of_grains = |value: &dyn Fn(&Grain) -> f64| -> Vec<f64> { grains.iter().map(value).collect() };
+    let lasting = [
+        (("radius", "m"), of_grains(&|grain| grain.radius)),
+        (("colour", "1"), of_grains(&|grain| f64::from(grain.colour))),
+        (("number", "1"), of_grains(&|grain| grain.id as f64)),
     ];
+    let lasting = lasting.iter().map(|(name, values)| quantity(*name, &[values]));
+    let distances: Vec<Vec<f64>> = seen.iter().map(|places| places.iter().map(|x| x.norm()).collect()).collect();
+    let distances: Vec<&[f64]> = distances.iter().map(|values| &values[..]).collect();
+    let from_the_middle = quantity(("distance from the middle", "m"), &distances);
+    let quantities: Vec<Value> = changing.chain([from_the_middle]).chain(lasting).collect();
+    let in_time: Vec<Value> = states
+        .iter()
+        .zip(&seen)
+        .map(|(state, places)| {
+            let places = places.iter().flat_map(|x| [x.x, x.y, x.z]);
+            json!({ "step": state.step, "time": state.time, "places": base64(places), "turns": of_floats(&state.turns) })
+        })
+        .collect();
     json!({
-        "balls": base64(&balls),
-        "ball_owners": owners,
-        "corners": base64(&corners),
-        "owners": base64(&corner_owners),
-        "middle": [middle.x, middle.y, middle.z],
+        "balls": base64(balls),
+        "ball_owners": ball_owners,
+        "corners": base64(corners),
+        "corner_owners": corner_owners,
         "radius": radius,
         "reach": reach,
+        "states": in_time,
         "quantities": quantities,
     })
     .to_string()
 }
 
-fn base64(values: &[f32]) -> String {
+fn base64(values: impl IntoIterator<Item = f64>) -> String {
+    of_floats(&values.into_iter().map(|value| value as f32).collect::<Vec<f32>>())
+}
+
+fn of_floats(values: &[f32]) -> String {
     STANDARD.encode(values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
 }
 
-/// The colours span what 98 of 100 grains have, so that one grain does not set them.
-fn quantity(name: &str, unit: &str, values: Vec<f64>) -> Value {
-    let mut sorted = values.clone();
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| sorted.get(((sorted.len() - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
-    let (low, high) = if sorted.is_empty() { (0.0, 1.0) } else { (at(0.01), at(0.99)) };
-    let values: Vec<f32> = values.iter().map(|value| *value as f32).collect();
-    json!({ "name": name, "unit": unit, "low": low, "high": high, "values": base64(&values) })
+/// Values of the grains in each state, or in all alike.
+fn quantity((name, unit): (&str, &str), states: &[&[f64]]) -> Value {
+    let (low, high) = span(states.concat());
+    let in_time = |values: &&[f64]| {
+        let (low, high) = span(values.to_vec());
+        json!({ "low": low, "high": high, "values": base64(values.iter().copied()) })
+    };
+    let in_time: Vec<Value> = states.iter().map(in_time).collect();
+    json!({ "name": name, "unit": unit, "low": low, "high": high, "states": in_time })
+}
+
+/// What 98 of 100 values lie in, so that one grain does not set the colours.
+fn span(mut values: Vec<f64>) -> (f64, f64) {
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| values.get(((values.len() - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
+    if values.is_empty() { (0.0, 1.0) } else { (at(0.01), at(0.99)) }
 }

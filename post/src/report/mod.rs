@@ -68,12 +68,15 @@ const CAPTIONS: [(&str, &str); 6] = [
 /// Measures the case as cd-post does without ParaView files, and writes `POSTPRO/report.html`.
 pub fn write(dir: &Path, every: u32) -> Result<PathBuf, Faults> {
     let options = Options { dir: dir.to_path_buf(), every, no_plots: true, no_vtk: true, ..Options::default() };
-    let (rows, frames) = series(&options)?;
-    let last = frames.last().expect("the last snapshot is taken");
+    let (rows, kept) = series(&options, |k, count, frame| {
+        grains::State::of(k, count, &frame).map(|state| (state, (k + 1 == count).then_some(frame)))
+    })?;
+    let (states, mut frames): (Vec<_>, Vec<_>) = kept.into_iter().unzip();
+    let last = frames.pop().flatten().expect("the last snapshot is taken");
     let seconds = seconds(&dir.join("TIMER.csv"))?;
     let newcomers = state::newcomers(dir)?;
     let path = dir.join("POSTPRO/report.html");
-    atomic::write(&path, page(dir, &rows, last, &newcomers, &seconds).as_bytes())?;
+    atomic::write(&path, page(dir, &rows, &states, &last, &newcomers, &seconds).as_bytes())?;
     Ok(path)
 }
 
@@ -81,8 +84,15 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
-/// The text of the page; `rows` hold at least that of `last`, of which some bodies are `newcomers`.
-fn page(dir: &Path, rows: &[Row], last: &Frame, newcomers: &HashSet<u64>, seconds: &[(&str, f64)]) -> String {
+/// The text of the page; `rows` and `states` hold at least that of `last`, of which some bodies are `newcomers`.
+fn page(
+    dir: &Path,
+    rows: &[Row],
+    states: &[grains::State],
+    last: &Frame,
+    newcomers: &HashSet<u64>,
+    seconds: &[(&str, f64)],
+) -> String {
     let whole = std::fs::canonicalize(dir).unwrap_or(dir.to_path_buf());
     let name = escaped(&whole.file_name().map_or("case".into(), |name| name.to_string_lossy().into_owned()));
     let meta = &last.meta;
@@ -98,16 +108,19 @@ fn page(dir: &Path, rows: &[Row], last: &Frame, newcomers: &HashSet<u64>, second
         escaped(&meta.program)
     );
     let mut put = |text: &str| page.push_str(text);
-    put("<h2>The last state</h2>\n");
+    put("<h2>The grains</h2>\n");
     put("<p><label>Colour by <select id=\"view-quantity\"></select></label>\
-         <span id=\"view-legend\"><span class=\"low\"></span><span class=\"bar\"></span><span class=\"high\"></span></span></p>\n");
+         <span id=\"view-legend\"><span class=\"low\"></span><span class=\"bar\"></span><span class=\"high\"></span></span>\
+         <label><input type=\"checkbox\" id=\"view-same\"> the same colours at all times</label></p>\n");
     put(
         "<canvas id=\"view\" tabindex=\"0\"></canvas>\n<p id=\"view-note\">The grains are drawn by a script of this page.</p>\n",
     );
+    put("<p id=\"view-player\"><button id=\"view-play\">Play</button> \
+         <input type=\"range\" id=\"view-time\" min=\"0\" step=\"1\" aria-label=\"time\"> <output id=\"view-clock\"></output></p>\n");
     put(
-        "<p>Drag to turn, wheel or + and - to zoom, shift and drag to move, double click for the start. z points up.</p>\n",
+        "<p>Drag to turn, wheel or + and - to zoom, shift and drag to move, double click for the start; space bar to play. z points up.</p>\n",
     );
-    put(&format!("<script type=\"application/json\" id=\"grains\">{}</script>\n", grains::json(last)));
+    put(&format!("<script type=\"application/json\" id=\"grains\">{}</script>\n", grains::json(states, last)));
     put(&format!("<script>\n{}</script>\n", include_str!("viewer.js")));
     put("<h2>In numbers</h2>\n");
     put(&numbers(rows.last().expect("a row of the last state")));

@@ -1,5 +1,5 @@
-// Grains as shaded balls: WebGL 2, no library, no network. Drag turns, the wheel (or + and -) zooms,
-// shift-drag moves, double click brings the start back.
+// Grains as shaded balls and polyhedra, at some times of the run: WebGL 2, no library, no network. Drag turns, the wheel (or
+// + and -) zooms, shift-drag moves, double click brings the start back, the space bar plays.
 (function () {
   "use strict";
   const data = JSON.parse(document.getElementById("grains").textContent);
@@ -39,9 +39,9 @@
     vec3 lit(vec3 base, vec3 n) { return base * (.35 + .65 * max(dot(n, normalize(vec3(-.4, .5, .8))), 0.)); }`;
   // A ball is a square of two triangles; each of its pixels finds the ball's surface.
   const balls = program(
-    `in vec4 place; in float value; in vec2 side; uniform mat3 turn; uniform vec3 middle; uniform vec4 scale; uniform vec2 shift;
+    `in vec4 place; in float value; in vec2 side; uniform mat3 turn; uniform vec4 scale; uniform vec2 shift;
      out vec2 corner; out float share; out float depth; out float deep;
-     void main() { vec3 p = turn * (place.xyz - middle); corner = side; share = value;
+     void main() { vec3 p = turn * place.xyz; corner = side; share = value;
        vec2 q = (p.xy + side * place.w) * scale.xy + shift; depth = p.z * scale.z; deep = place.w * scale.z;
        gl_Position = vec4(q, 0., 1.); }`,
     colours + `in vec2 corner; in float share; in float depth; in float deep; out vec4 colour;
@@ -49,21 +49,38 @@
        gl_FragDepth = .5 - .5 * (depth + n.z * deep); colour = vec4(lit(ramp(share), n), 1.); }`);
   // Corners of triangles, each with the value of its grain.
   const faces = program(
-    `in vec4 place; in float value; uniform mat3 turn; uniform vec3 middle; uniform vec4 scale; uniform vec2 shift; out float share; out vec3 seen;
-     void main() { vec3 p = turn * (place.xyz - middle); share = value; seen = p;
+    `in vec3 place; in float value; uniform mat3 turn; uniform vec4 scale; uniform vec2 shift; out float share; out vec3 seen;
+     void main() { vec3 p = turn * place; share = value; seen = p;
        gl_Position = vec4(p.xy * scale.xy + shift, -p.z * scale.z, 1.); }`,
     colours + `in float share; in vec3 seen; out vec4 colour;
      void main() { vec3 n = normalize(cross(dFdx(seen), dFdy(seen))); if (n.z < 0.) n = -n; colour = vec4(lit(ramp(share), n), 1.); }`);
 
-  const place = floats(data.balls), corners = floats(data.corners), owners = floats(data.owners);
-  const buffer = (values) => {
-    const made = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, made);
-    gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
+  // In the frames of the grains; a ball has its radius as well.
+  const balls_there = floats(data.balls), corners_there = floats(data.corners);
+  const fill = (buffer, values) => {
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, values, gl.DYNAMIC_DRAW);
+    return buffer;
+  };
+  const square = fill(gl.createBuffer(), new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]));
+  const [where, which, cornerPlace, cornerValue] = [0, 0, 0, 0].map(() => gl.createBuffer());
+  let now = data.states.length - 1;
+  // Points of the grains' frames, each of so many numbers, where a state has them.
+  const placed = (points, each, owners, state) => {
+    const places = floats(state.places), turns = floats(state.turns), made = new Float32Array(points);
+    owners.forEach((owner, k) => {
+      let [x, y, z] = points.subarray(each * k, each * k + 3);
+      if (turns.length) {
+        const [i, j, l, w] = turns.subarray(4 * owner, 4 * owner + 4);
+        const [a, b, c] = [2 * (j * z - l * y), 2 * (l * x - i * z), 2 * (i * y - j * x)];
+        [x, y, z] = [x + w * a + j * c - l * b, y + w * b + l * a - i * c, z + w * c + i * b - j * a];
+      }
+      made[each * k] = places[3 * owner] + x;
+      made[each * k + 1] = places[3 * owner + 1] + y;
+      made[each * k + 2] = places[3 * owner + 2] + z;
+    });
     return made;
   };
-  const square = buffer(new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]));
-  const where = buffer(place), which = gl.createBuffer(), cornerPlace = buffer(corners), cornerValue = gl.createBuffer();
 
   let turn, zoom, shift;
   const start = () => {
@@ -93,7 +110,6 @@
       const at = (name) => gl.getUniformLocation(made, name);
       const [x, y, z] = turn;
       gl.uniformMatrix3fv(at("turn"), false, [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]]);
-      gl.uniform3fv(at("middle"), data.middle);
       gl.uniform4f(at("scale"), per / wide, per / high, 0.5 / data.reach, 0);
       gl.uniform2f(at("shift"), shift[0], shift[1]);
     };
@@ -103,27 +119,27 @@
       gl.vertexAttribPointer(index, size, gl.FLOAT, false, 0, 0);
       gl.vertexAttribDivisor(index, each);
     };
-    if (place.length) {
+    if (data.ball_owners.length) {
       use(balls); bind(0, where, 4, 1); bind(1, which, 1, 1); bind(2, square, 2, 0);
-      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, place.length / 4);
+      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, data.ball_owners.length);
     }
-    if (corners.length) {
-      use(faces); bind(0, cornerPlace, 4, 0); bind(1, cornerValue, 1, 0); gl.disableVertexAttribArray(2);
-      gl.drawArrays(gl.TRIANGLES, 0, corners.length / 4);
+    if (data.corner_owners.length) {
+      use(faces); bind(0, cornerPlace, 3, 0); bind(1, cornerValue, 1, 0); gl.disableVertexAttribArray(2);
+      gl.drawArrays(gl.TRIANGLES, 0, data.corner_owners.length);
     }
   };
 
   const choice = document.getElementById("view-quantity"), legend = document.getElementById("view-legend");
   const number = (x) => Number(x.toPrecision(3)).toString();
+  const same = document.getElementById("view-same");
   const colour = () => {
-    const quantity = data.quantities[choice.selectedIndex], values = floats(quantity.values);
-    let [low, top] = [quantity.low, quantity.high];
+    const quantity = data.quantities[choice.selectedIndex];
+    const state = quantity.states[Math.min(now, quantity.states.length - 1)], values = floats(state.values);
+    let { low, high: top } = same.checked ? quantity : state;
     if (!(top > low)) top = low + 1;
     const share = values.map((v) => (v - low) / (top - low));
-    gl.bindBuffer(gl.ARRAY_BUFFER, which);
-    gl.bufferData(gl.ARRAY_BUFFER, Float32Array.from(data.ball_owners, (owner) => share[owner]), gl.STATIC_DRAW);
-    gl.bindBuffer(gl.ARRAY_BUFFER, cornerValue);
-    gl.bufferData(gl.ARRAY_BUFFER, owners.map((owner) => share[owner]), gl.STATIC_DRAW);
+    fill(which, Float32Array.from(data.ball_owners, (owner) => share[owner]));
+    fill(cornerValue, Float32Array.from(data.corner_owners, (owner) => share[owner]));
     const unit = quantity.unit === "1" ? "" : " " + quantity.unit;
     legend.querySelector(".low").textContent = number(low) + unit;
     legend.querySelector(".high").textContent = number(top) + unit;
@@ -131,6 +147,30 @@
   };
   for (const quantity of data.quantities) choice.add(new Option(quantity.name));
   choice.addEventListener("change", colour);
+  same.addEventListener("change", colour);
+
+  const slider = document.getElementById("view-time"), button = document.getElementById("view-play");
+  const show = (k) => {
+    now = k;
+    const state = data.states[k];
+    slider.value = k;
+    document.getElementById("view-clock").textContent = `t = ${Number(state.time.toPrecision(6))} s, step ${state.step}`;
+    fill(where, placed(balls_there, 4, data.ball_owners, state));
+    fill(cornerPlace, placed(corners_there, 3, data.corner_owners, state));
+    colour();
+  };
+  let playing = null;
+  const stop = () => { clearInterval(playing); playing = null; button.textContent = "Play"; };
+  const play = () => {
+    if (playing) { stop(); return; }
+    if (now + 1 === data.states.length) show(0);
+    button.textContent = "Stop";
+    playing = setInterval(() => { if (now + 1 < data.states.length) show(now + 1); else stop(); }, 100);
+  };
+  slider.max = data.states.length - 1;
+  slider.addEventListener("input", () => { stop(); show(Number(slider.value)); });
+  button.addEventListener("click", play);
+  if (data.states.length < 2) document.getElementById("view-player").hidden = true;
 
   let held = null;
   canvas.addEventListener("pointerdown", (e) => { held = [e.clientX, e.clientY]; canvas.setPointerCapture(e.pointerId); });
@@ -149,12 +189,13 @@
   canvas.addEventListener("keydown", (e) => {
     const turns = { ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[e.key];
     if (turns) { e.preventDefault(); rotate(turns[0], turns[1]); draw(); }
+    if (e.key === " ") { e.preventDefault(); play(); }
     if (e.key === "+") magnify(1.2);
     if (e.key === "-") magnify(1 / 1.2);
   });
   window.addEventListener("resize", draw);
   start();
-  colour();
+  show(now);
   say("");
   document.body.dataset.drawn = "yes";
 })();
