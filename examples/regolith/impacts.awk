@@ -79,7 +79,7 @@ function strike(path,    files, k, speed, force, n, loose, hollow, ring) {
 function lander(row) { return cell[row, "grains"] == 1 && cell[row, "mass"] > 0.999 * mass && cell[row, "mass"] < 1.001 * mass }
 
 # The first seconds: the force, the momentum that it takes, what flies then.
-function touch(path,    files, k, j, sum, impulse, from, half, speed, largest, tenth, v, h, fastest, ejected, change) {
+function touch(path,    files, k, j, sum, impulse, from, half, speed, largest, tenth, v, h, fastest, ejected, rising, change) {
     found(path "/POSTPRO/track-*", files); file = files[1]
     load(file "/impact.csv"); from = cell[1, "contact_time"]; speed = cell[1, "impact_speed"]; largest = cell[1, "largest_force"]
     load(file "/track.csv"); h = cell[2, "time"] - cell[1, "time"]
@@ -95,7 +95,8 @@ function touch(path,    files, k, j, sum, impulse, from, half, speed, largest, t
         v = sqrt((cell[k, "v_x"] - cell[1, "v_x"]) ^ 2 + (cell[k, "v_y"] - cell[1, "v_y"]) ^ 2 + (cell[k, "v_z"] - cell[1, "v_z"]) ^ 2)
         if (v > fastest) fastest = v
         if (v > speed / 20) ejected += cell[k, "grains"]
+        if (cell[k, "v_z"] > 0 && cell[k, "v_z"] ^ 2 > 4 * g * cell[k, "a"]) rising += cell[k, "grains"]
     }
-    put("touches.csv", "case,gravity,cohesion,largest_force,force_of_5_steps,half_time,impulse,momentum,impulse_over_momentum,ejected,fastest", \
-        sprintf("%s,%g,%s,%.4g,%.4g,%s,%.8g,%.8g,%.8f,%d,%.4g", start(path), g, cohesion, largest, tenth, or_dash(half), impulse, change, impulse / change, ejected, fastest))
+    put("touches.csv", "case,gravity,cohesion,largest_force,force_of_5_steps,half_time,impulse,momentum,impulse_over_momentum,ejected,rising,fastest", \
+        sprintf("%s,%g,%s,%.4g,%.4g,%s,%.8g,%.8g,%.8f,%d,%d,%.4g", start(path), g, cohesion, largest, tenth, or_dash(half), impulse, change, impulse / change, ejected, rising, fastest))
 }

@@ -1,5 +1,5 @@
 # The figure of a frictionless aggregate against its spin, beside that of a fluid (Maclaurin):
-#   awk -v svg=maclaurin.svg -f maclaurin.awk fluid/POSTPRO/series.csv
+#   awk -v svg=maclaurin.svg -f maclaurin.awk fluid/POSTPRO/series.csv shaken/POSTPRO/series.csv
 # w^2 / (pi G rho) = 2 sqrt(1 - e^2) / e^3 (3 - 2 e^2) asin(e) - 6 (1 - e^2) / e^2, e^2 = 1 - (c/a)^2; a is sqrt(a b) here,
 # rho the mass over the volume of the ellipsoid of equal inertia.
 #
@@ -27,33 +27,43 @@ function ratio(s, q,    low, high, k, middle) {
 }
 function of_phi(phi) { return 2 * sin(phi) / (3 - sin(phi)) }
 
-FNR == 1 { for (k = 1; k <= NF; k++) column[$k] = k; next }
+FNR == 1 {
+    for (k = 1; k <= NF; k++) column[$k] = k
+    name[++runs] = FILENAME; sub(/\/.*/, "", name[runs]); over = 0
+    next
+}
 
-$column["largest_fraction"] > 0.99 && !over {
+# What flies just then is no part of the figure.
+$column["largest_fraction"] > 0.95 && !over {
     a = sqrt($column["largest_a"] * $column["largest_b"]); c = $column["largest_c"]
     rho = $column["largest_mass"] / (4 / 3 * PI * a * a * c)
     s = $column["largest_spin"] ^ 2 / (PI * G * rho)
     if (s > BIFURCATION) { over = 1; next }
-    n++; x[n] = s; y[n] = c / a
-    most = larger(most, s > 0.02 ? y[n] / ratio(s, 0) - 1 : 0)
+    n = ++points[runs]; x[runs, n] = s; y[runs, n] = c / a
+    most[runs] = larger(most[runs], s > 0.02 ? c / a / ratio(s, 0) - 1 : 0)
+    if (s > fastest[runs]) fastest[runs] = s
     # Where a sphere would be beyond its limit.
     if (s > spin2(1, of_phi(PHI))) {
-        yielding++; angle += $column["friction_angle"] * 180 / PI
-        beyond = larger(beyond, y[n] / ratio(s, of_phi(PHI)) - 1)
+        yielding[runs]++; angle[runs] += $column["friction_angle"] * 180 / PI
+        beyond[runs] = larger(beyond[runs], c / a / ratio(s, of_phi(PHI)) - 1)
     }
 }
 
 function larger(most, away) { if (away < 0) away = -away; return away > most ? away : most }
 
 END {
-    if (!yielding) { print FILENAME ": ends below the limit of a sphere" > "/dev/stderr"; exit 1 }
-    angle /= yielding
-    print "w^2/(pi G rho)   c/a   of a fluid   at the limit"
-    for (k = 1; k <= n; k += int(n / 12) + 1) printf "%14.3f %5.3f %12.3f %14.3f\n", x[k], y[k], ratio(x[k], 0), ratio(x[k], of_phi(PHI))
-    printf "Largest difference above 0.02: %.1f %%; from the limit, once a sphere is beyond it: %.1f %%\n", 100 * most, 100 * beyond
-    printf "Friction angle then, mean of %d: %.1f degrees\n", yielding, angle
     table = svg; sub(/svg$/, "csv", table)
-    print "points,largest_difference,from_limit,friction_angle\n" n "," most "," beyond "," angle > table
+    print "run,points,fastest,largest_difference,from_limit,friction_angle" > table
+    for (r = 1; r <= runs; r++) {
+        if (!yielding[r]) { print name[r] ": ends below the limit of a sphere" > "/dev/stderr"; exit 1 }
+        angle[r] /= yielding[r]
+        print name[r] "\nw^2/(pi G rho)   c/a   of a fluid   at the limit"
+        for (k = 1; k <= points[r]; k += int(points[r] / 12) + 1)
+            printf "%14.3f %5.3f %12.3f %14.3f\n", x[r, k], y[r, k], ratio(x[r, k], 0), ratio(x[r, k], of_phi(PHI))
+        printf "Largest difference from 0.02 to %.3f: %.1f %%; from the limit, once a sphere is beyond it: %.1f %%\n", fastest[r], 100 * most[r], 100 * beyond[r]
+        printf "Friction angle then, mean of %d: %.1f degrees\n", yielding[r], angle[r]
+        print name[r] "," points[r] "," fastest[r] "," most[r] "," beyond[r] "," angle[r] > table
+    }
     draw()
 }
 
@@ -66,18 +76,19 @@ function curve(q, colour,    k, s) {
     print "\"/>" > svg
 }
 
-function draw(    k) {
+function draw(    k, r) {
     printf "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"560\" height=\"330\" font-family=\"sans-serif\" font-size=\"13\">\n" > svg
     print "<rect width=\"560\" height=\"330\" fill=\"white\"/>" > svg
     for (k = 5; k <= 10; k++)
         printf "<path d=\"M70 %.1f H470\" stroke=\"#e0e0e0\"/><text x=\"62\" y=\"%.1f\" text-anchor=\"end\">%.1f</text>\n", py(k / 10), py(k / 10) + 4, k / 10 > svg
     for (k = 0; k <= 4; k++) printf "<text x=\"%.1f\" y=\"288\" text-anchor=\"middle\">%.1f</text>\n", px(k / 10), k / 10 > svg
     curve(0, "#999"); curve(of_phi(PHI), "#d55e00")
-    for (k = 1; k <= n; k++) printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"#0072b2\"/>\n", px(x[k]), py(y[k]) > svg
+    for (r = 1; r <= runs; r++) for (k = 1; k <= points[r]; k++)
+        printf "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"%s\"/>\n", px(x[r, k]), py(y[r, k]), r == 1 ? "#0072b2" : "#009e73" > svg
     print "<path d=\"M70 40 V270 H470\" fill=\"none\" stroke=\"black\"/>" > svg
     print "<text x=\"270\" y=\"315\" text-anchor=\"middle\">ω² / πGρ</text>" > svg
     print "<text x=\"22\" y=\"155\" text-anchor=\"middle\" transform=\"rotate(-90 22 155)\">c / a</text>" > svg
-    print "<text x=\"70\" y=\"25\">Dots: spheres without friction. Grey: fluid. Red: limit at φ = 5.8°.</text>" > svg
+    print "<text x=\"70\" y=\"25\">Spheres without friction: blue; shaken: green. Grey: fluid. Red: limit at φ = 5.8°.</text>" > svg
     print "</svg>" > svg
     close(svg)
     print "drawn in " svg
