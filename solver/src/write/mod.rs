@@ -35,10 +35,20 @@ pub fn outbox(case: &Path) -> PathBuf {
     case.join("OUTBOX")
 }
 
-/// Takes the case for this run alone, until the file is dropped.
+/// A case that is this run's alone.
+pub struct Lock(File);
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // Closing is not enough: a program that is just being started from this process has the file open, too.
+        let _ = self.0.unlock();
+    }
+}
+
+/// Takes the case for this run alone.
 ///
 /// Errors: another run has it. Where files cannot be locked, every run gets it.
-pub fn lock(case: &Path) -> Result<File, Faults> {
+pub fn lock(case: &Path) -> Result<Lock, Faults> {
     let path = case.join("DATBOX/BODIES.DAT");
     let file = File::open(&path).map_err(|error| Fault::io(&path, "read", &error))?;
     match file.try_lock() {
@@ -46,7 +56,7 @@ pub fn lock(case: &Path) -> Result<File, Faults> {
             let expected = "expected one run of a case at a time";
             Err(Fault::new(case, None, "folder", "another run is at work in it", expected).into())
         }
-        _ => Ok(file),
+        _ => Ok(Lock(file)),
     }
 }
 

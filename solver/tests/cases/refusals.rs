@@ -408,7 +408,7 @@ fn options_in_the_file() {
         "CASE/DATBOX/COMPUTE.RON:4: field 1: PointMass(mass:0.0,position:(0.0,0.0,0.0)); \
          expected finite values, mass and radius > 0, an axis other than 0",
         "CASE/DATBOX/COMPUTE.RON:7: event 2: (time:1.0,action:SetQuench(3.0)); \
-         expected a finite time and finite values, quench from 0 to 1, friction and cohesion >= 0",
+         expected a finite time and finite values, quench from 0 to 1, friction, cohesion and speed >= 0",
     ];
     refused(&case, &[], &lines);
 }
