@@ -88,7 +88,7 @@ function draw(    k, r) {
     print "<path d=\"M70 40 V270 H470\" fill=\"none\" stroke=\"black\"/>" > svg
     print "<text x=\"270\" y=\"315\" text-anchor=\"middle\">ω² / πGρ</text>" > svg
     print "<text x=\"22\" y=\"155\" text-anchor=\"middle\" transform=\"rotate(-90 22 155)\">c / a</text>" > svg
-    print "<text x=\"70\" y=\"25\">Spheres without friction: blue; shaken: green. Grey: fluid. Red: limit at φ = 5.8°.</text>" > svg
+    print "<text x=\"70\" y=\"18\">Spheres without friction: blue; shaken: green.</text><text x=\"70\" y=\"34\">Grey: fluid. Red: limit at φ = 5.8°.</text>" > svg
     print "</svg>" > svg
     close(svg)
     print "drawn in " svg
