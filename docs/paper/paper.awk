@@ -14,6 +14,7 @@
 #   share FILE COLUMN TIME                  the column at a time over its largest value
 #   ratio FILE COLUMN TIME TIME             the column at the second time over that at the first
 #   range FILE COLUMN TIME TIME             largest less smallest value between two times
+#   wider FILE COLUMN TIME TIME / FILE      that range over the range of another file
 #   spread FILE COLUMN TIME TIME            standard deviation over mean between two times
 #   periodic FILE COLUMN PERIOD TIME TIME   share of the variance of its changes from row to row that goes with the time within the period
 #   climb FILE COLUMN                       smallest ratio of a row to the one before
@@ -74,6 +75,12 @@ function climb(file, name,    k, ratio, least) {
     return least
 }
 
+function range(file, name, first, last,    k, x, to, low, high) {
+    k = row_at(file, first); to = row_at(file, last); low = high = value(file, k, name) + 0
+    for (; k <= to; k++) { x = value(file, k, name) + 0; if (x < low) low = x; if (x > high) high = x }
+    return high - low
+}
+
 function spread(file, name, from, to,    k, x, sum, squares, n) {
     n = to - from + 1
     for (k = from; k <= to; k++) { x = value(file, k, name); sum += x; squares += x * x }
@@ -118,12 +125,13 @@ function number(words, n,    file, name, k, x, y, low, high, from, to) {
     if (words[1] == "periodic") return periodic(file, name, words[4], row_at(file, words[5]), row_at(file, words[6]))
     if (words[1] == "last") return value(file, rows[file], name)
     if (words[1] == "ratio") return value(file, row_at(file, words[5]), name) / value(file, row_at(file, words[4]), name)
+    if (words[1] == "range") return range(file, name, words[4], words[5])
+    if (words[1] == "wider") { x = range(file, name, words[4], words[5]); file = words[7]; load(file); return x / range(file, name, words[4], words[5]) }
     if (words[1] == "share") { from = 1; to = row_at(file, words[4]) }
-    else if (words[1] == "range") { from = row_at(file, words[4]); to = row_at(file, words[5]) }
     else fault("no number '" words[1] "'")
-    low = high = value(file, from, name)
-    for (k = from; k <= to; k++) { x = value(file, k, name) + 0; if (x < low + 0) low = x; if (x > high + 0) high = x }
-    return words[1] == "share" ? value(file, to, name) / high : high - low
+    high = value(file, from, name) + 0
+    for (k = from; k <= to; k++) { x = value(file, k, name) + 0; if (x > high) high = x }
+    return value(file, to, name) / high
 }
 
 function shown(text) { return text ~ /^-?[0-9.]+(e[-+]?[0-9]+)?$/ ? sprintf("%.4g", text) : text }

@@ -5,8 +5,8 @@
 
 BEGIN {
     FS = ","; LEAST = 2; PI = atan2(0, -1)
-    print "cohesion,grains,mass_share,bound,orbit_a,orbit_e,inclination,pericentre,period" > csv
-    print "   f_c [N]  grains  mass share  bound   a/R      e  inclination  pericentre/R  period [h]"
+    print "cohesion,grains,mass_over_largest,bound,orbit_a,orbit_e,inclination,pericentre,period" > csv
+    print "   f_c [N]  grains  mass/largest  bound   a/R      e  inclination  pericentre/R  period [h]"
 }
 
 FNR == 1 {
@@ -20,6 +20,6 @@ $column["grains"] + 0 >= LEAST || $column["bound"] + 0 {
     share = $column["mass"] / mass
     a = $column["orbit_a"] / radius; e = $column["orbit_e"]; tilt = $column["inclination"] * 180 / PI
     near = $column["pericentre"] / radius; period = $column["orbit_period"] == "" ? "" : $column["orbit_period"] / 3600
-    printf "%10g %7d %11.4f %6s %5.1f %6.3f %12.1f %13.2f  %s\n", name, $column["grains"], share, $column["bound"] ? "yes" : "no", a, e, tilt, near, period == "" ? "-" : sprintf("%.1f", period)
+    printf "%10g %7d %13.4f %6s %5.1f %6.3f %12.1f %13.2f  %s\n", name, $column["grains"], share, $column["bound"] ? "yes" : "no", a, e, tilt, near, period == "" ? "-" : sprintf("%.1f", period)
     printf "%g,%d,%.6g,%d,%.6g,%.6g,%.6g,%.6g,%s\n", name, $column["grains"], share, $column["bound"], a, e, tilt, near, period == "" ? "-" : sprintf("%.6g", period) > csv
 }

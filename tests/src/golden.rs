@@ -140,7 +140,7 @@ const SOLVE: &[Tolerance] = &[
     within("friction_work", 1e-7, "contact_work"),
     within("outside_work", 1e-7, ""),
     within("momentum_drift", 1e-12, ONE), // round-off itself
-    within("gravity_error", 1e-12, ONE),
+    within("gravity_removed", 1e-12, ONE),
 ];
 
 /// cd-post adds up what stands in the snapshots: round-off of sums.

@@ -168,7 +168,7 @@ columns! {
     friction_work = state.ledger.friction_work,
     outside_work = state.ledger.outside_work,
     momentum_drift = report.momentum_drift,
-    gravity_error = report.gravity.removed,
+    gravity_removed = report.gravity.removed,
     gravity_extrapolation = report.gravity.extrapolation,
     gravity_sampled = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.rms),
     gravity_sampled_largest = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.largest),

@@ -179,7 +179,7 @@ fn two_spheres_part_where_weight_ends() {
         worst = worst.max((held - margin).abs());
     }
     shown(
-        "1 - (spin over that of disruption)²",
+        "x where two touching spheres are spun to (ω/ω_crit)² = 1 ∓ x",
         &range(&margins),
         "held below, parted above; error of the force",
         worst,
