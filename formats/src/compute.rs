@@ -234,6 +234,8 @@ options! {
     adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];
     /// Residual |F(r)|/|F(r_0)| at which the contact solver stops; without it, as accuracy asks.
     tol: Option<f64> = None, f64, [value_name = "X"];
+    /// Mean penetration over the mean radius that unfinished solutions may leave: beyond it, at p, the residual sought is tol times (penetration_tol/p)²; without it, as accuracy asks.
+    penetration_tol: Option<f64> = None, f64, [value_name = "X"];
     /// Who solves the contact problem: nlgs, Gauss-Seidel sweeps; nlgs-anderson, prox-newton, admm, interior-point, on the stored matrix, for small scenes; auto, nlgs, and the others where a small problem stalls, or a knot of a large one.
     solver: ContactSolver = ContactSolver::Auto, ContactSolver, [value_enum, value_name = "SOLVER"];
     /// Sweeps, or iterations, after which a step is reported as not converged, and goes on; without it, as accuracy asks.
@@ -350,6 +352,12 @@ impl Compute {
             "tol",
             format!("{}", self.tol()),
             "more than 0 and less than 1",
+        );
+        expect(
+            positive(self.penetration_tol()),
+            "penetration_tol",
+            format!("{}", self.penetration_tol()),
+            "a finite number > 0",
         );
         expect(self.max_sweeps() > 0, "max_sweeps", format!("{}", self.max_sweeps()), "at least 1");
         expect(self.check_every != Some(0), "check_every", as_written(&self.check_every), "at least 1");

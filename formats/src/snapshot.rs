@@ -144,6 +144,9 @@ pub struct Parameters {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adaptive: Option<crate::compute::Adaptive>,
     pub tol: f64,
+    /// 0 in snapshots that were written before there was such a limit.
+    #[serde(default)]
+    pub penetration_tol: f64,
     #[serde(default)]
     pub solver: crate::compute::ContactSolver,
     pub max_sweeps: u64,
@@ -204,6 +207,9 @@ pub struct Ledger {
     pub momentum_scale: f64,
     /// Largest penetration over the mean radius so far.
     pub penetration_largest: f64,
+    /// Of the mean penetration over the mean radius, what unfinished solutions have left.
+    #[serde(default)]
+    pub penetration_left: f64,
     pub steps_unconverged: u64,
     /// The last step that was not converged.
     pub last_unconverged: Option<u64>,

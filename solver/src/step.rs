@@ -3,6 +3,7 @@
 use std::ops::Add;
 use std::time::{Duration, Instant};
 
+use cd_formats::snapshot::Ledger;
 use rayon::prelude::*;
 
 use crate::assemble::{self, Free, GravityReport, Record, Row, System, relative_velocity};
@@ -89,12 +90,12 @@ pub struct WorstContact {
 /// Advances the state by one step.
 pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     let lap = &mut Lap::start();
-    let disturbed = assemble::events(scene, state);
-    let units = integrate::units(scene, state, disturbed);
+    let happened = assemble::events(scene, state);
+    let units = integrate::units(scene, state, happened.any);
     assemble::interventions(scene, state, units);
     let q_c = integrate::predict(scene, state, units); // M1  x_c = x + (1-θ) h V
     lap.stop(&mut clock.integration);
-    let mut free = assemble::free_velocity(scene, state, &q_c); // M2  V_free = V + h M⁻¹ F(x_c)
+    let mut free = assemble::free_velocity(scene, state, &q_c, &happened.shakes); // M2  V_free = V + h M⁻¹ F(x_c)
     state.attraction = free.attraction.take();
     lap.stop(&mut clock.gravity);
     let (contacts, pairs) = detect::contacts(scene, &q_c, &free.v, &state.pairs); // M3  g, (n, t, s)
@@ -108,7 +109,10 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     lap.stop(&mut clock.solve);
     let solved = end_of_contacts(scene, state, &q_c, contacts, &free, &system, &solution);
     let given_up = task.gives_up() && !solution.converged;
-    let report = StepReport { missed, given_up, ..book(scene, state, &q_c, &free, &system, &solution, &solved) };
+    let mut report = StepReport { missed, given_up, ..book(scene, state, &q_c, &free, &system, &solution, &solved) };
+    if !happened.shakes.is_empty() {
+        report.flight = 0.0; // what shakes is an impulse, and exact
+    }
     integrate::advance(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.pairs, state.order) = (solved.contacts, pairs, q_c.order);
     state.bonding = Bonding::No;
@@ -130,18 +134,29 @@ fn looked_at(
 
 fn task(scene: &Scene, state: &State) -> Task {
     let options = &scene.options;
-    let until = Until { check_every: options.check_every, ..Until::new(options.tol(), options.max_sweeps()) };
+    let tol = options.tol();
+    let aim = tol * sharpening(options.penetration_tol(), &state.ledger);
+    let until = Until { aim, check_every: options.check_every, ..Until::new(tol, options.max_sweeps()) };
     Task { solver: options.solver, until, width: Width::detect(), spared: state.step < state.fallback.due }
+}
+
+/// By how much a step is to be solved further than `tol`, <= 1.
+///
+/// What a residual leaves of approach becomes overlap, which laws keep: where loaded grains move slowly for long it adds up,
+/// and asks for a smaller residual.
+fn sharpening(penetration_tol: f64, ledger: &Ledger) -> f64 {
+    let factor = penetration_tol / ledger.penetration_left.max(penetration_tol);
+    (factor * factor).max(SHARPEST)
 }
 
 /// Units of `dt` in the next step, and the contact problem that it would solve, written out.
 pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProblem) {
     let mut state = state.clone();
-    let disturbed = assemble::events(scene, &mut state);
-    let units = integrate::units(scene, &state, disturbed);
+    let happened = assemble::events(scene, &mut state);
+    let units = integrate::units(scene, &state, happened.any);
     assemble::interventions(scene, &mut state, units);
     let q_c = integrate::predict(scene, &state, units);
-    let free = assemble::free_velocity(scene, &state, &q_c);
+    let free = assemble::free_velocity(scene, &state, &q_c, &happened.shakes);
     let (contacts, _) = detect::contacts(scene, &q_c, &free.v, &state.pairs);
     let system = assemble::contact_problem(scene, &state, &q_c, &contacts, &free.v, &free.w);
     (units, assemble::stored_problem(&system, &contacts))
@@ -222,6 +237,7 @@ fn book(
             given.penetration_sum += depth;
             if contact.impulse != Vec3::zeros() {
                 given.contacts_active += 1;
+                given.penetration_added += (-contact.contact.gap - h * contact.velocity.x - depth).max(0.0);
                 at_contact(scene, state, q_c, row, r, contact, solved, &mut given);
             }
         }
@@ -257,6 +273,10 @@ fn book(
     ledger.momentum_scale = ledger.momentum_scale.max(motion.scale).max(pushed.iter().sum());
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
     ledger.penetration_largest = ledger.penetration_largest.max(given.penetration_largest / scene.mean_radius);
+    let active = given.contacts_active.max(1) as f64;
+    // Of what there is now, at the most.
+    let left = ledger.penetration_left.min(given.penetration_sum / active / scene.mean_radius);
+    ledger.penetration_left = left + given.penetration_added / active / scene.mean_radius;
     ledger.sweeps += solution.sweeps;
     if !solution.converged {
         ledger.steps_unconverged += 1;
@@ -279,7 +299,7 @@ fn book(
         norms: scene.options.lmgc90_norms.then(|| norms(system, &solution.impulses, &solution.records)),
         worst: solution.worst.map(worst),
         penetration_largest: given.penetration_largest,
-        penetration_mean: given.penetration_sum / given.contacts_active.max(1) as f64,
+        penetration_mean: given.penetration_sum / active,
         missed: None,
         given_up: false,
         virial: given.virial / h,
@@ -292,6 +312,9 @@ fn book(
     }
 }
 
+/// The most by which added overlap makes the residual sought smaller.
+const SHARPEST: f64 = 1e-2;
+
 /// Rows, contacts or bodies that one task adds up.
 const PART: usize = 1024;
 
@@ -302,6 +325,8 @@ struct Given {
     /// m, of the listed contacts.
     penetration_largest: f64,
     penetration_sum: f64,
+    /// By which contacts that carry force overlap more at the end: nothing, had the problem been solved exactly.
+    penetration_added: f64,
     /// J
     contact_work: f64,
     friction_work: f64,
@@ -321,6 +346,7 @@ impl Add for Given {
             contacts_active: self.contacts_active + other.contacts_active,
             penetration_largest: self.penetration_largest.max(other.penetration_largest),
             penetration_sum: self.penetration_sum + other.penetration_sum,
+            penetration_added: self.penetration_added + other.penetration_added,
             contact_work: self.contact_work + other.contact_work,
             friction_work: self.friction_work + other.friction_work,
             virial: self.virial + other.virial,

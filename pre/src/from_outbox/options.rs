@@ -21,6 +21,7 @@ pub fn of_run(file: &Compute, meta: &Meta, is_first: bool, has_start: bool) -> (
         accuracy,
         adaptive,
         tol,
+        penetration_tol,
         solver,
         max_sweeps,
         alert,
@@ -64,6 +65,9 @@ pub fn of_run(file: &Compute, meta: &Meta, is_first: bool, has_start: bool) -> (
     }
     if tol != options.tol() {
         options.tol = Some(tol);
+    }
+    if penetration_tol > 0.0 && penetration_tol != options.penetration_tol() {
+        options.penetration_tol = Some(penetration_tol);
     }
     if max_sweeps != options.max_sweeps() {
         options.max_sweeps = Some(max_sweeps);

@@ -46,11 +46,26 @@ pub struct GravityReport {
     pub extrapolation: f64,
 }
 
-/// Events whose time has come, at a step's start; whether there were any.
-pub fn events(scene: &Scene, state: &mut State) -> bool {
+/// What the events of a step's start leave to the step.
+#[derive(Default)]
+pub struct Happened {
+    /// Whether there were any.
+    pub any: bool,
+    pub shakes: Vec<Shake>,
+}
+
+/// Random velocities to be added within a step.
+pub struct Shake {
+    /// Root mean square, m/s.
+    speed: f64,
+    seed: u64,
+}
+
+/// Events whose time has come, at a step's start.
+pub fn events(scene: &Scene, state: &mut State) -> Happened {
     // A thousandth of a step of slack: the time is a sum of steps, and a little before or after their product.
     let now = state.time + 1e-3 * scene.options.dt;
-    let before = state.events_done;
+    let mut happened = Happened::default();
     while let Some(event) = scene.events.get(state.events_done).filter(|event| event.time <= now) {
         let gravity = state.gravity;
         state.set_by(&event.action, scene);
@@ -58,7 +73,10 @@ pub fn events(scene: &Scene, state: &mut State) -> bool {
         match event.action {
             Action::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
             Action::AddSpin(spin) => add_spin(scene, state, Vec3::from(spin)),
-            Action::Shake { speed, seed } => shake(scene, state, speed, seed),
+            Action::Shake { speed, seed } => {
+                let seed = scrambled(scrambled(seed) ^ state.events_done as u64);
+                happened.shakes.push(Shake { speed, seed });
+            }
             Action::Bond => state.bonding = Bonding::All,
             Action::SetTorque(_)
             | Action::SetGravity(_)
@@ -66,16 +84,17 @@ pub fn events(scene: &Scene, state: &mut State) -> bool {
             | Action::SetFriction(..)
             | Action::SetCohesion(..) => {}
         }
+        happened.any = true;
         state.events_done += 1;
     }
-    state.events_done > before
+    happened
 }
 
 /// The torque that events have set, and the option `quench`, at the start of a step of so many units of `dt`.
 pub fn interventions(scene: &Scene, state: &mut State, units: u64) {
     if state.torque != Vec3::zeros() {
         let impulse = state.torque * (units as f64 * scene.options.dt);
-        add_spin(scene, state, rigid_spin(scene, state, impulse));
+        add_spin(scene, state, rigid_spin(scene, &state.x, &state.q, impulse));
     }
     if state.quench > 0.0 {
         let keep = (1.0 - state.quench).powi(units as i32);
@@ -90,33 +109,39 @@ fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
     change_motion(scene, state, |i, v, w| (v + spin.cross(&(x[i] - centre)), w + spin));
 }
 
-/// Adds random velocities of a root mean square, m/s, to the free bodies, less the rigid motion that has their momentum and
-/// angular momentum. Where a scene repeats, the latter is none that is kept.
-fn shake(scene: &Scene, state: &mut State, speed: f64, seed: u64) {
+/// Forces and moments (N, N m) by body that give the free bodies random velocities in the step, less the rigid motion that has
+/// their momentum and angular momentum. Where a scene repeats, the latter is none that is kept.
+///
+/// They act in the contact configuration, as all forces do: velocities that changed before it would carry grains into
+/// their neighbours.
+fn shaking(scene: &Scene, q_c: &Configuration, &Shake { speed, seed }: &Shake) -> Vec<(usize, Vec3, Vec3)> {
     // The mean square of the distance from the middle of a ball is 3/5 of its radius'.
     let radius = speed * (5.0f64 / 3.0).sqrt();
-    let of_event = scrambled(scrambled(seed) ^ state.events_done as u64);
-    let added: Vec<Vec3> = (0..scene.bodies.len() as u64).map(|i| in_ball(scrambled(of_event ^ i)) * radius).collect();
+    let added: Vec<Vec3> = (0..scene.bodies.len() as u64).map(|i| in_ball(scrambled(seed ^ i)) * radius).collect();
     let shared = centre_of_mass(scene, &added);
-    let centre = centre_of_mass(scene, &state.x);
+    let (x, centre) = (&q_c.x, centre_of_mass(scene, &q_c.x));
     let turn = if scene.options.xperiode.is_some() || scene.options.yperiode.is_some() {
         Vec3::zeros()
     } else {
-        let about = |&i: &u32| (state.x[i as usize] - centre).cross(&added[i as usize]) * scene.bodies[i as usize].mass;
-        rigid_spin(scene, state, scene.free.iter().map(about).sum())
+        let about = |&i: &u32| (x[i as usize] - centre).cross(&added[i as usize]) * scene.bodies[i as usize].mass;
+        rigid_spin(scene, x, &q_c.q, scene.free.iter().map(about).sum())
     };
-    let x = state.x.clone();
-    change_motion(scene, state, |i, v, w| (v + added[i] - shared - turn.cross(&(x[i] - centre)), w - turn));
+    let of_body = |&i: &u32| {
+        let (i, body) = (i as usize, &scene.bodies[i as usize]);
+        let v = added[i] - shared - turn.cross(&(x[i] - centre));
+        (i, v * (body.mass / q_c.h), body.angular_momentum(&q_c.q[i], &turn) / -q_c.h)
+    };
+    scene.free.iter().map(of_body).collect()
 }
 
 /// The rigid rotation (rad/s) of the free bodies that has the angular momentum `impulse` (N m s) about their centre of
 /// mass; none if they lie on a line and have no inertia about it.
-fn rigid_spin(scene: &Scene, state: &State, impulse: Vec3) -> Vec3 {
-    let centre = centre_of_mass(scene, &state.x);
+fn rigid_spin(scene: &Scene, x: &[Vec3], q: &[Quat], impulse: Vec3) -> Vec3 {
+    let centre = centre_of_mass(scene, x);
     let momentum = |spin: Vec3| -> Vec3 {
         scene.free.iter().map(|&i| i as usize).fold(Vec3::zeros(), |sum, i| {
-            let (body, arm) = (&scene.bodies[i], state.x[i] - centre);
-            sum + arm.cross(&spin.cross(&arm)) * body.mass + body.angular_momentum(&state.q[i], &spin)
+            let (body, arm) = (&scene.bodies[i], x[i] - centre);
+            sum + arm.cross(&spin.cross(&arm)) * body.mass + body.angular_momentum(&q[i], &spin)
         })
     };
     let inertia = Mat3::from_columns(&[Vec3::x(), Vec3::y(), Vec3::z()].map(momentum));
@@ -162,7 +187,7 @@ fn centre_of_mass(scene: &Scene, x: &[Vec3]) -> Vec3 {
 }
 
 /// Free velocities: V + h F/m with all forces in the contact configuration; imposed velocities at the step's end.
-pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free {
+pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration, shakes: &[Shake]) -> Free {
     let h = q_c.h;
     let mut pull = attraction(scene, state, q_c);
     let near = near_field(scene, &q_c.x, &q_c.q);
@@ -192,7 +217,8 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration) -> Free 
     for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i].is_driven_in_part()) {
         free.v[body] += pushed(&outside, state.gravity, &q_c.x[body]).0 * h;
     }
-    for (i, force, moment) in loads(scene, state, q_c) {
+    let shaking = shakes.iter().flat_map(|shake| shaking(scene, q_c, shake));
+    for (i, force, moment) in loads(scene, state, q_c).into_iter().chain(shaking) {
         let body = &scene.bodies[i];
         free.v[i] += force * (h * body.inverse_mass());
         free.w[i] += body.angular_velocity(&q_c.q[i], &(moment * h));

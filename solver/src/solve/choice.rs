@@ -63,16 +63,18 @@ pub fn learn(fallback: &mut Fallback, task: Task, step: u64, units: u64, solutio
     if !solution.converged && !gained {
         let failures = (fallback.failures + 1).min(MOST_FAILURES);
         *fallback = Fallback { failures, due: step + (units << failures) };
-    } else if solution.sweeps > ROUND {
+    } else if solution.sweeps > ROUND && task.until.aim == task.until.tol {
+        // Beyond `tol` sweeps are many in the easiest step.
         *fallback = Fallback::default();
     }
 }
 
-/// Solves to E <= `tol`, or as far as the limits allow; the decisions follow from the problem alone.
+/// Solves to E <= `tol`, or as far as the limits allow; the decisions follow from the problem alone. From there sweeps seek
+/// `aim`, as does a solver of stored problems that was asked for by name; what sweeps leave to another is not worth more.
 ///
 /// `stored` writes the rows that can close as a problem with its Delassus matrix.
 pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> StoredProblem) -> Solution {
-    let Until { tol, max_sweeps: limit, .. } = task.until;
+    let Until { tol, aim, max_sweeps: limit, .. } = task.until;
     let limit = if task.gives_up() { limit.min(ROUND) } else { limit };
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
     let newton = newton_cost(contacts) / (SWEPT * contacts as f64); // sweeps that cost as much
@@ -94,11 +96,12 @@ pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> 
     let rounds = ((ROUNDS * newton) as u64).min(limit / 2) / ROUND;
     let sweeps = if solver == Solver::Auto { limit.min(ROUND * rounds.max(1)) } else { 0 };
     let start = swept(sweeps);
-    if start.converged || start.sweeps >= limit {
+    let sought = if solver == Solver::Auto { tol } else { aim };
+    if start.converged && start.residual <= sought || start.sweeps >= limit {
         return start;
     }
-    let limits = Limits { tol, max_sweeps: limit - start.sweeps, max_time: None, max_cost };
-    by_stored(system, start, solver, limits, task.width, stored)
+    let limits = Limits { tol: sought, max_sweeps: limit - start.sweeps, max_time: None, max_cost };
+    by_stored(system, start, solver, limits, task, stored)
 }
 
 /// Sweeps, and between them solves knots at once: the contacts in which the sweeps of a large scene run in circles, against
@@ -190,13 +193,13 @@ fn on_matrix(
     Some((impulses, found))
 }
 
-/// Goes on from `start` with a solver of stored problems; the better of the two by E.
+/// Goes on from `start` with a solver of stored problems; the better of the two by E, which has converged at the task's `tol`.
 fn by_stored(
     system: &System,
     start: Solution,
     solver: Solver,
     limits: Limits,
-    width: Width,
+    task: Task,
     stored: impl Fn(&System) -> StoredProblem,
 ) -> Solution {
     let mut system = system.clone();
@@ -208,7 +211,7 @@ fn by_stored(
     let mut left = limits;
     loop {
         let rows: Vec<u32> = (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| k).collect();
-        let judge = Judge::new(&system, &rows, width);
+        let judge = Judge::new(&system, &rows, task.width);
         best.residual = judge.residual(&best.impulses).value;
         let balance: Vec<[f64; 3]> = rows.iter().map(|row| [system.rows[*row as usize].balance(), 0.0, 0.0]).collect();
         let limits_of = |matrix: &Problem, _: &[[f64; 3]]| Limits {
@@ -235,7 +238,7 @@ fn by_stored(
         }
         best.active = rows.len();
         let missed = closing_outside(&system, &rows, &best.records);
-        best.converged = best.residual <= limits.tol && missed.is_empty();
+        best.converged = best.residual <= task.until.tol && missed.is_empty();
         if missed.is_empty() || left.max_sweeps == 0 || left.max_cost <= 0.0 {
             best.worst = best.worst.or(missed.first().copied());
             return best;
@@ -311,7 +314,9 @@ mod tests {
         let swept = nlgs(&system, Until::new(1e-9, 0), Width::detect());
         let start = Solution { impulses: vec![Vec3::zeros(), Vec3::z()], ..swept };
         let limits = Limits { tol: 1e-9, max_sweeps: 50, max_time: None, max_cost: f64::INFINITY };
-        let solution = by_stored(&system, start, Solver::ProxNewton, limits, Width::detect(), written);
+        let until = Until::new(1e-9, 50);
+        let task = Task { solver: ContactSolver::ProxNewton, until, width: Width::detect(), spared: false };
+        let solution = by_stored(&system, start, Solver::ProxNewton, limits, task, written);
         assert!(solution.converged && solution.active == 2);
         for (k, r) in [1.0, 0.0].into_iter().enumerate() {
             assert!((solution.impulses[k] - Vec3::z() * r).norm() < 1e-9, "{k}: {}", solution.impulses[k]);
@@ -356,6 +361,9 @@ mod tests {
         assert_eq!(fallback.failures, 3);
         (0..9).for_each(|_| learn(&mut fallback, task, 55, 1, &solution(false, 5000)));
         assert_eq!(fallback, Fallback { failures: 8, due: 55 + 256 });
+        let onwards = Task { until: Until { aim: 1e-10, ..until(5000) }, ..task };
+        learn(&mut fallback, onwards, 199, 1, &solution(true, ROUND + 1));
+        assert_eq!(fallback.failures, 8);
         learn(&mut fallback, task, 200, 1, &solution(true, ROUND + 1));
         assert_eq!(fallback, Fallback::default());
         // What makes E ten times smaller was worth it.

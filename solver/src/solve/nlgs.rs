@@ -83,6 +83,8 @@ pub struct Solution {
 pub struct Until {
     /// E to reach.
     pub tol: f64,
+    /// E to seek on then, for no more than a round of sweeps.
+    pub aim: f64,
     pub max_sweeps: u64,
     /// Sweeps from one look at E to the next, the first after as many, as LMGC90's blocks; without it, when the changes
     /// that sweeps make suggest it.
@@ -92,11 +94,11 @@ pub struct Until {
 impl Until {
     /// To E <= `tol`, or `max_sweeps`.
     pub fn new(tol: f64, max_sweeps: u64) -> Self {
-        Until { tol, max_sweeps, check_every: None }
+        Until { tol, aim: tol, max_sweeps, check_every: None }
     }
 }
 
-/// Solves until E is reached or all sweeps are spent.
+/// Solves until E is reached or all sweeps are spent; converged is what reaches `tol`.
 ///
 /// Only rows that can close within the step are swept. A row left out that the solution would close
 /// nevertheless - a body may become faster than its free velocity - is taken in, and sweeping goes on.
@@ -141,16 +143,18 @@ fn sweep_until(
     until: Until,
     sweeps: &mut u64,
 ) -> (Residual, Vec<Motion>) {
-    let Until { tol, max_sweeps, check_every } = until;
+    let Until { tol, aim, max_sweeps, check_every } = until;
     let judged = |Reactions { impulses, moments }: &Reactions| {
         let motions = judge.motions_with(impulses, moments);
         (judge.residual_with(impulses, moments, &motions), motions)
     };
     let mut best = judged(reactions);
-    let solved = best.0.value <= tol && (check_every.is_none() || active.is_empty());
+    let solved = best.0.value <= aim && (check_every.is_none() || active.is_empty());
     if solved || *sweeps >= max_sweeps {
         return best;
     }
+    let end_of = |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + ROUND) } else { max_sweeps };
+    let mut end = end_of(best.0.value, *sweeps);
     let mut problem = Laid::new(system, active, reactions, &judge.records(&best.1));
     let turns = !system.rolls.is_empty();
     let frictional = system.resists(active);
@@ -168,9 +172,9 @@ fn sweep_until(
         patience += 1;
         let due = match check_every {
             Some(block) => patience >= block,
-            None => scale.is_none_or(|scale| sums.change() <= scale * tol) || patience > 20 + *sweeps / 10,
+            None => scale.is_none_or(|scale| sums.change() <= scale * aim) || patience > 20 + *sweeps / 10,
         };
-        if due || *sweeps >= max_sweeps {
+        if due || *sweeps >= end {
             problem.read_back(&mut trial);
             let found = judged(&trial);
             let residual = found.0;
@@ -183,7 +187,8 @@ fn sweep_until(
                 best = found;
                 std::mem::swap(reactions, &mut trial);
             }
-            if residual.value <= tol || *sweeps >= max_sweeps {
+            end = end.min(end_of(residual.value, *sweeps));
+            if residual.value <= aim || *sweeps >= end {
                 return best;
             }
         }

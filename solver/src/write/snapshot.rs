@@ -40,6 +40,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
             accuracy: options.accuracy,
             adaptive: Some(options.adaptive()).filter(Adaptive::is_on),
             tol: options.tol(),
+            penetration_tol: options.penetration_tol(),
             solver: options.solver,
             max_sweeps: options.max_sweeps(),
             alert: options.alert,

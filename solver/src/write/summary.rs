@@ -94,7 +94,13 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
     if course.given_up > 0 {
         line("given up", format!("{} steps after one round of sweeps, as more was in vain before", course.given_up));
     }
-    line("largest penetration", format!("{:.2e} of the mean radius", ledger.penetration_largest));
+    line(
+        "largest penetration",
+        format!(
+            "{:.2e} of the mean radius; {:.1e} in the mean left by unfinished solutions",
+            ledger.penetration_largest, ledger.penetration_left
+        ),
+    );
     line("energy drift", format!("{:.2e}", energy_drift(scene, state).0));
     if let Some(Sampled { rms, largest, .. }) = course.gravity {
         let asked = scene.options.gravity_error();

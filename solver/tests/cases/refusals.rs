@@ -302,8 +302,8 @@ fn times_and_events_that_cannot_be() {
     unknown.options.events =
         vec![Event::once(0.0, friction), Event::once(0.0, Action::SetCohesion("law00".into(), 1.0))];
     let lines = [
-        "CASE/DATBOX/COMPUTE.RON:34: event 1: law 'other' is not in use; expected one of law00, law01",
-        "CASE/DATBOX/COMPUTE.RON:35: event 2: law 'law00' has no cohesion; expected a law with cohesion",
+        "CASE/DATBOX/COMPUTE.RON:35: event 1: law 'other' is not in use; expected one of law00, law01",
+        "CASE/DATBOX/COMPUTE.RON:36: event 2: law 'law00' has no cohesion; expected a law with cohesion",
     ];
     written_refused(&unknown, &[], &lines);
     let twice =
@@ -388,7 +388,7 @@ fn options_in_the_file() {
         (
             "(\n    dt: 1e-3,\n    speed: 3.0,\n)",
             "3:5: options: Unexpected field named `speed` in `Compute`, expected one of `dt`, `steps`, `end_time`, \
-             `theta`, `accuracy`, `adaptive`, `tol`, `solver`, `max_sweeps`, `check_every`, `lmgc90_norms`, `alert`, `narrow_phase`, `xperiode`, `yperiode`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
+             `theta`, `accuracy`, `adaptive`, `tol`, `penetration_tol`, `solver`, `max_sweeps`, `check_every`, `lmgc90_norms`, `alert`, `narrow_phase`, `xperiode`, `yperiode`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
              `gravity_order`, `gravity_opening`, `gravity_refresh`, `gravity_moved`, `gravity_quadrupole`, `sphere_orientation`, `fields`, `quench`, `output_every`, `threads`, `text`, or `events` instead; expected RON as described in docs/files.md",
         ),
         ("(\n    theta: \"a\",\n)", "2:11: options: Expected float; expected RON as described in docs/files.md"),

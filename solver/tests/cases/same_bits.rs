@@ -49,6 +49,7 @@ fn scene(side: i64) -> Case {
     let options = &mut case.options;
     (options.self_gravity, options.gravity_constant) = (true, 0.01);
     (options.dt, options.tol, options.max_sweeps) = (0.01, Some(1e-4), Some(500));
+    options.penetration_tol = Some(1e-7);
     (options.steps, options.output_every, options.text) = (Some(60), 15, true);
     case
 }

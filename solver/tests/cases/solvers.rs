@@ -2,7 +2,9 @@
 
 use std::process::Command;
 
+use cd_formats::bulk_behav::Material;
 use cd_formats::compute::ContactSolver::{self, Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
+use cd_formats::drv_dof::Evolution;
 use cd_formats::fc3d::Fc3d;
 use cd_formats::snapshot::Snapshot;
 use cd_solve::solve::stored::{Limits, Problem, Solver, solve};
@@ -203,4 +205,27 @@ fn the_worst_contact_is_told_with_its_place() {
     // Of the first step, in which the block moves by less than 1e-3 m: one of the corners below it.
     let corner = [(numbers[0] - 3.0).abs(), (numbers[1] - 2.0).abs(), numbers[2]];
     near(corner, [1.0, 0.5, 0.0], 2e-3);
+}
+
+#[test]
+fn steps_are_solved_further_where_overlap_was_left() {
+    let run = |solver, penetration_tol| {
+        let mut case = packed(solver, 0.3);
+        (case.options.tol, case.options.penetration_tol) = (Some(1e-2), penetration_tol);
+        let states = case.states(6, 1);
+        let left = [1, 6].map(|step| states[step].meta.ledger.penetration_left);
+        assert!(all_converged(&case), "{solver}");
+        (case.column("residual"), case.column("sweeps"), left)
+    };
+    for solver in [Auto, Nlgs, ProxNewton] {
+        let [plain, coarse, fine] = [None, Some(1.0), Some(1e-12)].map(|tol| run(solver, tol));
+        // Little has been left, and nothing is asked for.
+        assert_eq!(plain, coarse, "{solver}");
+        assert!(1e-9 < plain.2[0] && plain.2[1] < 5e-4, "{solver}: {:?}", plain.2);
+        // The first step does not know yet what it leaves; the others go to a hundredth of the tolerance.
+        assert_eq!(plain.0[0], fine.0[0], "{solver}");
+        assert!(fine.0[1..].iter().all(|residual| *residual <= 1e-4), "{solver}: {:?}", fine.0);
+        let grown = |[first, last]: [f64; 2]| last - first;
+        assert!(grown(fine.2) < 0.3 * grown(plain.2), "{solver}: {:?} and {:?}", fine.2, plain.2);
+    }
 }
