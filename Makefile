@@ -30,6 +30,7 @@ demo: build ## runs examples/accretion: a thousand grains fall together
 paper: build ## runs the studies, a run a core, and writes docs/paper.md
 	$(SIDE_BY_SIDE) -C examples/accretion study CD_BIN=$(BIN)
 	$(SIDE_BY_SIDE) -C examples/accretion-polyhedra study CD_BIN=$(BIN)
+	$(SIDE_BY_SIDE) -C examples/triaxial FRICTIONS=0.4 CD_BIN=$(BIN)
 	$(SIDE_BY_SIDE) -C examples/spin-up CD_BIN=$(BIN)
 	$(SIDE_BY_SIDE) -C examples/spin-up fluid CD_BIN=$(BIN)
 	$(SIDE_BY_SIDE) -C examples/regolith study CD_BIN=$(BIN)

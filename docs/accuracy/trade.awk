@@ -175,7 +175,7 @@ BEGIN {
     realisations = split("|-2|-3", suffix, "|")
     errors = split("Z nu pressure energy estimated", error, " ")
     for (s = 1; s <= scenes; s++) realised(scene[s])
-    groups = split("dt tol max_sweeps theta adaptive alert gravity_error gravity_refresh gravity_order gravity_opening", group, " ")
+    groups = split("dt tol penetration_tol max_sweeps theta adaptive alert gravity_error gravity_refresh gravity_order gravity_opening", group, " ")
 }
 
 /^<!-- [a-z]+: begin -->$/ && $2 ~ /^(presets|knobs|early|honesty|figures):$/ {

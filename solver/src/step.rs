@@ -3,7 +3,6 @@
 use std::ops::Add;
 use std::time::{Duration, Instant};
 
-use cd_formats::snapshot::Ledger;
 use rayon::prelude::*;
 
 use crate::assemble::{self, Free, GravityReport, Record, Row, System, relative_velocity};
@@ -135,7 +134,7 @@ fn looked_at(
 fn task(scene: &Scene, state: &State) -> Task {
     let options = &scene.options;
     let tol = options.tol();
-    let aim = tol * sharpening(options.penetration_tol(), &state.ledger);
+    let aim = tol * sharpening(options.penetration_tol(), state.ledger.penetration_left);
     let until = Until { aim, check_every: options.check_every, ..Until::new(tol, options.max_sweeps()) };
     Task { solver: options.solver, until, width: Width::detect(), spared: state.step < state.fallback.due }
 }
@@ -144,8 +143,8 @@ fn task(scene: &Scene, state: &State) -> Task {
 ///
 /// What a residual leaves of approach becomes overlap, which laws keep: where loaded grains move slowly for long it adds up,
 /// and asks for a smaller residual.
-fn sharpening(penetration_tol: f64, ledger: &Ledger) -> f64 {
-    let factor = penetration_tol / ledger.penetration_left.max(penetration_tol);
+fn sharpening(penetration_tol: f64, left: f64) -> f64 {
+    let factor = penetration_tol / left.max(penetration_tol);
     (factor * factor).max(SHARPEST)
 }
 

@@ -2,9 +2,7 @@
 
 use std::process::Command;
 
-use cd_formats::bulk_behav::Material;
 use cd_formats::compute::ContactSolver::{self, Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
-use cd_formats::drv_dof::Evolution;
 use cd_formats::fc3d::Fc3d;
 use cd_formats::snapshot::Snapshot;
 use cd_solve::solve::stored::{Limits, Problem, Solver, solve};
