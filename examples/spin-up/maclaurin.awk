@@ -1,5 +1,6 @@
 # The figure of a frictionless aggregate against its spin, beside that of a fluid (Maclaurin):
-#   awk -v svg=maclaurin.svg -f maclaurin.awk fluid/POSTPRO/series.csv shaken/POSTPRO/series.csv
+#   awk -v svg=maclaurin.svg -f maclaurin.awk window=0 fluid/POSTPRO/series.csv window=24000 shaken/POSTPRO/series.csv
+# A point is a state, or the mean over a window of time, s: what is shaken fluctuates.
 # w^2 / (pi G rho) = 2 sqrt(1 - e^2) / e^3 (3 - 2 e^2) asin(e) - 6 (1 - e^2) / e^2, e^2 = 1 - (c/a)^2; a is sqrt(a b) here,
 # rho the mass over the volume of the ellipsoid of equal inertia.
 #
@@ -28,6 +29,7 @@ function ratio(s, q,    low, high, k, middle) {
 function of_phi(phi) { return 2 * sin(phi) / (3 - sin(phi)) }
 
 FNR == 1 {
+    close_window()
     for (k = 1; k <= NF; k++) column[$k] = k
     name[++runs] = FILENAME; sub(/\/.*/, "", name[runs]); over = 0
     next
@@ -38,22 +40,36 @@ $column["largest_fraction"] > 0.95 && !over {
     a = sqrt($column["largest_a"] * $column["largest_b"]); c = $column["largest_c"]
     rho = $column["largest_mass"] / (4 / 3 * PI * a * a * c)
     s = $column["largest_spin"] ^ 2 / (PI * G * rho)
-    if (s > BIFURCATION) { over = 1; next }
-    n = ++points[runs]; x[runs, n] = s; y[runs, n] = c / a
-    most[runs] = larger(most[runs], s > 0.02 ? c / a / ratio(s, 0) - 1 : 0)
-    if (s > fastest[runs]) fastest[runs] = s
-    # Where a sphere would be beyond its limit.
-    if (s > spin2(1, of_phi(PHI))) {
-        yielding[runs]++; angle[runs] += $column["friction_angle"] * 180 / PI
-        beyond[runs] = larger(beyond[runs], c / a / ratio(s, of_phi(PHI)) - 1)
+    now = window ? int($column["time"] / window - 1e-6) : FNR # the last state of a window is at its end
+    if (now != then) close_window()
+    then = now; states++; spins += s; ratios += c / a; angles += $column["friction_angle"] * 180 / PI
+    if (s > 0.02 && s < BIFURCATION) single[runs] = larger(single[runs], c / a / ratio(s, 0) - 1)
+}
+
+# Takes the mean of the states since the last as a point.
+function close_window(    s, r, n) {
+    if (!states) return
+    s = spins / states; r = ratios / states
+    if (s > BIFURCATION) over = 1
+    else {
+        n = ++points[runs]; x[runs, n] = s; y[runs, n] = r
+        most[runs] = larger(most[runs], s > 0.02 ? r / ratio(s, 0) - 1 : 0)
+        if (s > fastest[runs]) fastest[runs] = s
+        # Where a sphere would be beyond its limit.
+        if (s > spin2(1, of_phi(PHI))) {
+            yielding[runs]++; angle[runs] += angles / states
+            beyond[runs] = larger(beyond[runs], r / ratio(s, of_phi(PHI)) - 1)
+        }
     }
+    states = spins = ratios = angles = 0
 }
 
 function larger(most, away) { if (away < 0) away = -away; return away > most ? away : most }
 
 END {
+    close_window()
     table = svg; sub(/svg$/, "csv", table)
-    print "run,points,fastest,largest_difference,from_limit,friction_angle" > table
+    print "run,points,fastest,largest_difference,of_single_states,from_limit,friction_angle" > table
     for (r = 1; r <= runs; r++) {
         if (!yielding[r]) { print name[r] ": ends below the limit of a sphere" > "/dev/stderr"; exit 1 }
         angle[r] /= yielding[r]
@@ -61,8 +77,9 @@ END {
         for (k = 1; k <= points[r]; k += int(points[r] / 12) + 1)
             printf "%14.3f %5.3f %12.3f %14.3f\n", x[r, k], y[r, k], ratio(x[r, k], 0), ratio(x[r, k], of_phi(PHI))
         printf "Largest difference from 0.02 to %.3f: %.1f %%; from the limit, once a sphere is beyond it: %.1f %%\n", fastest[r], 100 * most[r], 100 * beyond[r]
+        printf "Of single states: %.1f %%\n", 100 * single[r]
         printf "Friction angle then, mean of %d: %.1f degrees\n", yielding[r], angle[r]
-        print name[r] "," points[r] "," fastest[r] "," most[r] "," beyond[r] "," angle[r] > table
+        print name[r] "," points[r] "," fastest[r] "," most[r] "," single[r] "," beyond[r] "," angle[r] > table
     }
     draw()
 }
