@@ -273,9 +273,9 @@ fn book(
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
     ledger.penetration_largest = ledger.penetration_largest.max(given.penetration_largest / scene.mean_radius);
     let active = given.contacts_active.max(1) as f64;
+    let mean = |sum: f64| sum / active / scene.mean_radius.max(f64::MIN_POSITIVE); // there may be no grains
     // Of what there is now, at the most.
-    let left = ledger.penetration_left.min(given.penetration_sum / active / scene.mean_radius);
-    ledger.penetration_left = left + given.penetration_added / active / scene.mean_radius;
+    ledger.penetration_left = ledger.penetration_left.min(mean(given.penetration_sum)) + mean(given.penetration_added);
     ledger.sweeps += solution.sweeps;
     if !solution.converged {
         ledger.steps_unconverged += 1;
