@@ -195,16 +195,24 @@ fn end_of_contacts(
             true => Status::Stick,
         };
         let law = &state.laws[contact.law as usize];
-        // Points of one face share its load as sweeps happen to find it: one that gives its all where nothing opens holds.
-        let opens = || row.normal.dot(&system.velocity(k, &solution.records)) > tol * row.w_n * row.impulse_shift.abs();
-        let (parted, slid) = (status == Status::NoContact, status == Status::Slide);
+        // Points of one face share its load as sweeps happen to find it: one that gives its all where nothing moves holds.
+        let moved = || {
+            let u = system.velocity(k, &solution.records);
+            let opening = row.normal.dot(&u);
+            let still = tol * row.w_n * row.impulse_shift.abs();
+            (opening > still, (u - row.normal * opening).norm() > still)
+        };
+        let bond = row.bond.filter(|_| {
+            let (opens, slides) = moved();
+            law.keeps_bond(contact.gap, status == Status::NoContact && opens, status == Status::Slide && slides)
+        });
         SolvedContact {
             contact,
             impulse: Vec3::new(local.x + row.impulse_shift, local.y, local.z),
             moment: Vec3::zeros(),
             velocity: to_local(&frame, &relative_velocity(&contact, &q_c.x, &v, &w)),
             status,
-            bond: row.bond.filter(|_| law.keeps_bond(contact.gap, parted && opens(), slid)),
+            bond,
         }
     };
     let rows = system.rows.par_iter().zip(&solution.impulses);

@@ -359,3 +359,25 @@ fn bonds_of_clusters_are_those_of_their_balls() {
     };
     assert_eq!([0.999, 1.001].map(|share| broken(share * strength)), [false, true]);
 }
+
+/// A cube that hangs by four points of its upper face, at the tolerance that runs have: what the sweeps have not yet shared out
+/// among points that could hold breaks none.
+#[test]
+fn a_face_holds_what_its_area_holds() {
+    let drop = |strength: f64| {
+        let mut case = Case::new();
+        // 8e-3 kg in 8 m/s², on 0.04 m².
+        let cohesion = strength * 8e-3 * 8.0 / 0.04;
+        case.law_of_all("IQS_MOHR_DS_CLB", &[cohesion, cohesion, 0.3, 0.3]);
+        case.gravity = [0.0, 0.0, -8.0];
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let cube = case.block([0.1; 3], [0.0, 0.0, -0.1], axes);
+        case.plate([0.5, 0.5, 0.05], [0.0, 0.0, 0.05], axes);
+        (case.options.dt, case.options.tol) = (1e-3, Some(1e-2));
+        -0.1 - case.run(300).x(cube).z
+    };
+    for strength in [1.1, 1.3, 1.5, 2.0, 4.0] {
+        assert!(drop(strength) < 1e-4, "{strength}: {}", drop(strength));
+    }
+    equal(drop(0.9), 0.5 * 8.0 * 0.09, 0.01); // falls from some step on, of a hundred at first
+}
