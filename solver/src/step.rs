@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::assemble::{self, Free, GravityReport, Record, Row, System, relative_velocity};
 use crate::detect::{self, Missed};
 use crate::integrate::{self, Configuration};
+use crate::laws::Law;
 use crate::math::lanes::Width;
 use crate::math::{MANY, Quat, Vec3, to_local, to_world};
 use crate::scene::Scene;
@@ -134,7 +135,9 @@ fn looked_at(
 fn task(scene: &Scene, state: &State) -> Task {
     let options = &scene.options;
     let tol = options.tol();
-    let aim = tol * sharpening(options.penetration_tol(), state.ledger.penetration_left);
+    // No later step makes good what a shock has given or taken.
+    let shock = if state.laws.iter().any(Law::rebounds) { SHARPEST } else { 1.0 };
+    let aim = tol * shock.min(sharpening(options.penetration_tol(), state.ledger.penetration_left));
     let until = Until { aim, check_every: options.check_every, ..Until::new(tol, options.max_sweeps()) };
     Task { solver: options.solver, until, width: Width::detect(), spared: state.step < state.fallback.due }
 }
@@ -244,7 +247,9 @@ fn book(
             given.penetration_sum += depth;
             if contact.impulse != Vec3::zeros() {
                 given.contacts_active += 1;
-                given.penetration_added += (-contact.contact.gap - h * contact.velocity.x - depth).max(0.0);
+                let may_close = state.laws[contact.contact.law as usize].closing(row.u_before.x);
+                given.penetration_added +=
+                    (-contact.contact.gap - h * (contact.velocity.x + may_close) - depth).max(0.0);
                 at_contact(scene, state, q_c, row, r, contact, solved, &mut given);
             }
         }

@@ -267,6 +267,19 @@ impl Law {
         }
     }
 
+    /// Whether a contact throws back.
+    pub fn rebounds(&self) -> bool {
+        matches!(self.unilateral, Unilateral::Restitution { normal, .. } if normal > 0.0)
+    }
+
+    /// Greatest speed at which a contact with force may close at the step's end, having parted with `u_n` at its start, m/s.
+    pub fn closing(&self, u_n: f64) -> f64 {
+        match self.unilateral {
+            Unilateral::Restitution { normal, .. } => normal * u_n.max(0.0),
+            _ => 0.0,
+        }
+    }
+
     /// Greatest gap at which a contact that is not closing can still act, m.
     pub fn range(&self, radius: f64) -> f64 {
         match self.cohesion() {
