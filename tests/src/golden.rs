@@ -126,6 +126,7 @@ const SOLVE: &[Tolerance] = &[
     within("meta.ledger.angular_momentum_expected", 1e-7, ""),
     within("meta.ledger.momentum_scale", 1e-7, ""),
     within("meta.ledger.penetration_largest", 1e-8, ONE),
+    within("meta.ledger.penetration_left", 1e-8, ONE),
     // How the solver gets there is its own affair.
     within("meta.ledger.sweeps", ANY, ""),
     within("sweeps", ANY, ""),
@@ -133,6 +134,8 @@ const SOLVE: &[Tolerance] = &[
     within("residual", ANY, ""), // at most tol where `converged` is 1
     within("penetration_largest", 1e-8, ONE),
     within("penetration_mean", ANY, ""), // of the contacts with a gap below 0, which round-off decides for those that touch
+    within("virial", 1e-6, ""),          // adds up impulses
+    within("flight_error", 1e-20, ONE),  // exact under uniform gravity: what is left is round-off, squared
     within("kinetic_energy", 1e-7, ""),
     within("rotational_energy", 1e-7, ""),
     within("potential_energy", 1e-9, ""),
