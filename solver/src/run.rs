@@ -54,7 +54,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     let start = Instant::now();
     let last = scene.last_step();
     let (mut results, tally) = Results::open(case, scene, &state)?;
-    let mut course = Course { threads: rayon::current_num_threads(), tally, ..Course::default() };
+    let mut course = Course { threads: rayon::current_num_threads(), bonds: state.bonds(), tally, ..Course::default() };
     let stop = &*STOP;
     // The time that an output takes is entered with the step after it.
     let mut writing = Duration::ZERO;
@@ -91,6 +91,9 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         course.sweeps += report.sweeps;
         course.gravity = report.gravity.sampled.or(course.gravity);
         course.missed = report.missed.or(course.missed);
+        if scene.bonds() {
+            course.bonds = course.bonds.max(state.bonds());
+        }
         course.taken_over += u64::from(report.taken_over);
         course.given_up += u64::from(report.given_up);
         if !report.converged {

@@ -329,6 +329,11 @@ impl Scene {
         self.is_general() && self.options.narrow_phase() == NarrowPhase::Fast
     }
 
+    /// Whether contacts may be bonded.
+    pub fn bonds(&self) -> bool {
+        self.laws.iter().any(Law::bonds)
+    }
+
     /// Class of the contactor `rank` of a body, if it has that many.
     pub fn class_of(&self, body: u32, rank: u16) -> Option<u16> {
         match self.bodies[body as usize].shape {

@@ -152,6 +152,11 @@ impl State {
         self.step.next_multiple_of(LOOK_EVERY) < self.step + units
     }
 
+    /// Contacts that a bond or a liquid bridge holds.
+    pub fn bonds(&self) -> usize {
+        self.contacts.iter().filter(|contact| contact.bond.is_some()).count()
+    }
+
     /// Takes over a setting that an event changes; motion is left alone.
     pub fn set_by(&mut self, action: &Action, scene: &Scene) {
         let law = |name: &String| scene.law_names.iter().position(|law| law.nickname == *name);

@@ -144,6 +144,11 @@ columns! {
 }
 
 columns! {
+    bonds_header, bonds_row(state: &State),
+    bonds = state.bonds(),
+}
+
+columns! {
     missed_header, missed_row(scene: &Scene, report: &StepReport),
     narrow_error = report.missed.map_or(f64::NAN, |missed| missed.mean / scene.mean_radius),
     narrow_error_largest = report.missed.map_or(f64::NAN, |missed| missed.largest / scene.mean_radius),

@@ -103,6 +103,9 @@ impl Results {
         if scene.options.adaptive().is_on() {
             columns = format!("{columns},{}", log::length_header());
         }
+        if scene.bonds() {
+            columns = format!("{columns},{}", log::bonds_header());
+        }
         if scene.narrow_phase_is_fast() {
             columns = format!("{columns},{}", log::missed_header());
         }
@@ -120,6 +123,9 @@ impl Results {
         let mut row = log::steps_row(scene, state, report);
         if scene.options.adaptive().is_on() {
             row = format!("{row},{}", log::length_row(report));
+        }
+        if scene.bonds() {
+            row = format!("{row},{}", log::bonds_row(state));
         }
         if scene.narrow_phase_is_fast() {
             row = format!("{row},{}", log::missed_row(scene, report));

@@ -27,6 +27,8 @@ pub struct Course {
     pub gravity: Option<Sampled>,
     /// The last look at what the fast narrow phase misses.
     pub missed: Option<Missed>,
+    /// Most bonds that held at a time.
+    pub bonds: usize,
     pub taken_over: u64,
     pub given_up: u64,
     pub threads: usize,
@@ -85,6 +87,9 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
         );
     }
     line("contacts", format!("{} listed, {active} carry force", state.contacts.len()));
+    if scene.bonds() {
+        line("bonds", format!("{} hold, {} at most in this run", state.bonds(), course.bonds));
+    }
     line("sweeps per step", format!("{:.1}", course.sweeps as f64 / course.steps.max(1) as f64));
     let last = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
     line("unconverged steps", format!("{} now, {} in all{last}", course.unconverged, ledger.steps_unconverged));

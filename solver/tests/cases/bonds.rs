@@ -374,10 +374,15 @@ fn a_face_holds_what_its_area_holds() {
         let cube = case.block([0.1; 3], [0.0, 0.0, -0.1], axes);
         case.plate([0.5, 0.5, 0.05], [0.0, 0.0, 0.05], axes);
         (case.options.dt, case.options.tol) = (1e-3, Some(1e-2));
-        -0.1 - case.run(300).x(cube).z
+        let fallen = -0.1 - case.run(300).x(cube).z;
+        (fallen, case.column("bonds"))
     };
     for strength in [1.1, 1.3, 1.5, 2.0, 4.0] {
-        assert!(drop(strength) < 1e-4, "{strength}: {}", drop(strength));
+        let (fallen, bonds) = drop(strength);
+        assert!(fallen < 1e-4, "{strength}: {fallen}");
+        assert_eq!(bonds, [4.0; 300], "{strength}");
     }
-    equal(drop(0.9), 0.5 * 8.0 * 0.09, 0.01); // falls from some step on, of a hundred at first
+    let (fallen, bonds) = drop(0.9);
+    equal(fallen, 0.5 * 8.0 * 0.09, 0.01); // falls from some step on, of a hundred at first
+    assert_eq!(bonds[299], 0.0);
 }
