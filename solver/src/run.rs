@@ -21,7 +21,7 @@ use crate::math::Vec3;
 use crate::plan::{Bound, astray, bounds};
 use crate::progress::Progress;
 use crate::scene::Scene;
-use crate::state::State;
+use crate::state::{Contact, State};
 use crate::step::{Clock, Motion, next_problem, step};
 use crate::write::summary::{Course, text};
 use crate::write::{Results, errors};
@@ -67,8 +67,12 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     let progress = Progress::new(state.step, last.max(state.step));
     too_long(scene, &state).into_iter().for_each(|message| progress.tell(&message));
     astray(scene, &state).into_iter().for_each(|message| progress.tell(&format!("cd-solve: {message}")));
-    if !resumed {
-        overlaps(scene, &state).into_iter().for_each(|message| progress.tell(&message));
+    let mut deep = DEEPER;
+    if let Some((share, message)) = overlaps(scene, &state) {
+        deep += share;
+        if !resumed {
+            progress.tell(&message);
+        }
     }
     while state.step < last {
         if let Some(number) =
@@ -82,9 +86,12 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
             }
         }
         let mut lap = Clock { writing: std::mem::take(&mut writing), ..Clock::default() };
-        let first = state.step;
+        let (first, deepest) = (state.step, state.ledger.penetration_largest);
         let report = step(scene, &mut state, &mut lap);
         expect_finite(&state).inspect_err(|_| progress.finish())?;
+        if deepest <= deep && state.ledger.penetration_largest > deep {
+            deepened(scene, &state).into_iter().for_each(|message| progress.tell(&message));
+        }
         course.steps += 1;
         course.units += state.step - first;
         course.longest = course.longest.max(report.h);
@@ -184,6 +191,9 @@ pub fn take_on_forces(scene: &Scene, before: &Parameters, state: &mut State) {
 /// Overlap over the mean radius from which a run tells that it began with it.
 const DEEP: f64 = 1e-2;
 
+/// Overlap over the mean radius, beyond the largest at the start, from which a run tells, once, that steps have made it.
+const DEEPER: f64 = 0.1;
+
 /// What to tell of a step that is longer than suits even a draft.
 fn too_long(scene: &Scene, state: &State) -> Option<String> {
     let sharpest = bounds(scene, state).into_iter().next()?;
@@ -194,22 +204,39 @@ fn too_long(scene: &Scene, state: &State) -> Option<String> {
     })
 }
 
-/// What to tell of deep overlaps at the start, which no step has made.
-fn overlaps(scene: &Scene, state: &State) -> Option<String> {
+/// The largest overlap at the start over the mean radius, which no step has made, and what to tell of it.
+fn overlaps(scene: &Scene, state: &State) -> Option<(f64, String)> {
     let still = vec![Vec3::zeros(); scene.bodies.len()];
     let (contacts, _) = detect::contacts(scene, &predict(scene, state, 0), &still, &[]);
     let deep = || contacts.iter().filter(|contact| -contact.gap > DEEP * scene.mean_radius);
     let deepest = deep().min_by(|a, b| a.gap.total_cmp(&b.gap))?;
     let mut pairs: Vec<[u32; 2]> = deep().map(|contact| [contact.candidate, contact.antagonist]).collect();
     pairs.dedup();
-    let (count, share) = (pairs.len(), -100.0 * deepest.gap / scene.mean_radius);
-    Some(format!(
-        "cd-solve: from the start bodies overlap by more than {} % of the mean radius: {count} pair{}, most bodies {}-{} by {:.3e} m, {share:.1} %; laws other than GAP_SGR_CLB keep what they find, as a push adds energy",
+    let (count, share) = (pairs.len(), -deepest.gap / scene.mean_radius);
+    let message = format!(
+        "cd-solve: from the start bodies overlap by more than {} % of the mean radius: {count} pair{}, most bodies {}-{} by {:.3e} m, {:.1} %; laws other than GAP_SGR_CLB keep what they find, as a push adds energy",
         100.0 * DEEP,
         if count == 1 { "" } else { "s" },
         deepest.candidate + 1,
         deepest.antagonist + 1,
         -deepest.gap,
+        100.0 * share,
+    );
+    Some((share, message))
+}
+
+/// What to tell of deep overlaps that steps have made.
+fn deepened(scene: &Scene, state: &State) -> Option<String> {
+    let Contact { candidate, antagonist, gap, .. } =
+        state.contacts.iter().map(|solved| &solved.contact).min_by(|a, b| a.gap.total_cmp(&b.gap))?;
+    Some(format!(
+        "cd-solve: step {}, t = {} s: bodies {}-{} overlap by {:.3e} m, {:.1} % of the mean radius; a smaller dt or tol lets them overlap less",
+        state.step,
+        state.time,
+        candidate + 1,
+        antagonist + 1,
+        -gap,
+        -100.0 * gap / scene.mean_radius,
     ))
 }
 

@@ -321,9 +321,10 @@ fn far_from_the_origin_only_positions_are_rounded() {
     }
 }
 
-/// A run tells of bodies that overlap from its start: how many, which most, and by how much.
+/// A run tells of bodies that overlap from its start: how many, which most, and by how much; and once of deep ones that
+/// steps have made.
 #[test]
-fn deep_overlaps_at_the_start_are_told() {
+fn deep_overlaps_are_told() {
     let told = |case: &mut Case| {
         case.options.steps = Some(1);
         case.write();
@@ -349,6 +350,24 @@ fn deep_overlaps_at_the_start_are_told() {
     // Of 1 % on either side: 6.2035e-3 m.
     assert_eq!(told(&mut cubes(&[0.0, 0.9937])), expected("1 pair", "1-2 by 6.300e-3 m, 1.0 %"));
     assert_eq!(told(&mut cubes(&[0.0, 0.9939])), None);
+    // From 0.1 m apart, 0.1 m deep in the middle of the step; told from 10 % on.
+    let struck = |speed: f64, apart: f64| {
+        let mut case = cubes(&[0.0, 1.0 + apart]);
+        (case.options.dt, case.options.theta) = (1e-3, 0.5);
+        case.launch(1, [-speed, 0.0, 0.0], [0.0; 3]);
+        told(&mut case)
+    };
+    let deep = |depth: &str| {
+        Some(format!(
+            "cd-solve: step 1, t = 0.001 s: bodies 1-2 overlap by {depth} % of the mean radius; a smaller dt or tol lets them \
+             overlap less"
+        ))
+    };
+    assert_eq!(struck(400.0, 0.1), deep("1.000e-1 m, 16.1"));
+    assert_eq!(struck(324.2, 0.1), deep("6.210e-2 m, 10.0"));
+    assert_eq!(struck(323.8, 0.1), None);
+    // What was there at the start is told as that.
+    assert_eq!(struck(0.0, -0.1), expected("1 pair", "1-2 by 1.000e-1 m, 16.1 %"));
 }
 
 /// An upright prism on a regular octagon that reaches 1 m, turned about y by an angle.
