@@ -108,8 +108,11 @@ pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> 
 /// what all others push. Where none is found, the sweeps are slow, and go on.
 fn untied(system: &System, task: Task, limit: u64, stored: impl Fn(&System) -> StoredProblem) -> Solution {
     let swept = |system: &System, max_sweeps| nlgs(system, Until { max_sweeps, ..task.until }, task.width);
+    let mut last = swept(system, limit.min(ROUND));
+    if last.converged || last.sweeps >= limit {
+        return last;
+    }
     let mut system = system.clone();
-    let mut last = swept(&system, limit.min(ROUND));
     let mut best = last.clone();
     while !best.converged && best.sweeps < limit {
         let solved = knot(&system, &last.impulses, task.width, &stored);
