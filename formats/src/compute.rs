@@ -165,6 +165,17 @@ pub enum ContactSolver {
     InteriorPoint,
 }
 
+/// In what numbers contacts are swept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum SweepPrecision {
+    /// Single precision where many contacts of spheres are to be solved to a residual that it reaches.
+    #[default]
+    Auto,
+    Single,
+    Double,
+}
+
 impl std::fmt::Display for ContactSolver {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         f.write_str(clap::ValueEnum::to_possible_value(self).as_ref().map_or("", |value| value.get_name()))
@@ -242,6 +253,8 @@ options! {
     max_sweeps: Option<u64> = None, u64, [value_name = "N"];
     /// Sweeps from one check of convergence to the next, the first after as many; without it, when the changes that sweeps make suggest it. LMGC90's examples check every 50.
     check_every: Option<u64> = None, u64, [value_name = "N"];
+    /// Numbers in which contacts of spheres are swept: single, twice as fast, or double precision; auto, single from 4096 contacts on where the residual sought is 1e-4 or more. What comes of it, velocities and residual, is in double precision.
+    sweep_precision: SweepPrecision = SweepPrecision::Auto, SweepPrecision, [value_enum, value_name = "PRECISION"];
     /// Also writes LMGC90's stopping criteria of each step's solution to steps.csv.
     lmgc90_norms: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Distance within which contacts are listed, m; without it, that of each row of TACT_BEHAV.DAT.

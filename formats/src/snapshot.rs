@@ -149,6 +149,9 @@ pub struct Parameters {
     pub penetration_tol: f64,
     #[serde(default)]
     pub solver: crate::compute::ContactSolver,
+    /// If it is asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep_precision: Option<crate::compute::SweepPrecision>,
     pub max_sweeps: u64,
     pub alert: Option<f64>,
     pub self_gravity: bool,

@@ -31,13 +31,17 @@ fn start(system: &System) -> (Vec<u32>, Reactions) {
 }
 
 fn sweeps(bencher: Bencher, system: System, width: Width, threads: usize) {
+    swept(bencher, system, width, threads, false);
+}
+
+fn swept(bencher: Bencher, system: System, width: Width, threads: usize, single: bool) {
     let (active, reactions) = start(&system);
-    let mut problem = Laid::new(&system, &active, &reactions, &system.records);
+    let mut problem = Laid::new(&system, &active, &reactions, &system.records, single);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     // As in a step: entering the pool once for many sweeps, with momentum.
     bencher
         .counter(ItemsCount::new(active.len() * SWEEPS))
-        .bench_local(|| pool.install(|| (0..SWEEPS).map(|_| problem.sweep(width, 0.8).change()).sum::<f64>()));
+        .bench_local(|| pool.install(|| (0..SWEEPS).map(|_| problem.sweep(width, 0.8).change).sum::<f64>()));
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
@@ -60,6 +64,28 @@ fn frictional_four_wide(bencher: Bencher, side: usize) {
 #[divan::bench(args = SIDES, sample_count = 5)]
 fn frictional_one_wide(bencher: Bencher, side: usize) {
     sweeps(bencher, packing(side, 0.4), Width::all()[0], 1);
+}
+
+#[divan::bench(args = SIDES, sample_count = 20)]
+fn single(bencher: Bencher, side: usize) {
+    swept(bencher, packing(side, 0.4), Width::detect(), 1, true);
+}
+
+#[divan::bench(args = SIDES, sample_count = 20)]
+fn single_two_threads(bencher: Bencher, side: usize) {
+    swept(bencher, packing(side, 0.4), Width::detect(), 2, true);
+}
+
+#[divan::bench(args = SIDES, sample_count = 20)]
+fn single_eight_wide(bencher: Bencher, side: usize) {
+    if let Some(width) = Width::all().get(1) {
+        swept(bencher, packing(side, 0.4), *width, 1, true);
+    }
+}
+
+#[divan::bench(args = SIDES, sample_count = 20)]
+fn single_frictionless(bencher: Bencher, side: usize) {
+    swept(bencher, packing(side, 0.0), Width::detect(), 1, true);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
@@ -107,7 +133,7 @@ fn layout(bencher: Bencher, side: usize) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     bencher
         .counter(ItemsCount::new(active.len()))
-        .bench_local(|| pool.install(|| Laid::new(&system, &active, &reactions, &system.records)));
+        .bench_local(|| pool.install(|| Laid::new(&system, &active, &reactions, &system.records, false)));
 }
 
 /// A residual, a few times a step, on one thread.

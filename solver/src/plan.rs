@@ -156,7 +156,7 @@ fn held() -> Option<u64> {
 
 /// Bytes that a contact takes, about: what is kept of it, and what a step makes of it.
 fn contact_size() -> usize {
-    let row = size_of::<crate::assemble::Row>() + size_of::<Batch>() / crate::solve::batches::BATCH;
+    let row = size_of::<crate::assemble::Row>() + size_of::<Batch<f64>>() / crate::solve::batches::BATCH;
     size_of::<Contact>() + 2 * size_of::<SolvedContact>() + row + 8 * size_of::<Vec3>()
 }
 

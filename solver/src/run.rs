@@ -101,6 +101,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         if scene.bonds() {
             course.bonds = course.bonds.max(state.bonds());
         }
+        course.single += u64::from(report.single);
         course.taken_over += u64::from(report.taken_over);
         course.given_up += u64::from(report.given_up);
         if !report.converged {

@@ -48,6 +48,8 @@ pub struct StepReport {
     /// Contacts that carry force.
     pub contacts_active: usize,
     pub sweeps: u64,
+    /// Whether they began in single precision.
+    pub single: bool,
     pub residual: f64,
     pub converged: bool,
     /// Whether a solver of stored problems found the solution where the sweeps had stalled.
@@ -138,7 +140,8 @@ fn task(scene: &Scene, state: &State) -> Task {
     // No later step makes good what a shock has given or taken.
     let shock = if state.laws.iter().any(Law::rebounds) { SHARPEST } else { 1.0 };
     let aim = tol * shock.min(sharpening(options.penetration_tol(), state.ledger.penetration_left));
-    let until = Until { aim, check_every: options.check_every, ..Until::new(tol, options.max_sweeps()) };
+    let (check_every, precision) = (options.check_every, options.sweep_precision);
+    let until = Until { aim, check_every, precision, ..Until::new(tol, options.max_sweeps()) };
     Task { solver: options.solver, until, width: Width::detect(), spared: state.step < state.fallback.due }
 }
 
@@ -304,6 +307,7 @@ fn book(
         contacts_solved: solution.active,
         contacts_active: given.contacts_active,
         sweeps: solution.sweeps,
+        single: solution.single,
         residual: solution.residual,
         converged: solution.converged,
         taken_over: solution.taken_over,

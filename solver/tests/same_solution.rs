@@ -3,18 +3,31 @@
 #[path = "../benches/packing.rs"]
 mod packing;
 
+use cd_formats::compute::SweepPrecision;
+use cd_solve::assemble::{Record, System};
+use cd_solve::math::Vec3;
 use cd_solve::math::lanes::Width;
-use cd_solve::solve::{Until, nlgs};
+use cd_solve::solve::{Solution, Until, nlgs};
 
 /// Enough bodies for four ranges, and sweeps for momentum to grow and, without friction, to start again.
 #[test]
 fn neither_threads_nor_vectors_change_a_solution() {
     let (spheres, smooth, cuboids) = (packing::packing(17, 0.4), packing::packing(17, 0.0), packing::blocks(17, 0.4));
     let resisting = packing::resisting(spheres.clone());
-    for (system, sweeps) in [(spheres, 120), (smooth, 120), (cuboids, 40), (resisting, 120)] {
+    let (single, double) = (SweepPrecision::Single, SweepPrecision::Double);
+    let problems = [
+        (&spheres, 120, double),
+        (&smooth, 120, double),
+        (&cuboids, 40, double),
+        (&resisting, 120, double),
+        (&spheres, 120, single),
+        (&smooth, 120, single),
+    ];
+    for (system, sweeps, precision) in problems {
         let solve = |width, threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let solution = pool.install(|| nlgs(&system, Until::new(1e-12, sweeps), width));
+            let until = Until { precision, ..Until::new(1e-12, sweeps) };
+            let solution = pool.install(|| nlgs(system, until, width));
             (solution.impulses, solution.moments, solution.records, solution.residual, solution.sweeps, solution.worst)
         };
         let plain = solve(Width::all()[0], 1);
@@ -24,5 +37,65 @@ fn neither_threads_nor_vectors_change_a_solution() {
                 assert!(solve(width, threads) == plain, "{width:?} on {threads} threads");
             }
         }
+    }
+}
+
+/// Velocities of all bodies, m/s.
+fn velocities(solution: &Solution) -> Vec<f64> {
+    solution.records.iter().flat_map(|record| [record.v, record.w]).flat_map(|v| [v.x, v.y, v.z]).collect()
+}
+
+fn in_precision(system: &System, precision: SweepPrecision, tol: f64) -> Solution {
+    nlgs(system, Until { precision, ..Until::new(tol, 20_000) }, Width::detect())
+}
+
+#[test]
+fn single_precision_finds_the_solution_of_double_precision() {
+    for friction in [0.4, 0.0] {
+        let system = packing::packing(17, friction);
+        let exact = velocities(&in_precision(&system, SweepPrecision::Double, 1e-12));
+        let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
+        let error = |found: &Solution| norm(&mut velocities(found).iter().zip(&exact).map(|(a, b)| a - b));
+        // 1e-10 takes the step from single to double precision where rounding stops the sweeps.
+        for tol in [1e-2, 1e-4, 1e-10] {
+            let [found, in_double] =
+                [SweepPrecision::Single, SweepPrecision::Double].map(|p| in_precision(&system, p, tol));
+            assert!(found.converged && found.residual <= tol, "{friction} {tol}: {}", found.residual);
+            // As far from the solution as what double precision stops at; ten times, as sweeps end where they may.
+            let (single, double) = (error(&found), error(&in_double));
+            assert!(single <= 10.0 * double && double > 0.0, "{friction} {tol}: {single} {double}");
+            // On the cone as in double precision: what slides is at its bound, what has no friction along the normal.
+            for (row, r) in system.rows.iter().zip(&found.impulses) {
+                let normal = row.normal.dot(r);
+                let (tangential, bound) = ((r - row.normal * normal).norm(), friction * normal);
+                assert!(normal >= 0.0 && tangential <= bound * (1.0 + 1e-12) + 1e-15 * normal, "{tangential} {bound}");
+                assert!(tangential >= bound * (1.0 - 1e-12) || tangential <= bound * (1.0 - 1e-6));
+            }
+            // Impulses are equal and opposite to the last bit, so only their sums are rounded.
+            let momentum = |records: &[Record]| records.iter().map(|record| record.v).sum::<Vec3>();
+            let drift = (momentum(&found.records) - momentum(&system.records)).norm();
+            assert!(drift <= 1e-12, "{drift}"); // of 5000 velocities of 0.1 m/s
+        }
+    }
+}
+
+#[test]
+fn single_precision_knows_no_units() {
+    // Powers of two, far beyond the squares of single precision.
+    let (mass, speed) = (2f64.powi(200), 2f64.powi(-150));
+    let system = packing::packing(10, 0.4);
+    let mut scaled = system.clone();
+    for record in &mut scaled.records {
+        (record.v, record.w) = (record.v * speed, record.w * speed);
+        (record.inverse_mass, record.inverse_inertia) = (record.inverse_mass / mass, record.inverse_inertia / mass);
+    }
+    for row in &mut scaled.rows {
+        (row.w_n, row.w_t, row.shift) = (row.w_n / mass, row.w_t / mass, row.shift * speed);
+    }
+    let [found, of_scaled] = [&system, &scaled].map(|system| in_precision(system, SweepPrecision::Single, 1e-4));
+    assert!(found.converged && found.sweeps > 5);
+    assert_eq!((found.sweeps, found.residual), (of_scaled.sweeps, of_scaled.residual));
+    for (r, scaled) in found.impulses.iter().zip(&of_scaled.impulses) {
+        assert_eq!(r * (mass * speed), *scaled);
     }
 }

@@ -10,7 +10,7 @@ use super::patch::SAME;
 use super::polyhedron::{Number, Spoke};
 use super::search::{NEARLY_PARALLEL, Pair, lowest, support};
 use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
-use crate::math::lanes::{Lanes, Width};
+use crate::math::lanes::{Arithmetic, Lanes, Width};
 use crate::math::{Vec3, length};
 
 /// Gap between the bounds, over the distance, at which the search ends.

@@ -9,7 +9,7 @@ use super::patch::{Corner, EDGE_ON};
 use super::polyhedron::{Number, PAD};
 use super::search::Pair;
 use super::{Posed, edge, face, vertex};
-use crate::math::lanes::{Lanes, Width};
+use crate::math::lanes::{Arithmetic, Lanes, Width};
 use crate::math::{Vec3, local_frame};
 
 /// Columns of an outline: x, y and height of the corners, and the unit direction of the side from each to the next.

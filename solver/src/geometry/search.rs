@@ -14,7 +14,7 @@ use smallvec::{Array, SmallVec};
 use super::patch::Corner;
 use super::polyhedron::Number;
 use super::{Narrow, Point, Polyhedron, Posed, edge, face, vertex};
-use crate::math::lanes::{Lanes, Scalar, Width};
+use crate::math::lanes::{Arithmetic, Lanes, Scalar, Width};
 use crate::math::{Vec3, length};
 
 /// Two posed polyhedra.

@@ -1,6 +1,8 @@
 //! The same arithmetic on 8, 4 or 1 numbers at a time (16, 8 or 1 of single precision), chosen when the program runs.
 //! Every operation is written once, in one order and with explicit fused multiply-add, so all widths give the same bits.
 
+use std::ops::{Add, Sub};
+
 use bytemuck::{Pod, Zeroable};
 use pulp::NullaryFnOnce;
 
@@ -14,18 +16,79 @@ pub struct Line(pub [f64; 8]);
 #[repr(C, align(32))]
 pub struct Half(pub [f64; 4]);
 
+/// What a sweep in single precision keeps of a body, as [`Line`].
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(32))]
+pub struct ShortLine(pub [f32; 8]);
+
+/// The same as [`Half`].
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(16))]
+pub struct ShortHalf(pub [f32; 4]);
+
+/// Numbers of double or of single precision.
+pub trait Number: Pod + Default + Send + Sync + Add<Output = Self> + Sub<Output = Self> {
+    /// Eight and four of them that lie together.
+    type Line: Pod;
+    type Half: Pod;
+
+    /// The nearest to `x`.
+    fn of(x: f64) -> Self;
+    fn wide(self) -> f64;
+    /// a self + b, rounded once.
+    fn fused(self, a: Self, b: Self) -> Self;
+}
+
+impl Number for f64 {
+    type Line = Line;
+    type Half = Half;
+
+    #[inline(always)]
+    fn of(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn wide(self) -> f64 {
+        self
+    }
+    #[inline(always)]
+    fn fused(self, a: f64, b: f64) -> f64 {
+        self.mul_add(a, b)
+    }
+}
+
+impl Number for f32 {
+    type Line = ShortLine;
+    type Half = ShortHalf;
+
+    #[inline(always)]
+    fn of(x: f64) -> f32 {
+        x as f32
+    }
+    #[inline(always)]
+    fn wide(self) -> f64 {
+        f64::from(self)
+    }
+    #[inline(always)]
+    fn fused(self, a: f32, b: f32) -> f32 {
+        self.mul_add(a, b)
+    }
+}
+
 /// Arithmetic on `WIDTH` numbers at once.
-pub trait Lanes: Copy + Send + Sync {
+pub trait Arithmetic: Copy + Send + Sync {
+    type T: Number;
     const WIDTH: usize;
     type V: Copy + Send;
 
     /// Runs `op` compiled for this instruction set; what it calls must be inlined into it.
     fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output;
 
+    /// The number nearest to `x`.
     fn splat(self, x: f64) -> Self::V;
     /// The first `WIDTH` numbers of `x`.
-    fn load(self, x: &[f64]) -> Self::V;
-    fn store(self, x: &mut [f64], v: Self::V);
+    fn load(self, x: &[Self::T]) -> Self::V;
+    fn store(self, x: &mut [Self::T], v: Self::V);
     fn add(self, a: Self::V, b: Self::V) -> Self::V;
     fn sub(self, a: Self::V, b: Self::V) -> Self::V;
     fn mul(self, a: Self::V, b: Self::V) -> Self::V;
@@ -44,26 +107,30 @@ pub trait Lanes: Copy + Send + Sync {
     fn select_greater(self, x: Self::V, y: Self::V, a: Self::V, b: Self::V) -> Self::V;
     /// The smaller; `b` where they are equal.
     fn min(self, a: Self::V, b: Self::V) -> Self::V;
+    /// Component k of the `WIDTH` lines named by `index`, for each k.
+    fn gather(self, lines: &[[Self::T; 8]], index: &[u32]) -> [Self::V; 8];
+    /// The reverse; two equal indices must bring equal lines.
+    fn scatter(self, lines: &mut [[Self::T; 8]], index: &[u32], columns: [Self::V; 8]);
+    /// Of pairs of lines, the difference a - b of the first three components and the sums of the others.
+    fn relative(self, lines: &[<Self::T as Number>::Line], a: &[u32], b: &[u32]) -> [Self::V; 8];
+    /// With lines (v, p, w, q): adds p f to v of a and takes it from v of b; adds q g to w of both.
+    fn push(self, lines: &mut [<Self::T as Number>::Line], a: &[u32], b: &[u32], f: [Self::V; 3], g: [Self::V; 3]);
+    /// `relative` of halves: the first four components.
+    fn relative_half(self, halves: &[<Self::T as Number>::Half], a: &[u32], b: &[u32]) -> [Self::V; 4];
+    /// `push` on halves (v, p).
+    fn push_half(self, halves: &mut [<Self::T as Number>::Half], a: &[u32], b: &[u32], f: [Self::V; 3]);
+}
+
+/// Arithmetic in double precision.
+pub trait Lanes: Arithmetic<T = f64> {
     /// Bit k is set where x > y in lane k.
     fn mask_greater(self, x: Self::V, y: Self::V) -> u32;
-    /// Component k of the `WIDTH` lines named by `index`, for each k.
-    fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [Self::V; 8];
-    /// The reverse; two equal indices must bring equal lines.
-    fn scatter(self, lines: &mut [[f64; 8]], index: &[u32], columns: [Self::V; 8]);
-    /// Of pairs of lines, the difference a - b of the first three components and the sums of the others.
-    fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [Self::V; 8];
-    /// With lines (v, p, w, q): adds p f to v of a and takes it from v of b; adds q g to w of both.
-    fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [Self::V; 3], g: [Self::V; 3]);
-    /// `relative` of halves: the first four components.
-    fn relative_half(self, halves: &[Half], a: &[u32], b: &[u32]) -> [Self::V; 4];
-    /// `push` on halves (v, p).
-    fn push_half(self, halves: &mut [Half], a: &[u32], b: &[u32], f: [Self::V; 3]);
 }
 
 /// The same for numbers of single precision.
 pub trait Singles: Lanes {
     const WIDTH_F32: usize;
-    type S: Copy;
+    type S: Copy + Send;
 
     fn splat_f32(self, x: f32) -> Self::S;
     /// The first `WIDTH_F32` numbers of `x`.
@@ -72,22 +139,138 @@ pub trait Singles: Lanes {
     fn add_f32(self, a: Self::S, b: Self::S) -> Self::S;
     fn sub_f32(self, a: Self::S, b: Self::S) -> Self::S;
     fn mul_f32(self, a: Self::S, b: Self::S) -> Self::S;
+    fn div_f32(self, a: Self::S, b: Self::S) -> Self::S;
+    fn sqrt_f32(self, a: Self::S) -> Self::S;
     /// a b + c, rounded once.
     fn mul_add_f32(self, a: Self::S, b: Self::S, c: Self::S) -> Self::S;
     /// c - a b, rounded once.
     fn neg_mul_add_f32(self, a: Self::S, b: Self::S, c: Self::S) -> Self::S;
+    /// `a` where x > y, else `b`.
+    fn select_greater_f32(self, x: Self::S, y: Self::S, a: Self::S, b: Self::S) -> Self::S;
     /// `a` where a < b, else `b`.
     fn min_f32(self, a: Self::S, b: Self::S) -> Self::S;
     /// The number whose bits are those of `magic` less half those of `a`, as whole numbers: near a^(-1/2) but for a
     /// factor, and the same on every machine, as instructions that estimate a root are not.
     fn magic_f32(self, magic: u32, a: Self::S) -> Self::S;
+    /// As [`Arithmetic::relative`] and what follows it.
+    fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [Self::S; 8];
+    fn push_f32(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [Self::S; 3], g: [Self::S; 3]);
+    fn relative_half_f32(self, halves: &[ShortHalf], a: &[u32], b: &[u32]) -> [Self::S; 4];
+    fn push_half_f32(self, halves: &mut [ShortHalf], a: &[u32], b: &[u32], f: [Self::S; 3]);
+}
+
+/// The largest width.
+const MOST: usize = 16;
+
+/// The single precision of these lanes by itself.
+#[derive(Debug, Clone, Copy)]
+pub struct Single<L>(pub L);
+
+impl<L: Singles> Arithmetic for Single<L> {
+    type T = f32;
+    const WIDTH: usize = L::WIDTH_F32;
+    type V = L::S;
+
+    fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output {
+        self.0.run(op)
+    }
+
+    #[inline(always)]
+    fn splat(self, x: f64) -> L::S {
+        self.0.splat_f32(x as f32)
+    }
+    #[inline(always)]
+    fn load(self, x: &[f32]) -> L::S {
+        self.0.load_f32(x)
+    }
+    #[inline(always)]
+    fn store(self, x: &mut [f32], v: L::S) {
+        self.0.store_f32(x, v);
+    }
+    #[inline(always)]
+    fn add(self, a: L::S, b: L::S) -> L::S {
+        self.0.add_f32(a, b)
+    }
+    #[inline(always)]
+    fn sub(self, a: L::S, b: L::S) -> L::S {
+        self.0.sub_f32(a, b)
+    }
+    #[inline(always)]
+    fn mul(self, a: L::S, b: L::S) -> L::S {
+        self.0.mul_f32(a, b)
+    }
+    #[inline(always)]
+    fn div(self, a: L::S, b: L::S) -> L::S {
+        self.0.div_f32(a, b)
+    }
+    #[inline(always)]
+    fn sqrt(self, a: L::S) -> L::S {
+        self.0.sqrt_f32(a)
+    }
+    #[inline(always)]
+    fn mul_add(self, a: L::S, b: L::S, c: L::S) -> L::S {
+        self.0.mul_add_f32(a, b, c)
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: L::S, b: L::S, c: L::S) -> L::S {
+        self.0.neg_mul_add_f32(a, b, c)
+    }
+    #[inline(always)]
+    fn select_greater(self, x: L::S, y: L::S, a: L::S, b: L::S) -> L::S {
+        self.0.select_greater_f32(x, y, a, b)
+    }
+    #[inline(always)]
+    fn min(self, a: L::S, b: L::S) -> L::S {
+        self.0.min_f32(a, b)
+    }
+    #[inline(always)]
+    fn gather(self, lines: &[[f32; 8]], index: &[u32]) -> [L::S; 8] {
+        let mut columns = [[0.0; MOST]; 8];
+        for k in 0..Self::WIDTH {
+            for c in 0..8 {
+                columns[c][k] = lines[index[k] as usize][c];
+            }
+        }
+        let mut out = [self.splat(0.0); 8];
+        for c in 0..8 {
+            out[c] = self.load(&columns[c]);
+        }
+        out
+    }
+    #[inline(always)]
+    fn scatter(self, lines: &mut [[f32; 8]], index: &[u32], columns: [L::S; 8]) {
+        for c in 0..8 {
+            let mut column = [0.0; MOST];
+            self.store(&mut column, columns[c]);
+            for k in 0..Self::WIDTH {
+                lines[index[k] as usize][c] = column[k];
+            }
+        }
+    }
+    #[inline(always)]
+    fn relative(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [L::S; 8] {
+        self.0.relative_f32(lines, a, b)
+    }
+    #[inline(always)]
+    fn push(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [L::S; 3], g: [L::S; 3]) {
+        self.0.push_f32(lines, a, b, f, g);
+    }
+    #[inline(always)]
+    fn relative_half(self, halves: &[ShortHalf], a: &[u32], b: &[u32]) -> [L::S; 4] {
+        self.0.relative_half_f32(halves, a, b)
+    }
+    #[inline(always)]
+    fn push_half(self, halves: &mut [ShortHalf], a: &[u32], b: &[u32], f: [L::S; 3]) {
+        self.0.push_half_f32(halves, a, b, f);
+    }
 }
 
 /// Two vectors side by side: while one waits for a quotient or a root, the other goes on.
 #[derive(Debug, Clone, Copy)]
 pub struct Twice<L>(pub L);
 
-impl<L: Lanes> Lanes for Twice<L> {
+impl<L: Lanes> Arithmetic for Twice<L> {
+    type T = f64;
     const WIDTH: usize = 2 * L::WIDTH;
     type V = [L::V; 2];
 
@@ -145,10 +328,6 @@ impl<L: Lanes> Lanes for Twice<L> {
         [self.0.min(a[0], b[0]), self.0.min(a[1], b[1])]
     }
     #[inline(always)]
-    fn mask_greater(self, x: Self::V, y: Self::V) -> u32 {
-        self.0.mask_greater(x[0], y[0]) | self.0.mask_greater(x[1], y[1]) << L::WIDTH
-    }
-    #[inline(always)]
     fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [Self::V; 8] {
         side_by_side(self.0.gather(lines, index), self.0.gather(lines, &index[L::WIDTH..]))
     }
@@ -179,6 +358,13 @@ impl<L: Lanes> Lanes for Twice<L> {
         let (w, [f0, f1]) = (L::WIDTH, apart(f));
         self.0.push_half(halves, a, b, f0);
         self.0.push_half(halves, &a[w..], &b[w..], f1);
+    }
+}
+
+impl<L: Lanes> Lanes for Twice<L> {
+    #[inline(always)]
+    fn mask_greater(self, x: Self::V, y: Self::V) -> u32 {
+        self.0.mask_greater(x[0], y[0]) | self.0.mask_greater(x[1], y[1]) << L::WIDTH
     }
 }
 
@@ -240,7 +426,8 @@ impl Width {
 #[derive(Debug, Clone, Copy)]
 pub struct Scalar;
 
-impl Lanes for Scalar {
+impl Arithmetic for Scalar {
+    type T = f64;
     const WIDTH: usize = 1;
     type V = f64;
 
@@ -297,10 +484,6 @@ impl Lanes for Scalar {
         if a < b { a } else { b }
     }
     #[inline(always)]
-    fn mask_greater(self, x: f64, y: f64) -> u32 {
-        u32::from(x > y)
-    }
-    #[inline(always)]
     fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [f64; 8] {
         lines[index[0] as usize]
     }
@@ -339,6 +522,13 @@ impl Lanes for Scalar {
     }
 }
 
+impl Lanes for Scalar {
+    #[inline(always)]
+    fn mask_greater(self, x: f64, y: f64) -> u32 {
+        u32::from(x > y)
+    }
+}
+
 impl Singles for Scalar {
     const WIDTH_F32: usize = 1;
     type S = f32;
@@ -368,12 +558,24 @@ impl Singles for Scalar {
         a * b
     }
     #[inline(always)]
+    fn div_f32(self, a: f32, b: f32) -> f32 {
+        a / b
+    }
+    #[inline(always)]
+    fn sqrt_f32(self, a: f32) -> f32 {
+        a.sqrt()
+    }
+    #[inline(always)]
     fn mul_add_f32(self, a: f32, b: f32, c: f32) -> f32 {
         a.mul_add(b, c)
     }
     #[inline(always)]
     fn neg_mul_add_f32(self, a: f32, b: f32, c: f32) -> f32 {
         (-a).mul_add(b, c)
+    }
+    #[inline(always)]
+    fn select_greater_f32(self, x: f32, y: f32, a: f32, b: f32) -> f32 {
+        if x > y { a } else { b }
     }
     #[inline(always)]
     fn min_f32(self, a: f32, b: f32) -> f32 {
@@ -383,22 +585,57 @@ impl Singles for Scalar {
     fn magic_f32(self, magic: u32, a: f32) -> f32 {
         f32::from_bits(magic.wrapping_sub(a.to_bits() >> 1))
     }
+    #[inline(always)]
+    fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [f32; 8] {
+        let (a, b) = (&lines[a[0] as usize].0, &lines[b[0] as usize].0);
+        [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7]]
+    }
+    #[inline(always)]
+    fn push_f32(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [f32; 3], g: [f32; 3]) {
+        for (line, sign) in [(a[0], 1.0), (b[0], -1.0)] {
+            let line = &mut lines[line as usize].0;
+            for k in 0..3 {
+                line[k] = (sign * f[k]).mul_add(line[3], line[k]);
+                line[4 + k] = g[k].mul_add(line[7], line[4 + k]);
+            }
+        }
+    }
+    #[inline(always)]
+    fn relative_half_f32(self, halves: &[ShortHalf], a: &[u32], b: &[u32]) -> [f32; 4] {
+        let (a, b) = (&halves[a[0] as usize].0, &halves[b[0] as usize].0);
+        [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3]]
+    }
+    #[inline(always)]
+    fn push_half_f32(self, halves: &mut [ShortHalf], a: &[u32], b: &[u32], f: [f32; 3]) {
+        for (half, sign) in [(a[0], 1.0), (b[0], -1.0)] {
+            let half = &mut halves[half as usize].0;
+            for k in 0..3 {
+                half[k] = (sign * f[k]).mul_add(half[3], half[k]);
+            }
+        }
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use std::arch::x86_64::{__m256, __m256d, __m256i, __m512, __m512d, __m512i};
+    use std::arch::x86_64::{__m128, __m256, __m256d, __m256i, __m512, __m512d, __m512i};
 
     use pulp::x86::{V3, V4};
     use pulp::{NullaryFnOnce, cast};
 
-    use super::{Half, Lanes, Line, Singles};
+    use super::{Arithmetic, Half, Lanes, Line, ShortHalf, ShortLine, Singles};
 
     /// Predicate of a comparison: greater than, ordered, quiet.
     const GREATER: i32 = 30;
 
     /// Factors of line b in [`Lanes::relative`].
     const SIGNS: [f64; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
+
+    const SIGNS_F32: [f32; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
+
+    /// Of two vectors of sixteen, the first half of quarters in turn, and the second, as pairs of numbers.
+    const FIRST_QUARTERS: [u64; 8] = [0, 1, 8, 9, 2, 3, 10, 11];
+    const LAST_QUARTERS: [u64; 8] = [4, 5, 12, 13, 6, 7, 14, 15];
 
     // No closures and no iterators below: they are functions of their own, which a compiler may leave
     // outside the instruction set that their caller is compiled for.
@@ -417,7 +654,8 @@ mod x86 {
     }
 
     /// Eight at a time, AVX-512.
-    impl Lanes for V4 {
+    impl Arithmetic for V4 {
+        type T = f64;
         const WIDTH: usize = 8;
         type V = __m512d;
 
@@ -474,10 +712,6 @@ mod x86 {
         #[inline(always)]
         fn min(self, a: __m512d, b: __m512d) -> __m512d {
             self.avx512f._mm512_min_pd(a, b)
-        }
-        #[inline(always)]
-        fn mask_greater(self, x: __m512d, y: __m512d) -> u32 {
-            u32::from(self.avx512f._mm512_cmp_pd_mask::<GREATER>(x, y))
         }
         #[inline(always)]
         fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [__m512d; 8] {
@@ -560,6 +794,13 @@ mod x86 {
         }
     }
 
+    impl Lanes for V4 {
+        #[inline(always)]
+        fn mask_greater(self, x: __m512d, y: __m512d) -> u32 {
+            u32::from(self.avx512f._mm512_cmp_pd_mask::<GREATER>(x, y))
+        }
+    }
+
     impl Singles for V4 {
         const WIDTH_F32: usize = 16;
         type S = __m512;
@@ -590,12 +831,25 @@ mod x86 {
             self.avx512f._mm512_mul_ps(a, b)
         }
         #[inline(always)]
+        fn div_f32(self, a: __m512, b: __m512) -> __m512 {
+            self.avx512f._mm512_div_ps(a, b)
+        }
+        #[inline(always)]
+        fn sqrt_f32(self, a: __m512) -> __m512 {
+            self.avx512f._mm512_sqrt_ps(a)
+        }
+        #[inline(always)]
         fn mul_add_f32(self, a: __m512, b: __m512, c: __m512) -> __m512 {
             self.avx512f._mm512_fmadd_ps(a, b, c)
         }
         #[inline(always)]
         fn neg_mul_add_f32(self, a: __m512, b: __m512, c: __m512) -> __m512 {
             self.avx512f._mm512_fnmadd_ps(a, b, c)
+        }
+        #[inline(always)]
+        fn select_greater_f32(self, x: __m512, y: __m512, a: __m512, b: __m512) -> __m512 {
+            let mask = self.avx512f._mm512_cmp_ps_mask::<GREATER>(x, y);
+            self.avx512f._mm512_mask_blend_ps(mask, b, a)
         }
         #[inline(always)]
         fn min_f32(self, a: __m512, b: __m512) -> __m512 {
@@ -606,6 +860,91 @@ mod x86 {
             let half: __m512i = self.avx512f._mm512_srli_epi32::<1>(cast(a));
             cast(self.avx512f._mm512_sub_epi32(self.avx512f._mm512_set1_epi32(magic as i32), half))
         }
+        #[inline(always)]
+        fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [__m512; 8] {
+            let avx = self.avx512f;
+            let signs: __m512 = cast([SIGNS_F32, SIGNS_F32]);
+            // Rows k and k + 4 side by side, so that quarters come out in order.
+            let mut r = [self.splat_f32(0.0); 8];
+            for (k, r) in r.iter_mut().enumerate() {
+                let row = k % 4 + 8 * (k / 4);
+                let of_a = cast([lines[a[row] as usize].0, lines[a[row + 4] as usize].0]);
+                let of_b = cast([lines[b[row] as usize].0, lines[b[row + 4] as usize].0]);
+                *r = self.mul_add_f32(of_b, signs, of_a);
+            }
+            let [c0, c1, c2, c3] = transpose_quarters(self, [r[0], r[1], r[2], r[3]]);
+            let [d0, d1, d2, d3] = transpose_quarters(self, [r[4], r[5], r[6], r[7]]);
+            [
+                avx._mm512_shuffle_f32x4::<0x88>(c0, d0),
+                avx._mm512_shuffle_f32x4::<0x88>(c1, d1),
+                avx._mm512_shuffle_f32x4::<0x88>(c2, d2),
+                avx._mm512_shuffle_f32x4::<0x88>(c3, d3),
+                avx._mm512_shuffle_f32x4::<0xdd>(c0, d0),
+                avx._mm512_shuffle_f32x4::<0xdd>(c1, d1),
+                avx._mm512_shuffle_f32x4::<0xdd>(c2, d2),
+                avx._mm512_shuffle_f32x4::<0xdd>(c3, d3),
+            ]
+        }
+        #[inline(always)]
+        fn push_f32(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [__m512; 3], g: [__m512; 3]) {
+            let avx = self.avx512f;
+            // Quarters of f and of g in turn: the first and second of both, the third and fourth.
+            let (first, last): (__m512i, __m512i) = (cast(FIRST_QUARTERS), cast(LAST_QUARTERS));
+            let zero = self.splat_f32(0.0);
+            let (mut low, mut high) = ([zero; 4], [zero; 4]);
+            for k in 0..3 {
+                low[k] = cast(avx._mm512_permutex2var_pd(cast(f[k]), first, cast(g[k])));
+                high[k] = cast(avx._mm512_permutex2var_pd(cast(f[k]), last, cast(g[k])));
+            }
+            let (low, high) = (transpose_quarters(self, low), transpose_quarters(self, high));
+            for (rows, from) in [(low, 0), (high, 8)] {
+                for (k, pair) in rows.into_iter().enumerate() {
+                    let pair: [__m256; 2] = cast(pair);
+                    for (row, k) in [(pair[0], from + k), (pair[1], from + k + 4)] {
+                        push_row(*self, lines, a[k] as usize, b[k] as usize, row);
+                    }
+                }
+            }
+        }
+        #[inline(always)]
+        fn relative_half_f32(self, halves: &[ShortHalf], a: &[u32], b: &[u32]) -> [__m512; 4] {
+            let signs: __m512 = cast([SIGNS_F32, SIGNS_F32]);
+            let signs = self.avx512f._mm512_shuffle_f32x4::<0>(signs, signs);
+            let mut r = [self.splat_f32(0.0); 4];
+            for k in 0..4 {
+                let mut of = [[[0.0; 4]; 4]; 2];
+                for q in 0..4 {
+                    of[0][q] = halves[a[4 * q + k] as usize].0;
+                    of[1][q] = halves[b[4 * q + k] as usize].0;
+                }
+                r[k] = self.mul_add_f32(cast(of[1]), signs, cast(of[0]));
+            }
+            transpose_quarters(self, r)
+        }
+        #[inline(always)]
+        fn push_half_f32(self, halves: &mut [ShortHalf], a: &[u32], b: &[u32], f: [__m512; 3]) {
+            let rows = transpose_quarters(self, [f[0], f[1], f[2], self.splat_f32(0.0)]);
+            for k in 0..4 {
+                let quarters: [__m128; 4] = cast(rows[k]);
+                for q in 0..4 {
+                    push_quarter(*self, halves, a[4 * q + k] as usize, b[4 * q + k] as usize, quarters[q]);
+                }
+            }
+        }
+    }
+
+    /// The 4 x 4 transpose in each quarter.
+    #[inline(always)]
+    fn transpose_quarters(simd: V4, [r0, r1, r2, r3]: [__m512; 4]) -> [__m512; 4] {
+        let avx = simd.avx512f;
+        let (t0, t1) = (cast(avx._mm512_unpacklo_ps(r0, r1)), cast(avx._mm512_unpackhi_ps(r0, r1)));
+        let (t2, t3) = (cast(avx._mm512_unpacklo_ps(r2, r3)), cast(avx._mm512_unpackhi_ps(r2, r3)));
+        [
+            cast(avx._mm512_unpacklo_pd(t0, t2)),
+            cast(avx._mm512_unpackhi_pd(t0, t2)),
+            cast(avx._mm512_unpacklo_pd(t1, t3)),
+            cast(avx._mm512_unpackhi_pd(t1, t3)),
+        ]
     }
 
     #[inline(always)]
@@ -636,7 +975,8 @@ mod x86 {
     }
 
     /// Four at a time, AVX2 and FMA.
-    impl Lanes for V3 {
+    impl Arithmetic for V3 {
+        type T = f64;
         const WIDTH: usize = 4;
         type V = __m256d;
 
@@ -693,11 +1033,6 @@ mod x86 {
         #[inline(always)]
         fn min(self, a: __m256d, b: __m256d) -> __m256d {
             self.avx._mm256_min_pd(a, b)
-        }
-        #[inline(always)]
-        fn mask_greater(self, x: __m256d, y: __m256d) -> u32 {
-            let mask = self.avx._mm256_cmp_pd::<GREATER>(x, y);
-            self.avx._mm256_movemask_pd(mask) as u32
         }
         #[inline(always)]
         fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [__m256d; 8] {
@@ -764,6 +1099,14 @@ mod x86 {
         }
     }
 
+    impl Lanes for V3 {
+        #[inline(always)]
+        fn mask_greater(self, x: __m256d, y: __m256d) -> u32 {
+            let mask = self.avx._mm256_cmp_pd::<GREATER>(x, y);
+            self.avx._mm256_movemask_pd(mask) as u32
+        }
+    }
+
     /// Adds p f to v of (v, p).
     #[inline(always)]
     fn add(simd: V3, half: &mut [f64], f: __m256d) {
@@ -806,12 +1149,25 @@ mod x86 {
             self.avx._mm256_mul_ps(a, b)
         }
         #[inline(always)]
+        fn div_f32(self, a: __m256, b: __m256) -> __m256 {
+            self.avx._mm256_div_ps(a, b)
+        }
+        #[inline(always)]
+        fn sqrt_f32(self, a: __m256) -> __m256 {
+            self.avx._mm256_sqrt_ps(a)
+        }
+        #[inline(always)]
         fn mul_add_f32(self, a: __m256, b: __m256, c: __m256) -> __m256 {
             self.fma._mm256_fmadd_ps(a, b, c)
         }
         #[inline(always)]
         fn neg_mul_add_f32(self, a: __m256, b: __m256, c: __m256) -> __m256 {
             self.fma._mm256_fnmadd_ps(a, b, c)
+        }
+        #[inline(always)]
+        fn select_greater_f32(self, x: __m256, y: __m256, a: __m256, b: __m256) -> __m256 {
+            let mask = self.avx._mm256_cmp_ps::<GREATER>(x, y);
+            self.avx._mm256_blendv_ps(b, a, mask)
         }
         #[inline(always)]
         fn min_f32(self, a: __m256, b: __m256) -> __m256 {
@@ -822,6 +1178,98 @@ mod x86 {
             let half: __m256i = self.avx2._mm256_srli_epi32::<1>(cast(a));
             cast(self.avx2._mm256_sub_epi32(self.avx._mm256_set1_epi32(magic as i32), half))
         }
+        #[inline(always)]
+        fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [__m256; 8] {
+            let signs: __m256 = cast(SIGNS_F32);
+            let mut r = [self.splat_f32(0.0); 8];
+            for k in 0..8 {
+                let (a, b) = (cast(lines[a[k] as usize].0), cast(lines[b[k] as usize].0));
+                r[k] = self.mul_add_f32(b, signs, a);
+            }
+            let [c0, c1, c2, c3] = transpose_halves(self, [r[0], r[1], r[2], r[3]]);
+            let [d0, d1, d2, d3] = transpose_halves(self, [r[4], r[5], r[6], r[7]]);
+            let avx = self.avx;
+            [
+                avx._mm256_permute2f128_ps::<0x20>(c0, d0),
+                avx._mm256_permute2f128_ps::<0x20>(c1, d1),
+                avx._mm256_permute2f128_ps::<0x20>(c2, d2),
+                avx._mm256_permute2f128_ps::<0x20>(c3, d3),
+                avx._mm256_permute2f128_ps::<0x31>(c0, d0),
+                avx._mm256_permute2f128_ps::<0x31>(c1, d1),
+                avx._mm256_permute2f128_ps::<0x31>(c2, d2),
+                avx._mm256_permute2f128_ps::<0x31>(c3, d3),
+            ]
+        }
+        #[inline(always)]
+        fn push_f32(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [__m256; 3], g: [__m256; 3]) {
+            let (avx, zero) = (self.avx, self.splat_f32(0.0));
+            let (mut low, mut high) = ([zero; 4], [zero; 4]);
+            for k in 0..3 {
+                low[k] = avx._mm256_permute2f128_ps::<0x20>(f[k], g[k]);
+                high[k] = avx._mm256_permute2f128_ps::<0x31>(f[k], g[k]);
+            }
+            let (low, high) = (transpose_halves(self, low), transpose_halves(self, high));
+            for k in 0..4 {
+                push_row(self, lines, a[k] as usize, b[k] as usize, low[k]);
+            }
+            for k in 0..4 {
+                push_row(self, lines, a[4 + k] as usize, b[4 + k] as usize, high[k]);
+            }
+        }
+        #[inline(always)]
+        fn relative_half_f32(self, halves: &[ShortHalf], a: &[u32], b: &[u32]) -> [__m256; 4] {
+            let signs: __m256 = cast(SIGNS_F32);
+            let signs = self.avx._mm256_permute2f128_ps::<0>(signs, signs);
+            let mut r = [self.splat_f32(0.0); 4];
+            for k in 0..4 {
+                let of_a = cast([halves[a[k] as usize].0, halves[a[k + 4] as usize].0]);
+                let of_b = cast([halves[b[k] as usize].0, halves[b[k + 4] as usize].0]);
+                r[k] = self.mul_add_f32(of_b, signs, of_a);
+            }
+            transpose_halves(self, r)
+        }
+        #[inline(always)]
+        fn push_half_f32(self, halves: &mut [ShortHalf], a: &[u32], b: &[u32], f: [__m256; 3]) {
+            let rows = transpose_halves(self, [f[0], f[1], f[2], self.splat_f32(0.0)]);
+            for k in 0..4 {
+                let pair: [__m128; 2] = cast(rows[k]);
+                push_quarter(self, halves, a[k] as usize, b[k] as usize, pair[0]);
+                push_quarter(self, halves, a[4 + k] as usize, b[4 + k] as usize, pair[1]);
+            }
+        }
+    }
+
+    /// The 4 x 4 transpose in each half.
+    #[inline(always)]
+    fn transpose_halves(simd: V3, [r0, r1, r2, r3]: [__m256; 4]) -> [__m256; 4] {
+        let avx = simd.avx;
+        let (t0, t1) = (cast(avx._mm256_unpacklo_ps(r0, r1)), cast(avx._mm256_unpackhi_ps(r0, r1)));
+        let (t2, t3) = (cast(avx._mm256_unpacklo_ps(r2, r3)), cast(avx._mm256_unpackhi_ps(r2, r3)));
+        [
+            cast(avx._mm256_unpacklo_pd(t0, t2)),
+            cast(avx._mm256_unpackhi_pd(t0, t2)),
+            cast(avx._mm256_unpacklo_pd(t1, t3)),
+            cast(avx._mm256_unpackhi_pd(t1, t3)),
+        ]
+    }
+
+    /// [`Arithmetic::push`] of one pair, f and g side by side.
+    #[inline(always)]
+    fn push_row(simd: V3, lines: &mut [ShortLine], a: usize, b: usize, row: __m256) {
+        let line: __m256 = cast(lines[a].0);
+        lines[a].0 = cast(simd.mul_add_f32(simd.avx._mm256_permute_ps::<0xff>(line), row, line));
+        let line: __m256 = cast(lines[b].0);
+        let row = simd.mul_f32(row, cast(SIGNS_F32));
+        lines[b].0 = cast(simd.mul_add_f32(simd.avx._mm256_permute_ps::<0xff>(line), row, line));
+    }
+
+    /// [`Arithmetic::push_half`] of one pair.
+    #[inline(always)]
+    fn push_quarter(simd: V3, halves: &mut [ShortHalf], a: usize, b: usize, f: __m128) {
+        let half: __m128 = cast(halves[a].0);
+        halves[a].0 = cast(simd.fma._mm_fmadd_ps(simd.avx._mm_permute_ps::<0xff>(half), f, half));
+        let half: __m128 = cast(halves[b].0);
+        halves[b].0 = cast(simd.fma._mm_fnmadd_ps(simd.avx._mm_permute_ps::<0xff>(half), f, half));
     }
 
     #[inline(always)]
@@ -921,10 +1369,55 @@ mod tests {
         assert_eq!(got, expected);
     }
 
+    /// The same for bodies in single precision.
+    fn agrees_on_short_bodies<L: Singles>(lanes: L) {
+        struct Op<'a, L> {
+            l: L,
+            lines: &'a mut [ShortLine],
+            halves: &'a mut [ShortHalf],
+        }
+        impl<L: Arithmetic<T = f32>> NullaryFnOnce for Op<'_, L> {
+            type Output = ();
+            #[inline(always)]
+            fn call(self) {
+                let Op { l, lines, halves } = self;
+                let index = [3, 0, 5, 7, 1, 8, 2, 6, 30, 31, 22, 25, 29, 20, 33, 21];
+                let other = [18, 4, 9, 10, 12, 11, 17, 13, 19, 34, 23, 28, 24, 26, 32, 27];
+                for from in (0..16).step_by(L::WIDTH) {
+                    let (a, b) = (&index[from..from + L::WIDTH], &other[from..from + L::WIDTH]);
+                    let c = l.relative(lines, a, b);
+                    let q = l.div(l.mul_add(c[0], c[1], c[2]), l.sqrt(l.mul(c[3], c[3])));
+                    let q = l.select_greater(q, l.splat(0.3), q, l.sub(c[5], l.min(q, c[4])));
+                    l.push(lines, a, b, [q, c[1], c[2]], [c[4], q, c[6]]);
+                    let [x, y, z, p] = l.relative_half(halves, a, b);
+                    l.push_half(halves, b, a, [z, l.mul(x, p), y]);
+                    let mut rows: Vec<[f32; 8]> = lines.iter().map(|line| line.0).collect();
+                    let moved = l.gather(&rows, a);
+                    l.scatter(&mut rows, b, moved);
+                    let c = l.gather(&rows, b);
+                    l.push(lines, b, a, [c[0], c[1], c[2]], [c[3], c[4], c[7]]);
+                }
+            }
+        }
+        let number = |i: usize| ((i as f64 * 0.7).sin() + 0.01) as f32;
+        let line = |i: usize| ShortLine(std::array::from_fn(|k| number(8 * i + k)));
+        let half = |i: usize| ShortHalf(std::array::from_fn(|k| number(4 * i + k)));
+        let sample = || ((0..35).map(line).collect::<Vec<_>>(), (0..35).map(half).collect::<Vec<_>>());
+        let (mut expected, mut got) = (sample(), sample());
+        let scalar = Single(Scalar);
+        scalar.run(Op { l: scalar, lines: &mut expected.0, halves: &mut expected.1 });
+        let wide = Single(lanes);
+        wide.run(Op { l: wide, lines: &mut got.0, halves: &mut got.1 });
+        assert_eq!(got, expected);
+        assert_ne!(got, sample());
+    }
+
     #[test]
     fn all_widths_give_the_same_bits() {
         #[cfg(target_arch = "x86_64")]
         {
+            pulp::x86::V3::try_new().into_iter().for_each(agrees_on_short_bodies);
+            pulp::x86::V4::try_new().into_iter().for_each(agrees_on_short_bodies);
             pulp::x86::V3::try_new().into_iter().for_each(agrees_f32);
             pulp::x86::V4::try_new().into_iter().for_each(agrees_f32);
         }

@@ -269,6 +269,11 @@ pub fn without_effect(scene: &Scene) -> Vec<String> {
         ("gravity_moved", of_gravity && gravity_moved != default.gravity_moved, "self_gravity"),
         ("gravity_quadrupole", of_gravity && gravity_quadrupole, "self_gravity"),
         ("narrow_phase", !scene.is_general() && scene.options.narrow_phase.is_some(), "polyhedra"),
+        (
+            "sweep_precision",
+            (!sweeps || scene.needs_blocks()) && scene.options.sweep_precision != default.sweep_precision,
+            "spheres alone, and solver auto or nlgs",
+        ),
         ("check_every", !sweeps && scene.options.check_every.is_some(), "solver auto or nlgs"),
     ];
     let of_option =

@@ -6,10 +6,11 @@
 //! swept after both its sides. So the sides can be swept side by side, what is swept together lies
 //! together, and the result does not depend on how many threads there are.
 
+use bytemuck::Pod;
 use rayon::prelude::*;
 
 use crate::assemble::{Record, System};
-use crate::math::lanes::{Half, Line};
+use crate::math::lanes::{Half, Line, Number, ShortHalf, ShortLine};
 use crate::math::{MANY, Vec3, group};
 use crate::solve::nlgs::Reactions;
 use crate::solve::rolling::Rolls;
@@ -26,13 +27,13 @@ const COLOURS: usize = 64;
 /// What is constant of sixteen contacts. Unused places have no normal and no friction, and stay at rest.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-pub struct Batch {
-    pub n: [[f64; BATCH]; 3],
+pub struct Batch<T> {
+    pub n: [[T; BATCH]; 3],
     /// Along n, m/s.
-    pub shift: [f64; BATCH],
+    pub shift: [T; BATCH],
     /// See [`crate::assemble::Row`].
-    pub arm: [f64; BATCH],
-    pub friction: [f64; BATCH],
+    pub arm: [T; BATCH],
+    pub friction: [T; BATCH],
     /// Lines of candidate and antagonist, counted from the first of the block.
     pub bodies: [[u32; BATCH]; 2],
 }
@@ -42,49 +43,45 @@ pub const NONE: u32 = u32::MAX;
 /// A vector of each of sixteen contacts.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
-pub struct Column3(pub [[f64; BATCH]; 3]);
+pub struct Column3<T>(pub [[T; BATCH]; 3]);
 
 /// Sums over the contacts of a sweep, by place in the batch so that no width changes their order.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Sums {
-    pub uphill: [f64; BATCH],
-    pub change2: [f64; BATCH],
+pub struct Sums<T = f64> {
+    pub uphill: [T; BATCH],
+    pub change2: [T; BATCH],
 }
 
-impl Sums {
-    pub fn add(&mut self, other: &Sums) {
+impl<T: Number> Sums<T> {
+    pub fn add(&mut self, other: &Self) {
         for lane in 0..BATCH {
-            self.uphill[lane] += other.uphill[lane];
-            self.change2[lane] += other.change2[lane];
+            self.uphill[lane] = self.uphill[lane] + other.uphill[lane];
+            self.change2[lane] = self.change2[lane] + other.change2[lane];
         }
     }
 
-    /// Whether the last change points against the momentum: sum of w_n (y - r).(r - r_before) > 0.
-    pub fn is_uphill(&self) -> bool {
-        self.uphill.iter().sum::<f64>() > 0.0
-    }
-
-    /// Norm of all r - y, N s.
-    pub fn change(&self) -> f64 {
-        self.change2.iter().sum::<f64>().sqrt()
+    /// Whether sum of w_n (y - r).(r - r_before) > 0, and the norm of all r - y.
+    pub fn seen(&self) -> (bool, f64) {
+        let sum = |x: &[T; BATCH]| x.iter().map(|x| x.wide()).sum::<f64>();
+        (sum(&self.uphill) > 0.0, sum(&self.change2).sqrt())
     }
 }
 
 /// Contacts that are swept in this order: those inside a range of bodies, or between two groups of ranges.
 #[derive(Debug, Clone, Default)]
-pub struct Block {
+pub struct Block<T> {
     /// Number of lines: of a range its moving bodies, then those that do not move, one for each contact with them, then
     /// one for unused places; of two groups all that they have.
     pub lines: usize,
-    pub batches: Vec<Batch>,
+    pub batches: Vec<Batch<T>>,
     /// Where the batches of each colour end.
     pub colours: Vec<usize>,
     /// r̂ of the last sweep and of the one before, N s. World vectors; where nothing has friction the first component
     /// is r̂_n and the others are not used.
-    pub r: Vec<Column3>,
-    pub previous: Vec<Column3>,
+    pub r: Vec<Column3<T>>,
+    pub previous: Vec<Column3<T>>,
     /// Shift in the tangent plane, m/s; empty where there is none.
-    pub drift: Vec<Column3>,
+    pub drift: Vec<Column3<T>>,
     /// Empty where no contact of the scene has moments, as the next.
     pub rolls: Vec<Rolls>,
     /// 1/radius of candidate and antagonist, 1/m; 0 of a plate, whose turning is in the shift.
@@ -92,24 +89,69 @@ pub struct Block {
     /// Row of the system, or [`NONE`].
     pub rows: Vec<[u32; BATCH]>,
     /// Sums of the last sweep.
-    pub sums: Sums,
+    pub sums: Sums<T>,
+}
+
+/// Units of the numbers that are swept.
+///
+/// In single precision they are powers of two near the largest there are, so that squares neither overflow nor vanish,
+/// and that nothing is rounded by them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Units {
+    /// m/s
+    pub velocity: f64,
+    /// N s
+    pub impulse: f64,
+}
+
+impl Units {
+    const SI: Units = Units { velocity: 1.0, impulse: 1.0 };
+
+    /// Those of the rows `active`, which start from `reactions` and the velocities that they lead to.
+    fn of(system: &System, active: &[u32], reactions: &Reactions, records: &[Record]) -> Units {
+        let of_row = |&k: &u32| {
+            let row = &system.rows[k as usize];
+            (row.w_n, row.velocity(records).norm() + row.w_n * reactions.impulses[k as usize].norm())
+        };
+        let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
+        let (w, u) = active.par_iter().with_min_len(MANY).map(of_row).reduce(|| (0.0, 0.0), largest);
+        let velocity = power_of_two(u);
+        Units { velocity, impulse: velocity / power_of_two(w) }
+    }
+
+    /// kg
+    fn mass(&self) -> f64 {
+        self.impulse / self.velocity
+    }
+}
+
+/// The largest power of two that is not above `x`; 1 where there is none.
+fn power_of_two(x: f64) -> f64 {
+    let power = f64::from_bits(x.to_bits() & f64::INFINITY.to_bits());
+    if power.is_normal() { power } else { 1.0 }
 }
 
 /// What the sweeps keep of a body.
-pub trait Body: Copy + Send + Sync {
+pub trait Body: Pod + Send + Sync {
+    type T: Number;
     const FRICTION: bool;
+    /// Whether its velocity is what the sweeps have changed of it, and each contact knows the one that it starts from:
+    /// in single precision nothing is left of small changes of large velocities.
+    const CHANGES: bool;
     /// The body of unused places: nothing acts on it, and nothing is divided by zero.
     const UNUSED: Self;
 
-    fn new(record: &Record) -> Self;
+    fn new(record: &Record, units: &Units) -> Self;
 }
 
 /// Velocity, 1/mass, R x angular velocity, R^2/inertia.
 impl Body for Line {
+    type T = f64;
     const FRICTION: bool = true;
+    const CHANGES: bool = false;
     const UNUSED: Self = Line([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
 
-    fn new(&Record { v, inverse_mass, w, inverse_inertia, radius }: &Record) -> Self {
+    fn new(&Record { v, inverse_mass, w, inverse_inertia, radius }: &Record, _: &Units) -> Self {
         let w = w * radius;
         Line([v.x, v.y, v.z, inverse_mass, w.x, w.y, w.z, radius * radius * inverse_inertia])
     }
@@ -117,38 +159,68 @@ impl Body for Line {
 
 /// Velocity and 1/mass: spheres without friction do not turn.
 impl Body for Half {
+    type T = f64;
     const FRICTION: bool = false;
+    const CHANGES: bool = false;
     const UNUSED: Self = Half([0.0, 0.0, 0.0, 1.0]);
 
-    fn new(record: &Record) -> Self {
+    fn new(record: &Record, _: &Units) -> Self {
         let Record { v, inverse_mass, .. } = record;
         Half([v.x, v.y, v.z, *inverse_mass])
     }
 }
 
+/// The same as [`Line`], of changes.
+impl Body for ShortLine {
+    type T = f32;
+    const FRICTION: bool = true;
+    const CHANGES: bool = true;
+    const UNUSED: Self = ShortLine([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+
+    fn new(&Record { inverse_mass, inverse_inertia, radius, .. }: &Record, units: &Units) -> Self {
+        let mass = units.mass();
+        let (p, q) = ((inverse_mass * mass) as f32, (radius * radius * inverse_inertia * mass) as f32);
+        ShortLine([0.0, 0.0, 0.0, p, 0.0, 0.0, 0.0, q])
+    }
+}
+
+/// The same as [`Half`], of changes.
+impl Body for ShortHalf {
+    type T = f32;
+    const FRICTION: bool = false;
+    const CHANGES: bool = true;
+    const UNUSED: Self = ShortHalf([0.0, 0.0, 0.0, 1.0]);
+
+    fn new(record: &Record, units: &Units) -> Self {
+        ShortHalf([0.0, 0.0, 0.0, (record.inverse_mass * units.mass()) as f32])
+    }
+}
+
 /// The contact problem of a step as the sweeps see it.
-pub struct Problem<B> {
+pub struct Problem<B: Body> {
+    pub units: Units,
     /// Every touched body, range by range.
     pub lines: Vec<B>,
     /// Those of the sweep before.
     pub previous: Vec<B>,
     /// The tree in order: the block of a range, the joint to the next, the block of the next, ...
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<Block<B::T>>,
 }
 
 impl<B: Body> Problem<B> {
     /// The problem of the rows `active`, starting from `reactions` and from the velocities that they lead to.
     pub fn new(system: &System, active: &[u32], reactions: &Reactions, records: &[Record]) -> Self {
         let layout = Layout::new(system, active);
-        let of_body = |&body: &u32| B::new(&records[body as usize]);
+        let units = if B::CHANGES { Units::of(system, active, reactions, records) } else { Units::SI };
+        let of_body = |&body: &u32| B::new(&records[body as usize], &units);
         let moving: Vec<B> = layout.bodies.par_iter().with_min_len(MANY).map(of_body).collect();
         let mut lines = vec![B::UNUSED; layout.starts[layout.starts.len() - 1] as usize];
         for (range, &start) in layout.cuts.windows(2).zip(&layout.starts) {
             let moving = &moving[range[0] as usize..range[1] as usize];
             lines[start as usize..start as usize + moving.len()].copy_from_slice(moving);
         }
-        let fill = Fill { system, active, reactions, records };
-        let blocks: Vec<(Block, Vec<B>)> =
+        let fill = Fill { system, active, reactions, records, units };
+        let blocks: Vec<(Block<B::T>, Vec<B>)> =
             (0..layout.blocks.len() - 1).into_par_iter().map(|b| layout.block(b, &fill)).collect();
         let blocks = blocks.into_iter().enumerate().map(|(b, (block, fixed))| {
             let end = layout.starts[b / 2 + 1] as usize - 1;
@@ -156,20 +228,23 @@ impl<B: Body> Problem<B> {
             block
         });
         let blocks = blocks.collect();
-        Problem { previous: lines.clone(), lines, blocks }
+        Problem { units, previous: lines.clone(), lines, blocks }
     }
 
     /// Puts the impulses and moments of the rows swept into `reactions`.
-    pub fn read_back(&self, reactions: &mut Reactions) {
+    pub fn read_back(&self, system: &System, reactions: &mut Reactions) {
         let Reactions { impulses, moments } = reactions;
+        let unit = self.units.impulse;
         for block in &self.blocks {
             block.rolls.iter().for_each(|rolls| rolls.read_back(moments));
-            for ((batch, r), rows) in block.batches.iter().zip(&block.r).zip(&block.rows) {
+            for (r, rows) in block.r.iter().zip(&block.rows) {
                 for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
-                    impulses[row as usize] = if B::FRICTION {
-                        Vec3::new(r.0[0][lane], r.0[1][lane], r.0[2][lane])
-                    } else {
-                        Vec3::new(batch.n[0][lane], batch.n[1][lane], batch.n[2][lane]) * r.0[0][lane]
+                    let of = &system.rows[row as usize];
+                    let r = r.0.map(|column| column[lane].wide() * unit);
+                    impulses[row as usize] = match (B::FRICTION, B::CHANGES) {
+                        (false, _) => of.normal * r[0],
+                        (true, false) => r.into(),
+                        (true, true) => of.on_cone(&r.into()),
                     };
                 }
             }
@@ -183,6 +258,7 @@ struct Fill<'a> {
     active: &'a [u32],
     reactions: &'a Reactions,
     records: &'a [Record],
+    units: Units,
 }
 
 /// Which contacts and bodies lie where.
@@ -256,17 +332,18 @@ impl Layout {
     }
 
     /// A block, and the lines of the bodies in it that do not move.
-    fn block<B: Body>(&self, block: usize, from: &Fill) -> (Block, Vec<B>) {
+    fn block<B: Body>(&self, block: usize, from: &Fill) -> (Block<B::T>, Vec<B>) {
         let (first, last) = span(block);
         let start = self.starts[first];
         let lines = self.starts[last + 1] - start;
         let places = &self.order[self.blocks[block] as usize..self.blocks[block + 1] as usize];
         let (mut rows, colours) = colour(places, &self.pairs, self.cuts[first], self.cuts[last + 1]);
+        let zero = B::T::default();
         let empty = Batch {
-            n: [[0.0; BATCH]; 3],
-            shift: [0.0; BATCH],
-            arm: [0.0; BATCH],
-            friction: [0.0; BATCH],
+            n: [[zero; BATCH]; 3],
+            shift: [zero; BATCH],
+            arm: [zero; BATCH],
+            friction: [zero; BATCH],
             bodies: [[lines - 1; BATCH]; 2],
         };
         let mut batches = vec![empty; rows.len()];
@@ -284,8 +361,8 @@ impl Layout {
                 let row = &from.system.rows[k as usize];
                 let n = row.normal;
                 put(&mut batch.n, lane, &n);
-                batch.arm[lane] = row.arm;
-                batch.friction[lane] = row.friction;
+                batch.arm[lane] = B::T::of(row.arm);
+                batch.friction[lane] = B::T::of(row.friction);
                 for side in 0..2 {
                     let rank = self.pairs[place][side];
                     if rank != NONE {
@@ -296,13 +373,16 @@ impl Layout {
                     let sign = if side == 0 { 1.0 } else { -1.0 };
                     let record = &from.records[row.bodies[side] as usize];
                     batch.bodies[side][lane] = first_fixed + fixed.len() as u32;
-                    fixed.push(B::new(&Record { v: record.v + row.shift * sign, ..*record }));
+                    fixed.push(B::new(&Record { v: record.v + row.shift * sign, ..*record }, &from.units));
                 }
-                if self.pairs[place].iter().all(|rank| *rank != NONE) {
-                    batch.shift[lane] = n.dot(&row.shift);
-                    let rest = row.shift - n * batch.shift[lane];
+                let moves = self.pairs[place].iter().all(|rank| *rank != NONE);
+                if B::CHANGES || moves {
+                    let shift = if B::CHANGES { row.velocity(from.records) / from.units.velocity } else { row.shift };
+                    let along = n.dot(&shift);
+                    batch.shift[lane] = B::T::of(along);
+                    let rest = shift - n * along;
                     // More than rounding.
-                    if rest.norm_squared() > 1e-30 * row.shift.norm_squared() {
+                    if B::FRICTION && rest.norm_squared() > 1e-30 * shift.norm_squared() {
                         drift.resize(colours[colours.len() - 1], Column3::default());
                         put(&mut drift[i].0, lane, &rest);
                     }
@@ -316,9 +396,9 @@ impl Layout {
                 }
                 let impulse = &from.reactions.impulses[k as usize];
                 if B::FRICTION {
-                    put(&mut r.0, lane, impulse);
+                    put(&mut r.0, lane, &(impulse / from.units.impulse));
                 } else {
-                    r.0[0][lane] = n.dot(impulse);
+                    r.0[0][lane] = B::T::of(n.dot(impulse) / from.units.impulse);
                 }
             }
         }
@@ -329,10 +409,10 @@ impl Layout {
     }
 }
 
-pub(super) fn put(columns: &mut [[f64; BATCH]; 3], lane: usize, v: &Vec3) {
-    columns[0][lane] = v.x;
-    columns[1][lane] = v.y;
-    columns[2][lane] = v.z;
+pub(super) fn put<T: Number>(columns: &mut [[T; BATCH]; 3], lane: usize, v: &Vec3) {
+    columns[0][lane] = T::of(v.x);
+    columns[1][lane] = T::of(v.y);
+    columns[2][lane] = T::of(v.z);
 }
 
 /// The block of contacts between two ranges: of the one, or of the joint above both.

@@ -1,19 +1,19 @@
 //! One contact, exactly, with every other impulse frozen.
 
-use crate::math::lanes::Lanes;
+use crate::math::lanes::Arithmetic;
 
 /// Three components.
 pub type Triple<V> = [V; 3];
 
 /// a . b
 #[inline(always)]
-pub fn dot<L: Lanes>(l: L, a: Triple<L::V>, b: Triple<L::V>) -> L::V {
+pub fn dot<L: Arithmetic>(l: L, a: Triple<L::V>, b: Triple<L::V>) -> L::V {
     l.mul_add(a[0], b[0], l.mul_add(a[1], b[1], l.mul(a[2], b[2])))
 }
 
 /// a x b + c
 #[inline(always)]
-pub fn cross_add<L: Lanes>(l: L, a: Triple<L::V>, b: Triple<L::V>, c: Triple<L::V>) -> Triple<L::V> {
+pub fn cross_add<L: Arithmetic>(l: L, a: Triple<L::V>, b: Triple<L::V>, c: Triple<L::V>) -> Triple<L::V> {
     [
         l.mul_add(a[1], b[2], l.neg_mul_add(a[2], b[1], c[0])),
         l.mul_add(a[2], b[0], l.neg_mul_add(a[0], b[2], c[1])),
@@ -23,7 +23,7 @@ pub fn cross_add<L: Lanes>(l: L, a: Triple<L::V>, b: Triple<L::V>, c: Triple<L::
 
 /// a x b
 #[inline(always)]
-pub fn cross<L: Lanes>(l: L, a: Triple<L::V>, b: Triple<L::V>) -> Triple<L::V> {
+pub fn cross<L: Arithmetic>(l: L, a: Triple<L::V>, b: Triple<L::V>) -> Triple<L::V> {
     [
         l.neg_mul_add(a[2], b[1], l.mul(a[1], b[2])),
         l.neg_mul_add(a[0], b[2], l.mul(a[2], b[0])),
@@ -74,7 +74,7 @@ pub(super) use triple;
 /// assert_eq!(r, [0.0, -2.0, 4.0]);
 /// ```
 #[inline(always)]
-pub fn signorini_coulomb<L: Lanes>(
+pub fn signorini_coulomb<L: Arithmetic>(
     l: L,
     n: Triple<L::V>,
     u: Triple<L::V>,
@@ -89,7 +89,7 @@ pub fn signorini_coulomb<L: Lanes>(
 /// The first half of [`signorini_coulomb`]: the normal part cut at 0, and the tangential part that would stop the
 /// contact. `u_n` is n.u, and `shift` adds to it.
 #[inline(always)]
-pub fn stopping<L: Lanes>(
+pub fn stopping<L: Arithmetic>(
     l: L,
     n: Triple<L::V>,
     u: Triple<L::V>,
@@ -108,7 +108,7 @@ pub fn stopping<L: Lanes>(
 
 /// max(0, r_n - û_n/w_n)
 #[inline(always)]
-pub fn signorini<L: Lanes>(l: L, u_n: L::V, r_n: L::V, w_n: L::V) -> L::V {
+pub fn signorini<L: Arithmetic>(l: L, u_n: L::V, r_n: L::V, w_n: L::V) -> L::V {
     let zero = l.splat(0.0);
     let stopping = l.sub(r_n, l.div(u_n, w_n));
     l.select_greater(stopping, zero, stopping, zero)
@@ -116,7 +116,7 @@ pub fn signorini<L: Lanes>(l: L, u_n: L::V, r_n: L::V, w_n: L::V) -> L::V {
 
 /// The second half: the tangential part projected on the disc of radius mu r̂_n.
 #[inline(always)]
-pub fn coulomb<L: Lanes>(
+pub fn coulomb<L: Arithmetic>(
     l: L,
     n: Triple<L::V>,
     normal: L::V,
@@ -129,7 +129,7 @@ pub fn coulomb<L: Lanes>(
 
 /// The nearest point to `v` of the ball of radius `bound` >= 0.
 #[inline(always)]
-pub fn within<L: Lanes>(l: L, v: Triple<L::V>, bound: L::V) -> Triple<L::V> {
+pub fn within<L: Arithmetic>(l: L, v: Triple<L::V>, bound: L::V) -> Triple<L::V> {
     let size2 = dot(l, v, v);
     // bound/size, as a root and a quotient that do not wait for each other.
     let ratio = l.mul(l.div(bound, size2), l.sqrt(size2));

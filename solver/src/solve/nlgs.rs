@@ -8,6 +8,7 @@
 //! (1983) 372-376; B. O'Donoghue, E. Candes, Found. Comput. Math. 15 (2015) 715-732 (restart);
 //! H. Mazhar et al., ACM Trans. Graph. 34 (2015) (in contact dynamics).
 
+use cd_formats::compute::SweepPrecision;
 use rayon::prelude::*;
 
 use crate::assemble::{Record, System};
@@ -27,6 +28,15 @@ pub(super) const ROUND: u64 = 1000;
 /// Sweeps run in circles where they change as much, one by one, in a window as in the one before it under the same cap. The
 /// first two are of so many, the next half as long as all before: where the change falls slowly, short ones see its noise alone.
 const WINDOW: u64 = 16;
+
+/// Sweeps in single precision pay from so many contacts on, and reach residuals of 1e-5 and less: no smaller one than this is
+/// sought with them.
+const MANY_CONTACTS: usize = 4096;
+const SINGLE_REACHES: f64 = 1e-4;
+/// As rounding adds up they begin afresh from what they have found after so many, in double precision if that was no gain.
+const AFRESH: u64 = 500;
+/// Masses may differ by so much, that squares of impulses are numbers.
+const SPREAD: f64 = 1e9;
 
 /// What contacts give, world frame, on the candidate.
 #[derive(Debug, Clone)]
@@ -63,6 +73,8 @@ pub struct Solution {
     pub moments: Vec<Vec3>,
     pub records: Vec<Record>,
     pub sweeps: u64,
+    /// Whether the last of them began in single precision.
+    pub single: bool,
     /// E of [`crate::solve::residual`].
     pub residual: f64,
     pub converged: bool,
@@ -89,12 +101,13 @@ pub struct Until {
     /// Sweeps from one look at E to the next, the first after as many, as LMGC90's blocks; without it, when the changes
     /// that sweeps make suggest it.
     pub check_every: Option<u64>,
+    pub precision: SweepPrecision,
 }
 
 impl Until {
     /// To E <= `tol`, or `max_sweeps`.
     pub fn new(tol: f64, max_sweeps: u64) -> Self {
-        Until { tol, aim: tol, max_sweeps, check_every: None }
+        Until { tol, aim: tol, max_sweeps, check_every: None, precision: SweepPrecision::Auto }
     }
 }
 
@@ -110,7 +123,8 @@ pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
     let mut sweeps = 0;
     loop {
         let judge = Judge::new(system, &active, width);
-        let (residual, motions) = sweep_until(system, &judge, &active, &mut reactions, until, &mut sweeps);
+        let single = in_single(system, &active, until);
+        let (residual, motions) = sweep_until(system, &judge, &active, &mut reactions, until, single, &mut sweeps);
         let records = judge.records(&motions);
         let missed = closing_outside(system, &active, &records);
         if missed.is_empty() || sweeps >= max_sweeps {
@@ -120,6 +134,7 @@ pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
                 moments,
                 records,
                 sweeps,
+                single: single && sweeps > 0,
                 residual: residual.value,
                 converged: residual.value <= tol && missed.is_empty(),
                 worst: residual.worst.or(missed.first().copied()),
@@ -134,16 +149,17 @@ pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
     }
 }
 
-/// Sweeps the rows `active`, counting on in `sweeps`; returns what is left, and the motions that the impulses lead to.
+/// Sweeps the rows `active`, in single precision as long as that gains, counting on in `sweeps`; returns what is left, and the motions that the impulses lead to.
 fn sweep_until(
     system: &System,
     judge: &Judge,
     active: &[u32],
     reactions: &mut Reactions,
     until: Until,
+    mut single: bool,
     sweeps: &mut u64,
 ) -> (Residual, Vec<Motion>) {
-    let Until { tol, aim, max_sweeps, check_every } = until;
+    let Until { tol, aim, max_sweeps, check_every, .. } = until;
     let judged = |Reactions { impulses, moments }: &Reactions| {
         let motions = judge.motions_with(impulses, moments);
         (judge.residual_with(impulses, moments, &motions), motions)
@@ -155,7 +171,8 @@ fn sweep_until(
     }
     let end_of = |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + ROUND) } else { max_sweeps };
     let mut end = end_of(best.0.value, *sweeps);
-    let mut problem = Laid::new(system, active, reactions, &judge.records(&best.1));
+    let mut problem = Laid::new(system, active, reactions, &judge.records(&best.1), single);
+    let mut laid = (*sweeps, best.0.value);
     let turns = !system.rolls.is_empty();
     let frictional = system.resists(active);
     let mut momentum = Momentum::new(frictional);
@@ -166,23 +183,29 @@ fn sweep_until(
     let mut scale = None;
     let mut patience = 0;
     loop {
-        let sums = problem.sweep(judge.width, momentum.beta);
-        momentum.after(sums.is_uphill(), sums.change());
+        let swept = problem.sweep(judge.width, momentum.beta);
+        momentum.after(swept.uphill, swept.change);
         *sweeps += 1;
         patience += 1;
         let due = match check_every {
             Some(block) => patience >= block,
-            None => scale.is_none_or(|scale| sums.change() <= scale * aim) || patience > 20 + *sweeps / 10,
+            None => scale.is_none_or(|scale| swept.change <= scale * aim) || patience > 20 + *sweeps / 10,
         };
         if due || *sweeps >= end {
-            problem.read_back(&mut trial);
+            problem.read_back(system, &mut trial);
             let found = judged(&trial);
             let residual = found.0;
             momentum.sliding = frictional && (turns || slides(system, active, &trial.impulses));
             capped |= momentum.sliding || frictional && residual.value >= best.0.value;
             momentum.frictional = capped;
-            scale = Some(sums.change() / residual.value);
+            scale = Some(swept.change / residual.value);
             patience = 0;
+            if single && *sweeps >= laid.0 + AFRESH {
+                let least = residual.value.min(best.0.value);
+                single = least < laid.1;
+                problem = Laid::new(system, active, &trial, &judge.records(&found.1), single);
+                laid = (*sweeps, least);
+            }
             if residual.value < best.0.value {
                 best = found;
                 std::mem::swap(reactions, &mut trial);
@@ -192,6 +215,21 @@ fn sweep_until(
                 return best;
             }
         }
+    }
+}
+
+/// Whether the rows `active` are swept in single precision: spheres and plates alone, of masses that do not differ too much,
+/// without moments.
+fn in_single(system: &System, active: &[u32], until: Until) -> bool {
+    let asked = match until.precision {
+        SweepPrecision::Auto => active.len() >= MANY_CONTACTS && until.aim >= SINGLE_REACHES,
+        SweepPrecision::Single => true,
+        SweepPrecision::Double => false,
+    };
+    asked && system.full.is_none() && system.rolls.is_empty() && {
+        let of_rows = active.iter().map(|&k| system.rows[k as usize].w_n);
+        let (least, most) = of_rows.fold((f64::INFINITY, 0.0f64), |(least, most), w| (least.min(w), most.max(w)));
+        most <= least * SPREAD
     }
 }
 
@@ -288,6 +326,7 @@ pub(super) fn closing_outside(system: &System, active: &[u32], records: &[Record
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::assemble::{Full, Row};
 
     /// The momentum of each of so many sweeps, whose changes are these.
     fn carried(frictional: bool, sweeps: u64, change: impl Fn(u64) -> f64) -> Vec<f64> {
@@ -298,6 +337,26 @@ mod tests {
                 momentum.beta
             })
             .collect()
+    }
+
+    #[test]
+    fn single_precision_is_for_many_contacts_of_spheres() {
+        let row = Row { w_n: 1.0, can_close: true, ..Row::default() };
+        let rows = vec![row; MANY_CONTACTS];
+        let system = System { rows, full: None, rolls: vec![], order: vec![], records: vec![] };
+        let all: Vec<u32> = (0..MANY_CONTACTS as u32).collect();
+        let [auto, single, double] = [SweepPrecision::Auto, SweepPrecision::Single, SweepPrecision::Double]
+            .map(|precision| Until { precision, ..Until::new(1e-3, 10) });
+        assert!(in_single(&system, &all, auto) && !in_single(&system, &all, double));
+        assert!(!in_single(&system, &all[1..], auto) && in_single(&system, &all[1..], single));
+        assert!(!in_single(&system, &all, Until { aim: 1e-5, ..auto }));
+        let mut uneven = system.clone();
+        uneven.rows[7].w_n = 1e10;
+        assert!(!in_single(&uneven, &all, single));
+        uneven.rows[7].w_n = 0.0; // of two bodies whose motion is imposed
+        assert!(!in_single(&uneven, &all, single));
+        let full = Full { arms: vec![], held: vec![], inverse_inertia: vec![] };
+        assert!(!in_single(&System { full: Some(full), ..system }, &all, single));
     }
 
     #[test]

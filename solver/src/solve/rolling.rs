@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use crate::assemble::System;
 use crate::math::Vec3;
-use crate::math::lanes::Lanes;
+use crate::math::lanes::Arithmetic;
 use crate::solve::batches::{BATCH, NONE, put};
 use crate::solve::local::{Triple, dot, triple, within};
 
@@ -69,7 +69,7 @@ impl Rolls {
     /// `n`: normals, `pressing`: r̂_n, N s, `w`: angular velocity of the candidate against the antagonist with y at work,
     /// rad/s.
     #[inline(always)]
-    pub fn solve<L: Lanes>(
+    pub fn solve<L: Arithmetic<T = f64>>(
         &mut self,
         l: L,
         places: Range<usize>,
@@ -95,13 +95,19 @@ impl Rolls {
 }
 
 #[inline(always)]
-fn load3<L: Lanes>(l: L, columns: &[[f64; BATCH]; 3], places: &Range<usize>) -> Triple<L::V> {
+fn load3<L: Arithmetic<T = f64>>(l: L, columns: &[[f64; BATCH]; 3], places: &Range<usize>) -> Triple<L::V> {
     triple!(k => l.load(&columns[k][places.clone()]))
 }
 
 /// The nearest moment to `m` whose part along `n` is at most `spinning`, and that across at most `rolling`.
 #[inline(always)]
-fn bounded<L: Lanes>(l: L, n: Triple<L::V>, m: Triple<L::V>, rolling: L::V, spinning: L::V) -> Triple<L::V> {
+fn bounded<L: Arithmetic<T = f64>>(
+    l: L,
+    n: Triple<L::V>,
+    m: Triple<L::V>,
+    rolling: L::V,
+    spinning: L::V,
+) -> Triple<L::V> {
     let along = dot(l, n, m);
     let across = within(l, triple!(k => l.neg_mul_add(n[k], along, m[k])), rolling);
     let least = l.sub(l.splat(0.0), spinning);

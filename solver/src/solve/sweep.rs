@@ -1,9 +1,9 @@
 //! One Gauss-Seidel sweep over the batches, with momentum.
 
-use bytemuck::{Pod, cast_slice, cast_slice_mut};
+use bytemuck::{cast_slice, cast_slice_mut};
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Half, Lanes, Line, Width};
+use crate::math::lanes::{Arithmetic, Half, Line, Number, ShortHalf, ShortLine, Single, Width};
 use crate::solve::batches::{BATCH, Batch, Block, Body, Column3, Problem, Sums};
 use crate::solve::local::{Triple, coulomb, cross, cross_add, dot, signorini, stopping, triple};
 use crate::solve::rolling::Rolls;
@@ -15,7 +15,7 @@ const CHUNK: usize = 8;
 const CACHES: usize = 24 << 20;
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
-pub fn sweep<B: Swept>(problem: &mut Problem<B>, width: Width, beta: f64) -> Sums {
+pub fn sweep<B: Swept<T = f64>>(problem: &mut Problem<B>, width: Width, beta: f64) -> Sums<f64> {
     match width {
         Width::One(lanes) => sweep_with(problem, lanes, beta),
         #[cfg(target_arch = "x86_64")]
@@ -25,10 +25,21 @@ pub fn sweep<B: Swept>(problem: &mut Problem<B>, width: Width, beta: f64) -> Sum
     }
 }
 
-fn sweep_with<L: Lanes, B: Swept>(problem: &mut Problem<B>, lanes: L, beta: f64) -> Sums {
-    let Problem { lines, previous, blocks } = problem;
+/// The same in single precision.
+pub fn sweep_single<B: Swept<T = f32>>(problem: &mut Problem<B>, width: Width, beta: f64) -> Sums<f32> {
+    match width {
+        Width::One(lanes) => sweep_with(problem, Single(lanes), beta),
+        #[cfg(target_arch = "x86_64")]
+        Width::Four(simd) => sweep_with(problem, Single(simd), beta),
+        #[cfg(target_arch = "x86_64")]
+        Width::Eight(simd) => sweep_with(problem, Single(simd), beta),
+    }
+}
+
+fn sweep_with<L: Arithmetic, B: Swept<T = L::T>>(problem: &mut Problem<B>, lanes: L, beta: f64) -> Sums<L::T> {
+    let Problem { lines, previous, blocks, .. } = problem;
     let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
-    let far = batches * size_of::<(Batch, [Column3; 2])>() > CACHES;
+    let far = batches * size_of::<(Batch<L::T>, [Column3<L::T>; 2])>() > CACHES;
     std::mem::swap(lines, previous);
     Sweep { lanes, beta, far }.subtree(blocks, lines, previous);
     let mut sums = Sums::default();
@@ -44,9 +55,9 @@ struct Sweep<L> {
     far: bool,
 }
 
-impl<L: Lanes> Sweep<L> {
+impl<L: Arithmetic> Sweep<L> {
     /// Both sides of a joint side by side, then the joint.
-    fn subtree<B: Swept>(self, blocks: &mut [Block], lines: &mut [B], previous: &[B]) {
+    fn subtree<B: Swept<T = L::T>>(self, blocks: &mut [Block<L::T>], lines: &mut [B], previous: &[B]) {
         let half = blocks.len() / 2;
         let (left, rest) = blocks.split_at_mut(half);
         let Some((block, right)) = rest.split_first_mut() else { return };
@@ -70,15 +81,16 @@ impl<L: Lanes> Sweep<L> {
 }
 
 /// Reads a block before it is swept: memory is faster when it need not wait for arithmetic.
-fn fetch(block: &Block) {
+fn fetch<T: Number>(block: &Block<T>) {
     let mut seen = 0;
     for batch in &block.batches {
         let Batch { n: [x, y, z], shift, arm, friction, bodies } = batch;
         let columns = [x, y, z, shift, arm, friction];
-        seen = columns.into_iter().fold(seen ^ u64::from(bodies[0][0]), |seen, column| seen ^ column[0].to_bits());
+        seen =
+            columns.into_iter().fold(seen ^ u64::from(bodies[0][0]), |seen, column| seen ^ column[0].wide().to_bits());
     }
     for column in block.r.iter().chain(&block.previous).flat_map(|r| &r.0) {
-        seen ^= column[0].to_bits();
+        seen ^= column[0].wide().to_bits();
     }
     std::hint::black_box(seen);
 }
@@ -92,21 +104,21 @@ struct CarryOn<'a, L, B> {
     beta: f64,
 }
 
-impl<L: Lanes, B: Swept> NullaryFnOnce for CarryOn<'_, L, B> {
+impl<L: Arithmetic, B: Swept<T = L::T>> NullaryFnOnce for CarryOn<'_, L, B> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
         let l = self.lanes;
         let beta = l.splat(self.beta);
         // Masses do not change, so they stay.
-        let mut lines = cast_slice_mut(self.lines).chunks_exact_mut(L::WIDTH);
-        let mut previous = cast_slice(self.previous).chunks_exact(L::WIDTH);
+        let mut lines = cast_slice_mut::<B, L::T>(self.lines).chunks_exact_mut(L::WIDTH);
+        let mut previous = cast_slice::<B, L::T>(self.previous).chunks_exact(L::WIDTH);
         for (line, previous) in (&mut lines).zip(&mut previous) {
             let (before, now) = (l.load(line), l.load(previous));
             l.store(line, l.mul_add(beta, l.sub(now, before), now));
         }
         for (line, now) in lines.into_remainder().iter_mut().zip(previous.remainder()) {
-            *line = self.beta.mul_add(now - *line, *now);
+            *line = L::T::of(self.beta).fused(*now - *line, *now);
         }
     }
 }
@@ -130,14 +142,14 @@ macro_rules! pair {
     };
 }
 
-struct SweepBlock<'a, L, B> {
+struct SweepBlock<'a, L, B: Body> {
     lanes: L,
     lines: &'a mut [B],
-    block: &'a mut Block,
+    block: &'a mut Block<B::T>,
     beta: f64,
 }
 
-impl<L: Lanes, B: Swept> NullaryFnOnce for SweepBlock<'_, L, B> {
+impl<L: Arithmetic, B: Swept<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -177,11 +189,11 @@ impl<L: Lanes, B: Swept> NullaryFnOnce for SweepBlock<'_, L, B> {
 }
 
 /// Batches that go through the stages together.
-pub struct Chunk<'a> {
-    batches: &'a [Batch],
-    r: &'a [Column3],
-    previous: &'a mut [Column3],
-    drift: &'a [Column3],
+pub struct Chunk<'a, T> {
+    batches: &'a [Batch<T>],
+    r: &'a [Column3<T>],
+    previous: &'a mut [Column3<T>],
+    drift: &'a [Column3<T>],
     rolls: &'a mut [Rolls],
     curvatures: &'a [[[f64; BATCH]; 2]],
     beta: f64,
@@ -194,23 +206,25 @@ pub struct Between<V> {
 }
 
 /// Bodies that can be swept.
-pub trait Swept: Body + Pod {
+pub trait Swept: Body {
     /// Closes the contacts of the vector from place `from` on of each batch: their impulses, and the changes to be given
     /// to the bodies.
-    fn close<L: Lanes>(
+    fn close<L: Arithmetic<T = Self::T>>(
         l: L,
         lines: &[Self],
-        chunk: &mut Chunk,
+        chunk: &mut Chunk<Self::T>,
         from: usize,
         between: &mut Between<L::V>,
-        sums: &mut Sums,
+        sums: &mut Sums<Self::T>,
     );
 
     /// Gives a change to the bodies `a` and takes it from `b`.
-    fn push<L: Lanes>(l: L, lines: &mut [Self], a: &[u32], b: &[u32], change: &Change<L::V>);
+    fn push<L: Arithmetic<T = Self::T>>(l: L, lines: &mut [Self], a: &[u32], b: &[u32], change: &Change<L::V>);
 
-    /// Gives the bodies the moments of these contacts that follow from their new impulses.
-    fn resist<L: Lanes>(l: L, lines: &mut [Self], chunk: &mut Chunk, from: usize);
+    /// Gives the bodies the moments of these contacts that follow from their new impulses. Where something resists
+    /// rolling, bodies are whole lines in double precision.
+    #[inline(always)]
+    fn resist<L: Arithmetic<T = Self::T>>(_: L, _: &mut [Self], _: &mut Chunk<Self::T>, _: usize) {}
 }
 
 /// What would stop the contacts of a vector, N s.
@@ -232,27 +246,66 @@ pub struct Change<V> {
     turn: Triple<V>,
 }
 
+macro_rules! with_friction {
+    () => {
+        #[inline(always)]
+        fn close<L: Arithmetic<T = Self::T>>(
+            l: L,
+            lines: &[Self],
+            chunk: &mut Chunk<Self::T>,
+            from: usize,
+            between: &mut Between<L::V>,
+            sums: &mut Sums<Self::T>,
+        ) {
+            try_each(l, lines, chunk, from, &mut between.trials);
+            close_each(l, chunk, from, between, sums);
+        }
+
+        #[inline(always)]
+        fn push<L: Arithmetic<T = Self::T>>(l: L, lines: &mut [Self], a: &[u32], b: &[u32], change: &Change<L::V>) {
+            l.push(lines, a, b, change.impulse, change.turn);
+        }
+    };
+}
+
+macro_rules! without_friction {
+    () => {
+        #[inline(always)]
+        fn close<L: Arithmetic<T = Self::T>>(
+            l: L,
+            halves: &[Self],
+            chunk: &mut Chunk<Self::T>,
+            from: usize,
+            between: &mut Between<L::V>,
+            sums: &mut Sums<Self::T>,
+        ) {
+            close_normals(l, halves, chunk, from, &mut between.changes, sums);
+        }
+
+        #[inline(always)]
+        fn push<L: Arithmetic<T = Self::T>>(l: L, halves: &mut [Self], a: &[u32], b: &[u32], change: &Change<L::V>) {
+            l.push_half(halves, a, b, change.impulse);
+        }
+    };
+}
+
+impl Swept for ShortLine {
+    with_friction!();
+}
+
+impl Swept for Half {
+    without_friction!();
+}
+
+impl Swept for ShortHalf {
+    without_friction!();
+}
+
 impl Swept for Line {
-    #[inline(always)]
-    fn close<L: Lanes>(
-        l: L,
-        lines: &[Line],
-        chunk: &mut Chunk,
-        from: usize,
-        between: &mut Between<L::V>,
-        sums: &mut Sums,
-    ) {
-        try_each(l, lines, chunk, from, &mut between.trials);
-        close_each(l, chunk, from, between, sums);
-    }
+    with_friction!();
 
     #[inline(always)]
-    fn push<L: Lanes>(l: L, lines: &mut [Line], a: &[u32], b: &[u32], change: &Change<L::V>) {
-        l.push(lines, a, b, change.impulse, change.turn);
-    }
-
-    #[inline(always)]
-    fn resist<L: Lanes>(l: L, lines: &mut [Line], chunk: &mut Chunk, from: usize) {
+    fn resist<L: Arithmetic<T = f64>>(l: L, lines: &mut [Line], chunk: &mut Chunk<f64>, from: usize) {
         let Chunk { batches, previous, rolls, curvatures, beta, .. } = chunk;
         let (lines, beta) = (cast_slice_mut(lines), l.splat(*beta));
         // The new impulses are where those of the sweep before were.
@@ -277,7 +330,13 @@ impl Swept for Line {
 }
 
 #[inline(always)]
-fn try_each<L: Lanes>(l: L, lines: &[Line], chunk: &Chunk, from: usize, trials: &mut [Trial<L::V>; CHUNK]) {
+fn try_each<L: Arithmetic>(
+    l: L,
+    lines: &[<L::T as Number>::Line],
+    chunk: &Chunk<L::T>,
+    from: usize,
+    trials: &mut [Trial<L::V>; CHUNK],
+) {
     let beta = l.splat(chunk.beta);
     let columns = chunk.batches.iter().zip(chunk.r).zip(&*chunk.previous).zip(trials);
     for (i, (((batch, r), previous), trial)) in columns.enumerate() {
@@ -304,7 +363,13 @@ fn try_each<L: Lanes>(l: L, lines: &[Line], chunk: &Chunk, from: usize, trials: 
 }
 
 #[inline(always)]
-fn close_each<L: Lanes>(l: L, chunk: &mut Chunk, from: usize, between: &mut Between<L::V>, sums: &mut Sums) {
+fn close_each<L: Arithmetic>(
+    l: L,
+    chunk: &mut Chunk<L::T>,
+    from: usize,
+    between: &mut Between<L::V>,
+    sums: &mut Sums<L::T>,
+) {
     let Chunk { batches, r, previous, .. } = chunk;
     let Between { trials, changes } = between;
     let mut uphill = load!(l, from, sums.uphill);
@@ -331,44 +396,33 @@ fn close_each<L: Lanes>(l: L, chunk: &mut Chunk, from: usize, between: &mut Betw
 }
 
 /// One unknown a contact, r̂_n, kept as the first component; spheres do not turn.
-impl Swept for Half {
-    #[inline(always)]
-    fn close<L: Lanes>(
-        l: L,
-        lines: &[Half],
-        chunk: &mut Chunk,
-        from: usize,
-        between: &mut Between<L::V>,
-        sums: &mut Sums,
-    ) {
-        let Chunk { batches, r, previous, beta, .. } = chunk;
-        let beta = l.splat(*beta);
-        let mut uphill = load!(l, from, sums.uphill);
-        let mut change2 = load!(l, from, sums.change2);
-        for (((batch, r), previous), out) in batches.iter().zip(*r).zip(&mut **previous).zip(&mut between.changes) {
-            let (a, b) = pair!(from, batch);
-            let [dx, dy, dz, w_n] = l.relative_half(lines, a, b);
-            let n = load3!(l, from, batch.n);
-            let r = load!(l, from, r.0[0]);
-            let y = l.mul_add(beta, l.sub(r, load!(l, from, previous.0[0])), r);
-            let u_n = l.add(dot(l, n, [dx, dy, dz]), load!(l, from, batch.shift));
-            let new = signorini(l, u_n, y, w_n);
-            let change = l.sub(new, y);
-            out.impulse = triple!(k => l.mul(n[k], change));
-            l.store(&mut previous.0[0][from..], new);
-            uphill = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), uphill);
-            change2 = l.mul_add(change, change, change2);
-        }
-        l.store(&mut sums.uphill[from..], uphill);
-        l.store(&mut sums.change2[from..], change2);
+#[inline(always)]
+fn close_normals<L: Arithmetic>(
+    l: L,
+    halves: &[<L::T as Number>::Half],
+    chunk: &mut Chunk<L::T>,
+    from: usize,
+    changes: &mut [Change<L::V>; CHUNK],
+    sums: &mut Sums<L::T>,
+) {
+    let Chunk { batches, r, previous, beta, .. } = chunk;
+    let beta = l.splat(*beta);
+    let mut uphill = load!(l, from, sums.uphill);
+    let mut change2 = load!(l, from, sums.change2);
+    for (((batch, r), previous), out) in batches.iter().zip(*r).zip(&mut **previous).zip(changes) {
+        let (a, b) = pair!(from, batch);
+        let [dx, dy, dz, w_n] = l.relative_half(halves, a, b);
+        let n = load3!(l, from, batch.n);
+        let r = load!(l, from, r.0[0]);
+        let y = l.mul_add(beta, l.sub(r, load!(l, from, previous.0[0])), r);
+        let u_n = l.add(dot(l, n, [dx, dy, dz]), load!(l, from, batch.shift));
+        let new = signorini(l, u_n, y, w_n);
+        let change = l.sub(new, y);
+        out.impulse = triple!(k => l.mul(n[k], change));
+        l.store(&mut previous.0[0][from..], new);
+        uphill = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), uphill);
+        change2 = l.mul_add(change, change, change2);
     }
-
-    #[inline(always)]
-    fn push<L: Lanes>(l: L, halves: &mut [Half], a: &[u32], b: &[u32], change: &Change<L::V>) {
-        l.push_half(halves, a, b, change.impulse);
-    }
-
-    /// Where something resists rolling, bodies are whole lines.
-    #[inline(always)]
-    fn resist<L: Lanes>(_: L, _: &mut [Half], _: &mut Chunk, _: usize) {}
+    l.store(&mut sums.uphill[from..], uphill);
+    l.store(&mut sums.change2[from..], change2);
 }

@@ -1,6 +1,6 @@
 //! The state as a snapshot.
 
-use cd_formats::compute::Adaptive;
+use cd_formats::compute::{Adaptive, SweepPrecision};
 use cd_formats::snapshot::{
     BodyArrays, ContactArrays, FORMAT, GravityArrays, LawName, MemoryArrays, Meta, Parameters, SHAPE_PARTS,
     SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
@@ -42,6 +42,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
             tol: options.tol(),
             penetration_tol: options.penetration_tol(),
             solver: options.solver,
+            sweep_precision: Some(options.sweep_precision).filter(|precision| *precision != SweepPrecision::Auto),
             max_sweeps: options.max_sweeps(),
             alert: options.alert,
             self_gravity: options.self_gravity,

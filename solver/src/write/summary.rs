@@ -30,6 +30,8 @@ pub struct Course {
     /// Most bonds that held at a time.
     pub bonds: usize,
     pub taken_over: u64,
+    /// Steps that were swept in single precision.
+    pub single: u64,
     pub given_up: u64,
     pub threads: usize,
     pub wall: Duration,
@@ -90,7 +92,9 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
     if scene.bonds() {
         line("bonds", format!("{} hold, {} at most in this run", state.bonds(), course.bonds));
     }
-    line("sweeps per step", format!("{:.1}", course.sweeps as f64 / course.steps.max(1) as f64));
+    let single =
+        if course.single > 0 { format!(", in single precision in {} steps", course.single) } else { String::new() };
+    line("sweeps per step", format!("{:.1}{single}", course.sweeps as f64 / course.steps.max(1) as f64));
     let last = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
     line("unconverged steps", format!("{} now, {} in all{last}", course.unconverged, ledger.steps_unconverged));
     if course.taken_over > 0 {

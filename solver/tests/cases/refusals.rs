@@ -388,7 +388,7 @@ fn options_in_the_file() {
         (
             "(\n    dt: 1e-3,\n    speed: 3.0,\n)",
             "3:5: options: Unexpected field named `speed` in `Compute`, expected one of `dt`, `steps`, `end_time`, \
-             `theta`, `accuracy`, `adaptive`, `tol`, `penetration_tol`, `solver`, `max_sweeps`, `check_every`, `lmgc90_norms`, `alert`, `narrow_phase`, `xperiode`, `yperiode`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
+             `theta`, `accuracy`, `adaptive`, `tol`, `penetration_tol`, `solver`, `max_sweeps`, `check_every`, `sweep_precision`, `lmgc90_norms`, `alert`, `narrow_phase`, `xperiode`, `yperiode`, `self_gravity`, `gravity`, `gravity_constant`, `gravity_error`, \
              `gravity_order`, `gravity_opening`, `gravity_refresh`, `gravity_moved`, `gravity_quadrupole`, `sphere_orientation`, `fields`, `quench`, `output_every`, `threads`, `text`, or `events` instead; expected RON as described in docs/files.md",
         ),
         ("(\n    theta: \"a\",\n)", "2:11: options: Expected float; expected RON as described in docs/files.md"),
