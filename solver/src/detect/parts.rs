@@ -10,6 +10,7 @@ use crate::geometry::{
     polyhedron_polyhedron, polyhedron_sphere,
 };
 use crate::integrate::Configuration;
+use crate::math::lanes::Width;
 use crate::math::{Quat, Vec3, group};
 use crate::scene::{Geometry, Part, Scene, See};
 use crate::state::{Contact, PairMemory};
@@ -77,33 +78,33 @@ pub fn contacts(
         NarrowPhase::Fast => Narrow::Fast,
         NarrowPhase::Accurate => Narrow::Accurate,
     };
-    let found: Vec<Listed> = pairs
-        .par_chunks(CHUNK)
-        .zip(memory.par_chunks_mut(CHUNK))
-        .map(|(pairs, memories)| {
+    let width = Width::detect();
+    let found: Vec<Listed> = memory
+        .par_chunks_mut(CHUNK)
+        .enumerate()
+        .map(|(chunk, memories)| {
             let mut listed = Listed { contacts: Vec::with_capacity(2 * CHUNK), ends: Vec::with_capacity(CHUNK) };
-            let mut near = Near([u32::MAX; 64]);
-            for (pairs, memories) in pairs.chunks(AHEAD).zip(memories.chunks_mut(AHEAD)) {
-                std::hint::black_box(near.read(pairs, &places));
-                for ((parts, see), memory) in pairs.iter().zip(memories) {
-                    let [a, b] = parts.map(|k| &places[k as usize]);
-                    let radius = 1.0 / (a.curvature + b.curvature);
-                    let law = &scene.laws[see.law as usize];
-                    let alert = law.range(radius).max(see.alert).max(a.travel + b.travel);
-                    let range = Range { alert, area: law.range_of_stress(radius) };
-                    let image = scene.image(&a.centre, &b.centre);
-                    let c = b.centre + image - a.centre;
-                    let mut list = |found: &Manifold| list(a, b, image, found, range, see.law, &mut listed.contacts);
-                    touch(a, b, &c, range, narrow, memory, &mut list);
-                    listed.ends.push(listed.contacts.len());
-                }
+            let mut ahead = Ahead { pairs: &pairs, places: &places, width, near: [u32::MAX; NEAR] };
+            for (k, memory) in (chunk * CHUNK..).zip(memories) {
+                ahead.fetch(k);
+                let (parts, see) = &pairs[k];
+                let [a, b] = parts.map(|k| &places[k as usize]);
+                let radius = 1.0 / (a.curvature + b.curvature);
+                let law = &scene.laws[see.law as usize];
+                let alert = law.range(radius).max(see.alert).max(a.travel + b.travel);
+                let range = Range { alert, area: law.range_of_stress(radius) };
+                let image = scene.image(&a.centre, &b.centre);
+                let c = b.centre + image - a.centre;
+                let mut list = |found: &Manifold| list(a, b, image, found, range, see.law, &mut listed.contacts);
+                touch(a, b, &c, range, narrow, memory, &mut list);
+                listed.ends.push(listed.contacts.len());
             }
             listed
         })
         .collect();
     let kept = |&k: &u32| PairMemory { parts: pairs[k as usize].0, memory: memory[k as usize] };
     let kept = order.iter().filter(|k| memory[**k as usize] != Memory::default()).map(kept).collect();
-    (sorted(&found, &order), kept)
+    (sorted(&found, &order, width), kept)
 }
 
 /// What a task has found.
@@ -114,12 +115,18 @@ struct Listed {
 }
 
 /// The contacts of pairs in this order, which is that of their keys but for bodies of several parts.
-fn sorted(found: &[Listed], order: &[u32]) -> Vec<Contact> {
-    let mut contacts = Vec::with_capacity(found.iter().map(|listed| listed.contacts.len()).sum());
-    for &k in order {
+fn sorted(found: &[Listed], order: &[u32], width: Width) -> Vec<Contact> {
+    let of_pair = |k: u32| {
         let (listed, k) = (&found[k as usize / CHUNK], k as usize % CHUNK);
         let start = if k == 0 { 0 } else { listed.ends[k - 1] };
-        contacts.extend_from_slice(&listed.contacts[start..listed.ends[k]]);
+        &listed.contacts[start..listed.ends[k]]
+    };
+    let mut contacts = Vec::with_capacity(found.iter().map(|listed| listed.contacts.len()).sum());
+    for (place, &k) in order.iter().enumerate() {
+        if let Some(&later) = order.get(place + AHEAD) {
+            width.fetch(of_pair(later));
+        }
+        contacts.extend_from_slice(of_pair(k));
     }
     for of_one in contacts.chunk_by_mut(|a, b| a.candidate == b.candidate) {
         if !of_one.is_sorted_by_key(Contact::key) {
@@ -129,31 +136,43 @@ fn sorted(found: &[Listed], order: &[u32]) -> Vec<Contact> {
     contacts
 }
 
-/// Pairs that are read ahead together: what they ask for stays in the nearest cache until their turn.
+/// So many pairs before its turn what a pair reads is asked for: a few microseconds, and less than the nearest cache holds.
 const AHEAD: usize = 8;
 
-/// Parts that have been read of late, each at its number's place.
-struct Near([u32; 64]);
+/// Asks for what pairs will read: of many bodies it comes from far memory in every step, while other pairs are worked on.
+struct Ahead<'a> {
+    pairs: &'a [([u32; 2], See)],
+    places: &'a [Place<'a>],
+    width: Width,
+    /// Parts that have been asked for of late, each at its number's place.
+    near: [u32; NEAR],
+}
 
-impl Near {
-    /// Reads the other parts of these pairs, see [`Posed::read`].
-    fn read(&mut self, pairs: &[([u32; 2], See)], places: &[Place]) -> u64 {
-        let mut all = 0;
-        for part in pairs.iter().flat_map(|(parts, _)| *parts) {
-            let place = &mut self.0[part as usize % 64];
-            if *place != part
-                && let Shape::Polyhedron(posed) = &places[part as usize].shape
+/// As many shapes as the second cache holds, about.
+const NEAR: usize = 256;
+
+impl Ahead<'_> {
+    /// Asks for what pairs behind number `k` will read: first for where their parts are, then for the shapes.
+    #[inline(always)]
+    fn fetch(&mut self, k: usize) {
+        if let Some((parts, _)) = self.pairs.get(k + 2 * AHEAD) {
+            parts.iter().for_each(|&part| self.width.fetch(&self.places[part as usize]));
+        }
+        let Some((parts, _)) = self.pairs.get(k + AHEAD) else { return };
+        for &part in parts {
+            let last = &mut self.near[part as usize % NEAR];
+            if *last != part
+                && let Shape::Polyhedron(posed) = &self.places[part as usize].shape
             {
-                *place = part;
-                all ^= posed.read();
+                *last = part;
+                posed.fetch(self.width);
             }
         }
-        all
     }
 }
 
 /// Pairs that one task looks at.
-const CHUNK: usize = 64;
+const CHUNK: usize = 128;
 
 fn place<'a>(scene: &Scene, part: &'a Part, q_c: &Configuration, travel: &[f64], h: f64) -> Place<'a> {
     let i = part.body as usize;

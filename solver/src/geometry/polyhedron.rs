@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use nalgebra::Matrix3;
 
 use super::draft::Draft;
+use crate::math::lanes::Width;
 use crate::math::{Quat, Vec3};
 
 /// Columns are as long as the next multiple of this, so that all widths of vectors fit.
@@ -190,7 +191,7 @@ impl Polyhedron {
 
     /// The same turned by `q`, body to world.
     pub fn posed(&self, q: &Quat) -> Posed<'_> {
-        Posed { shape: self, turn: q.to_rotation_matrix().into_inner() }
+        Posed { shape: self, lines: &self.hot.lines, turn: q.to_rotation_matrix().into_inner() }
     }
 
     /// Corners in the body's frame, m.
@@ -271,6 +272,8 @@ impl Polyhedron {
 #[derive(Debug, Clone, Copy)]
 pub struct Posed<'a> {
     pub(super) shape: &'a Polyhedron,
+    /// The shape's [`Hot`], to be asked for without reading the shape.
+    lines: &'a [Line],
     /// Body to world.
     pub(super) turn: Matrix3<f64>,
 }
@@ -286,10 +289,11 @@ impl Posed<'_> {
         self.turned(&self.shape.planes()[face.into() as usize].normal)
     }
 
-    /// Reads what [`super::polyhedron_polyhedron`] will ask for. Done for several pairs before their contacts are looked for,
-    /// the waits for memory overlap, which one after the other take longer than the arithmetic. The number means nothing.
-    pub fn read(&self) -> u64 {
-        self.shape.hot.lines.iter().fold(self.turn.m11.to_bits() ^ self.turn.m33.to_bits(), |all, line| all ^ line.0[0])
+    /// Asks for what [`super::polyhedron_polyhedron`] will read.
+    #[inline(always)]
+    pub fn fetch(&self, width: Width) {
+        width.fetch(self.shape);
+        width.fetch(self.lines);
     }
 
     /// A vector of the shape's frame in the world's. Written out, so that it is the same to the bit wherever it is inlined.

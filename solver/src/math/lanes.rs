@@ -420,6 +420,29 @@ impl Width {
         }
         all
     }
+
+    /// Asks for what `x` occupies, so that it is in the nearest cache when it is read: the wait for far memory passes with
+    /// other work.
+    #[inline(always)]
+    pub fn fetch<T: ?Sized>(self, x: &T) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            let sse = match self {
+                Width::One(_) => return,
+                Width::Four(l) => l.sse,
+                Width::Eight(l) => l.sse,
+            };
+            let (start, size) = (std::ptr::from_ref(x).cast::<i8>(), size_of_val(x));
+            let ask = |byte: usize| sse._mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(start.wrapping_add(byte));
+            (0..size).step_by(size_of::<Line>()).for_each(ask);
+            // What does not begin with a line may end in one more.
+            if align_of_val(x) < align_of::<Line>() {
+                ask(size.saturating_sub(1));
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = x;
+    }
 }
 
 /// One at a time: any machine.
