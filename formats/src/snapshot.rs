@@ -47,6 +47,8 @@ pub struct Snapshot {
     pub gravity: Option<GravityArrays>,
     /// Only in scenes with other bodies than spheres and plates.
     pub shapes: Option<Shapes>,
+    /// What contacts have done since the snapshot before.
+    pub interval: Option<IntervalArrays>,
 }
 
 /// What bodies of any shape need besides.
@@ -69,6 +71,9 @@ pub struct Meta {
     pub time: f64,
     /// Length of the last step, s; before the first, that of the first.
     pub h: f64,
+    /// Time of the snapshot before or of the start, from which the arrays of the interval count, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interval_start: Option<f64>,
     pub parameters: Parameters,
     /// Names that `body_colour`, `body_material`, `contact_law` are indices of.
     pub colours: Vec<String>,
@@ -234,6 +239,7 @@ impl Default for Meta {
             step: 0,
             time: 0.0,
             h: 0.0,
+            interval_start: None,
             parameters: Parameters::default(),
             colours: Vec::new(),
             materials: Vec::new(),
@@ -422,6 +428,16 @@ arrays! {
     }
 }
 
+arrays! {
+    /// One row a pair of bodies of which a contact has carried force in a step since the snapshot before.
+    IntervalArrays {
+        /// Rows of the two bodies in the body arrays, the candidate first
+        interval_body: [u32; 2],
+        /// Sum of impulses times branches r.l, J s; of a pair with a driven body l ends at the point of contact
+        interval_virial: f64,
+    }
+}
+
 impl Shapes {
     /// Puts the rows of another behind these.
     pub fn append(&mut self, other: Self) {
@@ -554,6 +570,7 @@ impl Snapshot {
             self.memory.as_ref().map_or(Ok(()), |memory| memory.write(&mut archive))?;
             self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(&mut archive))?;
             self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(&mut archive))?;
+            self.interval.as_ref().map_or(Ok(()), |interval| interval.write(&mut archive))?;
             Ok::<_, zip::result::ZipError>(archive.0.finish()?.into_inner())
         })()
         .expect("writing to memory")
@@ -591,8 +608,10 @@ impl Snapshot {
         let gravity = extrapolates.then(|| GravityArrays::read(&mut entries));
         let has_shapes = entries.archive.index_for_name("turning_body.npy").is_some();
         let shapes = has_shapes.then(|| Shapes::read(&mut entries));
+        let has_interval = entries.archive.index_for_name("interval_body.npy").is_some();
+        let interval = has_interval.then(|| IntervalArrays::read(&mut entries));
         entries.faults.into_result(())?;
-        let snapshot = Snapshot { meta, bodies, contacts, memory, gravity, shapes };
+        let snapshot = Snapshot { meta, bodies, contacts, memory, gravity, shapes, interval };
         snapshot.check_indices().map_err(refuse)?;
         snapshot.check_quaternions(path)?;
         Ok(snapshot)
@@ -612,14 +631,15 @@ impl Snapshot {
     }
 
     fn check_indices(&self) -> Result<(), String> {
-        let Snapshot { meta, bodies, contacts, memory, gravity, shapes } = self;
+        let Snapshot { meta, bodies, contacts, memory, gravity, shapes, interval } = self;
         let bodies_count = bodies.body_id.len();
         if memory.as_ref().is_some_and(|memory| memory.contact_bonded.len() != contacts.contact_body.len()) {
             return Err("the arrays of contacts have different numbers of rows".into());
         }
         let in_shapes = |shapes: &Shapes| shapes.are_in_range(bodies_count, contacts.contact_body.len());
+        let exchanged = interval.iter().flat_map(|interval| &interval.interval_body);
         let in_range = shapes.as_ref().is_none_or(in_shapes)
-            && contacts.contact_body.iter().flatten().all(|&b| (b as usize) < bodies_count)
+            && contacts.contact_body.iter().chain(exchanged).flatten().all(|&b| (b as usize) < bodies_count)
             && contacts.contact_law.iter().all(|&l| (l as usize) < meta.laws.len())
             && bodies.body_colour.iter().all(|&c| (c as usize) < meta.colours.len())
             && bodies.body_material.iter().all(|&m| (m as usize) < meta.materials.len())
@@ -690,6 +710,14 @@ mod tests {
         assert_eq!(read, snapshot);
         assert_eq!(read.to_bytes(), snapshot.to_bytes()); // -0.0 == 0.0, so compare bytes too
         assert_eq!(list(folder.path()), Ok(vec![(12, path.clone())]));
+        let mut timed = sample();
+        timed.meta.interval_start = Some(-0.5);
+        timed.interval = Some(IntervalArrays { interval_body: vec![[0, 1]], interval_virial: vec![0.1] });
+        timed.write(&path).unwrap();
+        assert_eq!(Snapshot::read(&path).unwrap(), timed);
+        timed.interval = Some(IntervalArrays { interval_body: vec![[0, 2]], interval_virial: vec![0.1] });
+        timed.write(&path).unwrap();
+        assert!(Snapshot::read(&path).unwrap_err().to_string().contains("outside its table"));
         let mut remembering = sample();
         remembering.memory = Some(MemoryArrays::default());
         remembering.write(&path).unwrap();

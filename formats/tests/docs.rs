@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::compute::{Accuracy, Compute, Event, from_ron};
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, LawName, MaterialName, MemoryArrays, Meta, PairArrays,
-    TurningArrays,
+    BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawName, MaterialName, MemoryArrays,
+    Meta, PairArrays, TurningArrays,
 };
 
 fn page() -> (PathBuf, String) {
@@ -73,6 +73,7 @@ fn arrays_are_those_of_snapshots() {
         .chain(TurningArrays::table().into_iter().map(|array| ("U", array)))
         .chain(ContactPartArrays::table().into_iter().map(|array| ("C", array)))
         .chain(PairArrays::table().into_iter().map(|array| ("K", array)))
+        .chain(IntervalArrays::table().into_iter().map(|array| ("P", array)))
         .collect();
     assert_eq!(documented.len(), arrays.len());
     for (row, (count, (name, descr, shape, help))) in documented.iter().zip(arrays) {

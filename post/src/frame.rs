@@ -22,6 +22,25 @@ pub struct Frame {
     pub walls: Vec<Wall>,
     /// In the order of the snapshot's contacts; those between two walls are left out.
     pub contacts: Vec<Contact>,
+    pub interval: Interval,
+}
+
+/// What contacts have done since the snapshot before.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Interval {
+    /// Since the snapshot before, s; NaN where the snapshot does not tell.
+    pub length: f64,
+    /// The pairs of which a contact has carried force in one of its steps, those of two walls left out.
+    pub exchanges: Vec<Exchange>,
+}
+
+/// What the contacts of two bodies have exchanged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exchange {
+    /// The candidate first.
+    pub sides: [Side; 2],
+    /// Sum of impulses times branches, J s; of a grain at a wall the branch ends at the point of contact.
+    pub virial: f64,
 }
 
 /// A body that can move: not fully driven, and no plane.
@@ -194,7 +213,7 @@ impl Frame {
     /// Takes a sound snapshot apart; `solids` has the polyhedron of each body, the rest are none.
     pub fn with(snapshot: Snapshot, mut solids: Vec<Option<Arc<Solid>>>) -> Frame {
         solids.resize(snapshot.bodies.body_id.len(), None);
-        let Snapshot { meta, bodies, contacts, memory, shapes, .. } = snapshot;
+        let Snapshot { meta, bodies, contacts, memory, shapes, interval, .. } = snapshot;
         let to_contact = -meta.parameters.theta * meta.h;
         let cell = Cell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
@@ -246,7 +265,17 @@ impl Frame {
                 })
             })
             .collect();
-        Frame { meta, grains, walls, contacts }
+        let interval = interval.unwrap_or_default();
+        let exchanges = interval.interval_body.iter().zip(&interval.interval_virial);
+        let exchanges = exchanges.filter_map(|(pair, &virial)| {
+            let sides = pair.map(|body| sides[body as usize]);
+            sides.into_iter().any(|side| side.grain().is_some()).then_some(Exchange { sides, virial })
+        });
+        let interval = Interval {
+            length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
+            exchanges: exchanges.collect(),
+        };
+        Frame { meta, grains, walls, contacts, interval }
     }
 
     /// The part of space that the scene repeats, if it does.

@@ -35,6 +35,8 @@ fn scene(step: u64) -> Scene {
     scene.push(1, 2, 3.0);
     scene.push(3, 2, 0.0);
     scene.contact_at(1, floor, [0.0; 3], Vector3::new(0.1, 0.0, 2.0));
+    let before = step.saturating_sub(1) as f64 * 0.25;
+    scene.since(before, &[([1, floor as u32], 0.25 * 2.0), ([1, 2], 0.25 * 6.0)]);
     scene
 }
 

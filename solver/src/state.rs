@@ -91,6 +91,43 @@ pub struct SolvedContact {
     pub bond: Option<f64>,
 }
 
+/// What contacts have done since the last step that a snapshot is due after.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Interval {
+    /// When that step ended, s.
+    pub start: f64,
+    /// In the order of the bodies.
+    pub exchanges: Vec<Exchange>,
+}
+
+/// What the contacts of two bodies have exchanged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exchange {
+    /// Candidate and antagonist.
+    pub bodies: [u32; 2],
+    /// Σ r·l, impulses and branches, J s.
+    pub virial: f64,
+}
+
+impl Interval {
+    /// Adds what contacts have exchanged in a step, in the order of their bodies; two bodies may have several contacts.
+    pub fn add(&mut self, step: &[Exchange]) {
+        let mut sum: Vec<Exchange> = Vec::with_capacity(self.exchanges.len().max(step.len()));
+        let mut before = std::mem::take(&mut self.exchanges).into_iter().peekable();
+        for exchange in step {
+            while let Some(earlier) = before.next_if(|earlier| earlier.bodies <= exchange.bodies) {
+                sum.push(earlier);
+            }
+            match sum.last_mut() {
+                Some(last) if last.bodies == exchange.bodies => last.virial += exchange.virial,
+                _ => sum.push(*exchange),
+            }
+        }
+        sum.extend(before);
+        self.exchanges = sum;
+    }
+}
+
 /// The last two evaluations of self-gravity, where it is not evaluated at every step; rows are free bodies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attraction {
@@ -125,6 +162,7 @@ pub struct State {
     pub contacts: Vec<SolvedContact>,
     /// Pairs of contactors that were near each other in the last step, in order.
     pub pairs: Vec<PairMemory>,
+    pub interval: Interval,
     /// Uniform gravity now in force, m/s^2.
     pub gravity: Vec3,
     /// Share of velocity taken away at each step's start.
@@ -195,5 +233,23 @@ impl State {
             && finite(&self.spin)
             && self.q.par_iter().with_min_len(MANY).all(|q| q.coords.iter().all(|x| x.is_finite()))
             && sums.iter().chain(momenta.iter().flatten()).all(|x| x.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_has_each_pair_of_its_steps_once() {
+        let of = |rows: &[([u32; 2], f64)]| -> Vec<Exchange> {
+            rows.iter().map(|&(bodies, virial)| Exchange { bodies, virial }).collect()
+        };
+        let mut interval = Interval::default();
+        interval.add(&of(&[([0, 2], 1.0), ([1, 2], 2.0), ([1, 2], 4.0)]));
+        interval.add(&of(&[]));
+        interval.add(&of(&[([0, 1], 8.0), ([1, 2], 16.0), ([3, 4], 32.0)]));
+        let expected = of(&[([0, 1], 8.0), ([0, 2], 1.0), ([1, 2], 22.0), ([3, 4], 32.0)]);
+        assert_eq!(interval.exchanges, expected);
     }
 }

@@ -14,7 +14,7 @@ use crate::math::{MANY, Quat, Vec3, to_local, to_world};
 use crate::scene::Scene;
 use crate::solve::norms::{Norms, norms};
 use crate::solve::{self, Solution, Task, Until};
-use crate::state::{Bonding, Contact, SolvedContact, State, Status};
+use crate::state::{Bonding, Contact, Exchange, Interval, SolvedContact, State, Status};
 
 /// Time spent in each room.
 #[derive(Debug, Clone, Copy, Default)]
@@ -262,6 +262,10 @@ fn book(
     let rows = system.rows.par_chunks(PART).zip(solution.impulses.par_chunks(PART));
     let parts: Vec<Given> = rows.zip(solved.contacts.par_chunks(PART)).map(of_some).collect();
     let given = parts.into_iter().fold(Given::default(), Given::add);
+    if state.step.is_multiple_of(scene.options.output_every) {
+        state.interval = Interval { start: state.time, ..Interval::default() };
+    }
+    state.interval.add(&given.exchanges);
     let ledger = &mut state.ledger;
     ledger.contact_work += given.contact_work;
     ledger.friction_work += given.friction_work;
@@ -318,7 +322,7 @@ fn book(
         penetration_mean: given.penetration_sum / active,
         missed: None,
         given_up: false,
-        virial: given.virial / h,
+        virial: given.exchanges.iter().fold(0.0, |sum, exchange| sum + exchange.virial) / h,
         flight: flights.iter().sum(),
         kinetic: motion.kinetic,
         rotational: motion.rotational,
@@ -335,7 +339,7 @@ const SHARPEST: f64 = 1e-2;
 const PART: usize = 1024;
 
 /// What contacts do in a step.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 struct Given {
     contacts_active: usize,
     /// m, of the listed contacts.
@@ -346,8 +350,8 @@ struct Given {
     /// J
     contact_work: f64,
     friction_work: f64,
-    /// Of impulses and branches, N m s.
-    virial: f64,
+    /// Of each contact that carries force.
+    exchanges: Vec<Exchange>,
     /// Of driven bodies on free ones: work, impulse and its moment about the origin.
     outside_work: f64,
     momentum: Vec3,
@@ -357,7 +361,8 @@ struct Given {
 impl Add for Given {
     type Output = Given;
 
-    fn add(self, other: Given) -> Given {
+    fn add(mut self, mut other: Given) -> Given {
+        self.exchanges.append(&mut other.exchanges);
         Given {
             contacts_active: self.contacts_active + other.contacts_active,
             penetration_largest: self.penetration_largest.max(other.penetration_largest),
@@ -365,7 +370,7 @@ impl Add for Given {
             penetration_added: self.penetration_added + other.penetration_added,
             contact_work: self.contact_work + other.contact_work,
             friction_work: self.friction_work + other.friction_work,
-            virial: self.virial + other.virial,
+            exchanges: self.exchanges,
             outside_work: self.outside_work + other.outside_work,
             momentum: self.momentum + other.momentum,
             angular_momentum: self.angular_momentum + other.angular_momentum,
@@ -394,13 +399,13 @@ fn at_contact(
     let rolls = *moment != Vec3::zeros();
     let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
     let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };
-    let wall = scene.bodies[antagonist].driven;
-    // A wall's centre has no meaning for the stress of the grains.
-    let branch = if wall { -arms[0] } else { arms[1] - arms[0] };
+    // A wall's centre has no meaning for the stress of the grains: there the branch ends at the point.
+    let to_point = |body: usize, arm: Vec3| if scene.bodies[body].driven { Vec3::zeros() } else { arm };
+    let branch = to_point(antagonist, arms[1]) - to_point(candidate, arms[0]);
+    given.exchanges.push(Exchange { bodies: [contact.candidate, contact.antagonist], virial: force.dot(&branch) });
     given.contact_work += impulse.dot(&mean) + turning_work;
-    given.virial += force.dot(&branch);
     given.friction_work += impulse.y * mean.y + impulse.z * mean.z + turning_work;
-    if !wall {
+    if !scene.bodies[antagonist].driven {
         // What it takes acts at its own place, not at that of the image.
         given.angular_momentum += contact.image.cross(&force);
     }

@@ -116,6 +116,7 @@ const SOLVE: &[Tolerance] = &[
     within("contact_impulse", 1e-6, ""),
     within("contact_velocity", 1e-7, "body_v"), // zero of contacts that stick: no scale of its own
     within("contact_area", 1e-7, ""),
+    within("interval_virial", 1e-6, ""), // adds up impulses
     within("turning_momentum", 1e-7, ""),
     within("pair_memory", ANY, ""), // features, but where a direction is remembered its bits
     within("meta.ledger.energy_start", 1e-12, ""),

@@ -3,7 +3,7 @@
 use crate::derive::coordination::neighbour_counts;
 use crate::derive::fragments::Fragment;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::frame::{Cell, Frame, Grain, Mat3, Side, Vec3, WallShape};
+use crate::frame::{Cell, Frame, Grain, Interval, Mat3, Side, Vec3, WallShape};
 
 /// Cosines nearer to 0 or 1 than this are of walls upright or level: some roundings of an orientation from a file.
 const UPRIGHT: f64 = 1e-6;
@@ -23,6 +23,8 @@ pub struct Bed {
     pub grains: Vec<usize>,
     /// sum V_i sigma_i over them, J ([`grain_stresses`]).
     moment: Mat3,
+    /// A third of its trace, mean over the steps since the snapshot before, J.
+    interval_moment: f64,
     /// Volume of the grains, m^3.
     filled: f64,
 }
@@ -77,6 +79,7 @@ impl Bed {
             area,
             height: 2.0 * (centre.dot(&up) - floor),
             moment: grains.iter().map(|&i| stresses[i] * frame.grains[i].volume()).sum(),
+            interval_moment: interval_moment(frame, &grains),
             filled: members().map(|g| g.volume()).sum(),
             grains,
         })
@@ -90,6 +93,11 @@ impl Bed {
     /// Mean stress over the same volume, Pa, walls included: at rest its vertical component is half of weight over area.
     pub fn stress(&self) -> Mat3 {
         self.moment / (self.area * self.height)
+    }
+
+    /// A third of the trace of [`Bed::stress`], Pa, mean over the steps since the snapshot before; NaN without one.
+    pub fn interval_pressure(&self) -> f64 {
+        self.interval_moment / (self.area * self.height)
     }
 
     /// Mean of the two horizontal stresses over the vertical one; NaN without.
@@ -145,6 +153,14 @@ impl Bed {
         }
         layers
     }
+}
+
+/// (1/3) sum r.l / T of the contacts of some grains in the time T since the snapshot before, J; NaN without one.
+fn interval_moment(frame: &Frame, grains: &[usize]) -> f64 {
+    let Interval { length, exchanges } = &frame.interval;
+    let member = |side: &Side| side.grain().is_some_and(|grain| grains.binary_search(&grain).is_ok());
+    let virial: f64 = exchanges.iter().filter(|e| e.sides.iter().any(member)).map(|e| e.virial).sum();
+    if *length > 0.0 { virial / length / 3.0 } else { f64::NAN }
 }
 
 /// The state in one layer of a bed: sums over its grains, so that the mean of several states is that of each sum.
@@ -476,6 +492,20 @@ mod tests {
                 assert!(found.stress_ratio().abs() < 1e-14);
             }
         }
+    }
+
+    #[test]
+    fn a_bed_has_a_mean_pressure_of_the_steps_since_the_snapshot_before() {
+        // Six columns in a room of 6 m^2; 2 J s of each of two pairs in 4 s, one of them at a wall, over the volume of 5 m height.
+        let mut scene = columns(5, true, [true; 4], UnitQuaternion::identity());
+        let grain = scene.snapshot.contacts.contact_body[0][0];
+        let wall = scene.snapshot.bodies.body_driven.iter().position(|driven| *driven != 0).unwrap() as u32;
+        let other = scene.snapshot.contacts.contact_body.iter().flatten().find(|b| **b != grain && **b != wall);
+        let pairs = [([grain, wall], 2.0), ([grain, *other.unwrap()], 2.0)];
+        assert!(bed(&scene).unwrap().interval_pressure().is_nan());
+        scene.snapshot.meta.time = 4.0;
+        scene.since(0.0, &pairs);
+        assert_close(bed(&scene).unwrap().interval_pressure(), 1.0 / 3.0 / 30.0);
     }
 
     #[test]

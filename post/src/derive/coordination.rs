@@ -1,9 +1,9 @@
 //! How many contacts hold a grain.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use crate::derive::fragments::TOUCHING_GAP;
-use crate::frame::{Contact, Frame, Side};
+use crate::frame::{Contact, Exchange, Frame, Side};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coordination {
@@ -83,6 +83,20 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
         }
     }
     counts
+}
+
+/// Mean number of neighbours per grain that it has touched with force in a step since the snapshot before.
+///
+/// (2 N_gg + N_gw) / N as [`coordination`] has it. Where grains move, contacts carry force in some steps and none in others,
+/// so that the neighbours of a single step become fewer with its length; those of an interval do not. NaN without one.
+pub fn interval_coordination(frame: &Frame) -> f64 {
+    let sorted = |exchange: &Exchange| {
+        let [a, b] = exchange.sides;
+        [a.min(b), a.max(b)]
+    };
+    let pairs: HashSet<[Side; 2]> = frame.interval.exchanges.iter().map(sorted).collect();
+    let ends = pairs.iter().flatten().filter(|side| side.grain().is_some()).count() as f64;
+    if frame.interval.length > 0.0 { ends / frame.grains.len() as f64 } else { f64::NAN }
 }
 
 /// The number of constraints below which a grain is not held; a contact of spheres is one.
@@ -219,6 +233,21 @@ mod tests {
         let floor = scene.plate([0.0, 0.0, -0.1], [5.0, 5.0, 0.1]);
         scene.contact_at(grain, floor, [0.0; 3], Vec3::new(0.0, 0.0, 7.0));
         assert_eq!(coordination(&scene.frame()).z, 1.0);
+    }
+
+    #[test]
+    fn an_interval_has_the_neighbours_of_all_its_steps() {
+        // Three spheres on a plate that touch one after the other; nothing carries force at the end.
+        let mut scene = Scene::default();
+        let plate = scene.plate([0.0; 3], [9.0, 9.0, 0.1]) as u32;
+        let [a, b, c] = [0.0, 2.0, 4.0].map(|x| scene.grain([x, 0.0, 1.1], 1.0) as u32);
+        assert!(interval_coordination(&scene.frame()).is_nan());
+        scene.snapshot.meta.time = 5.0;
+        scene.since(3.0, &[([a, plate], 1.0), ([a, b], 2.0), ([b, a], 2.0), ([b, c], 2.0)]);
+        assert_eq!(interval_coordination(&scene.frame()), 5.0 / 3.0);
+        assert_eq!(coordination(&scene.frame()).z, 0.0);
+        scene.since(5.0, &[]);
+        assert!(interval_coordination(&scene.frame()).is_nan());
     }
 
     #[test]

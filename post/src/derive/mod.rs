@@ -165,6 +165,10 @@ columns! {
     bed_stress_ratio: f64, "1", "horizontal over vertical stress of the bed";
     n_bonds: u64, "1", "contacts that a bond or a liquid bridge holds";
     surface_slope: f64, "rad", "median slope of the free surface of a heap or bed";
+    interval: f64, "s", "time since the snapshot before";
+    Z_interval: f64, "1", "mean number of neighbours that a grain has touched with force in that time";
+    pressure_interval: f64, "Pa", "mean pressure of the contacts in that time";
+    bed_pressure_interval: f64, "Pa", "mean pressure of the bed in that time";
 }
 
 impl Row {
@@ -286,6 +290,10 @@ impl Row {
             bed_stress_ratio: of_bed(&|bed| bed.stress_ratio()),
             n_bonds: frame.contacts.iter().filter(|contact| contact.bonded).count() as u64,
             surface_slope: free.first().copied().unwrap_or(f64::NAN),
+            interval: frame.interval.length,
+            Z_interval: coordination::interval_coordination(frame),
+            pressure_interval: stress::interval_pressure(frame, volume),
+            bed_pressure_interval: of_bed(&bed::Bed::interval_pressure),
         };
         row.forget_arms(&cell);
         row

@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 
 use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
 use cd_formats::snapshot::{
-    DRIVEN_ALL, LawName, MaterialName, MemoryArrays, SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT,
-    STATUS_SLIDE, STATUS_STICK, Snapshot,
+    DRIVEN_ALL, IntervalArrays, LawName, MaterialName, MemoryArrays, SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE,
+    STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Snapshot,
 };
 use nalgebra::Vector3;
 
@@ -126,6 +126,13 @@ impl Scene {
     pub fn remember(&mut self, bonded: &[u8]) {
         let (contact_bond_gap, contact_moment) = (vec![0.0; bonded.len()], vec![[0.0; 3]; bonded.len()]);
         self.snapshot.memory = Some(MemoryArrays { contact_bonded: bonded.to_vec(), contact_bond_gap, contact_moment });
+    }
+
+    /// Tells what contacts have done since a time, s: rows of the bodies, and the sum of impulses times branches, J s.
+    pub fn since(&mut self, start: f64, pairs: &[([u32; 2], f64)]) {
+        self.snapshot.meta.interval_start = Some(start);
+        let (interval_body, interval_virial) = pairs.iter().copied().unzip();
+        self.snapshot.interval = Some(IntervalArrays { interval_body, interval_virial });
     }
 
     /// A contact between two spheres with any force on the candidate, N, on the surface of the antagonist.

@@ -459,6 +459,7 @@ fn files(
     }
     start.meta.program = format!("cd-pre {}", env!("CARGO_PKG_VERSION"));
     start.meta.ledger = Default::default();
+    start.meta.interval_start = None;
     start.meta.parameters.events_done = 0;
     start.meta.attraction = None;
     let mut origin = String::from("body,case,step,number\n");

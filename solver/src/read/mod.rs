@@ -23,7 +23,7 @@ use cd_formats::vloc_rloc::VlocRloc;
 use crate::BARE;
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{Bonding, State};
+use crate::state::{Bonding, Interval, State};
 
 /// Name of the options' file in DATBOX.
 pub const COMPUTE: &str = "COMPUTE.RON";
@@ -72,6 +72,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         order: Vec::new(),
         pairs: Vec::new(),
         contacts,
+        interval: Interval { start: dof.time, ..Interval::default() },
         gravity: Vec3::from(bulk.gravity),
         quench: scene.options.quench,
         torque: Vec3::zeros(),

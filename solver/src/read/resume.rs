@@ -10,7 +10,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use crate::geometry::Memory;
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{Attraction, Bonding, Contact, PairMemory, SolvedContact, State, Status};
+use crate::state::{Attraction, Bonding, Contact, Exchange, Interval, PairMemory, SolvedContact, State, Status};
 
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
 /// A snapshot of other bodies or laws than the scene's is refused. Gives back what the run had done its last step with.
@@ -136,6 +136,7 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
     let names = snapshot.meta.laws.clone();
     restore(snapshot, &mut started);
     (state.step, state.time, state.h) = (started.step, started.time, started.h);
+    state.interval.start = started.time;
     for (row, &i) in body.iter().enumerate() {
         let i = i as usize;
         (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
@@ -203,8 +204,9 @@ fn pairs(scene: &Scene, shapes: &Shapes, body: impl Fn(u32) -> u32) -> Vec<PairM
 }
 
 fn restore(snapshot: Snapshot, state: &mut State) {
-    let Snapshot { meta, bodies, contacts, memory, shapes, .. } = snapshot;
+    let Snapshot { meta, bodies, contacts, memory, shapes, interval, .. } = snapshot;
     let shapes = shapes.unwrap_or_default();
+    let interval = interval.unwrap_or_default();
     let ranks = |k: usize| {
         let [a, b] = shapes.contacts.contact_rank.get(k).copied().unwrap_or_default();
         (a as u16, b as u16)
@@ -223,6 +225,11 @@ fn restore(snapshot: Snapshot, state: &mut State) {
     state.events_done = meta.parameters.events_done as usize;
     state.ledger = meta.ledger;
     state.fallback = meta.fallback;
+    let exchanges = interval.interval_body.into_iter().zip(interval.interval_virial);
+    state.interval = Interval {
+        start: meta.interval_start.unwrap_or(meta.time),
+        exchanges: exchanges.map(|(bodies, virial)| Exchange { bodies, virial }).collect(),
+    };
     state.contacts = (0..contacts.contact_body.len())
         .map(|k| SolvedContact {
             contact: Contact {

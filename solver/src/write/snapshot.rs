@@ -2,8 +2,8 @@
 
 use cd_formats::compute::{Adaptive, SweepPrecision};
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, FORMAT, GravityArrays, LawName, MemoryArrays, Meta, Parameters, SHAPE_PARTS,
-    SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
+    BodyArrays, ContactArrays, FORMAT, GravityArrays, IntervalArrays, LawName, MemoryArrays, Meta, Parameters,
+    SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
 };
 use cd_formats::tact_behav::LAWS;
 
@@ -22,6 +22,7 @@ pub fn of(scene: &Scene, state: &State) -> Snapshot {
         memory,
         gravity: gravity(scene, state),
         shapes: scene.is_general().then(|| shapes(scene, state)),
+        interval: Some(interval(state)),
     }
 }
 
@@ -35,6 +36,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
         step: state.step,
         time: state.time,
         h: state.h,
+        interval_start: Some(state.interval.start),
         parameters: Parameters {
             theta: options.theta,
             accuracy: options.accuracy,
@@ -133,6 +135,14 @@ fn shapes(scene: &Scene, state: &State) -> Shapes {
     shapes.pairs.pair_rank = of_pairs(|part| part.rank.into());
     shapes.pairs.pair_memory = state.pairs.iter().map(|pair| pair.memory.words()).collect();
     shapes
+}
+
+fn interval(state: &State) -> IntervalArrays {
+    let exchanges = &state.interval.exchanges;
+    IntervalArrays {
+        interval_body: exchanges.iter().map(|exchange| exchange.bodies).collect(),
+        interval_virial: exchanges.iter().map(|exchange| exchange.virial).collect(),
+    }
 }
 
 fn gravity(scene: &Scene, state: &State) -> Option<GravityArrays> {
