@@ -41,6 +41,7 @@ paper: build ## runs the studies, a run a core, and writes docs/paper.md
 trade: build ## runs examples/trade, in some minutes, and writes its figures into docs/accuracy.md
 	$(MAKE) --no-print-directory -C examples/trade CD_BIN=$(BIN)
 	$(SIDE_BY_SIDE) -C examples/trade again CD_BIN=$(BIN)
+	$(SIDE_BY_SIDE) -C examples/trade many CD_BIN=$(BIN)
 	awk -f docs/accuracy/trade.awk docs/accuracy.md > docs/accuracy.md.part
 	mv docs/accuracy.md.part docs/accuracy.md
 

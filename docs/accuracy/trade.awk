@@ -136,6 +136,33 @@ function knobs(of, shown, groups,    s, file, g, k, cell) {
     }
 }
 
+# Of many realisations: by how much the means of a setting are off those of `fine`, and by how much that could be chance.
+function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squares, base, sd, column, alone) {
+    split("collapse heap", scene_of, " ")
+    of["collapse"] = "Z_interval nu pressure_interval"; of["heap"] = "Z_interval bed_nu bed_pressure_interval"
+    print "| scene | run | Z | ν | pressure | of one run |\n|---|---|---|---|---|---|"
+    for (s = 1; s <= 2; s++) for (k = 1; k <= 5; k++) {
+        name = preset[k]
+        if (name == "fine" || name == "reference") continue
+        printf "| %s | %s |", k == 1 ? scene_of[s] : "", name == "lmgc90" ? "LMGC90's" : name
+        alone = ""
+        for (c = 1; c <= split(of[scene_of[s]], column, " "); c++) {
+            n = sum = squares = base = 0
+            for (seed = 101; seed <= 130; seed++) {
+                file = "examples/trade/many/" scene_of[s] "-" seed "/runs.csv"
+                if (!(file in rows)) load(file)
+                y = value(file, row_of(file, "fine"), column[c]); x = value(file, row_of(file, name), column[c])
+                if (x == "" || y == "") fault(file ": no " column[c])
+                d = x - y; n++; sum += d; squares += d * d; base += y / 30
+            }
+            sd = sqrt((squares - sum * sum / n) / (n - 1))
+            printf " %+.2f ± %.2f %% |", 100 * sum / n / base, 100 * sd / sqrt(n) / base
+            alone = alone sprintf("%s%s", c == 1 ? "" : ", ", percent(sqrt(squares / n) / base))
+        }
+        print " " alone " |"
+    }
+}
+
 # What one other method does in place of the standard one.
 function instead(scene, name, option,    file, run, base) {
     file = "examples/trade/" scene "/trade/trade.csv"
@@ -151,8 +178,8 @@ function honesty(    s, file, k, x, all, good, small, large, sum, sums, lone, ho
     for (s = 1; s <= scenes; s++) {
         file = "examples/trade/" scene[s] "/trade/trade.csv"; all = good = small = large = 0
         for (k = 1; k <= rows[file]; k++) {
-            if (value(file, k, "pressure") == 0 || value(file, k, "estimated") == 0) continue
-            x = value(file, k, "pressure") / value(file, k, "estimated")
+            if (value(file, k, "pressure_single") == 0 || value(file, k, "estimated") == 0) continue
+            x = value(file, k, "pressure_single") / value(file, k, "estimated")
             all++; if (x > 3) small++; else if (x < 1 / 3) large++; else good++
         }
         printf "| %s | %d of %d | %d of %d | %d | %d |\n", scene[s], single[scene[s]], singles[scene[s]], good, all, small, large
@@ -173,14 +200,14 @@ BEGIN {
     scenes = split("collapse rest spin heap cloud", scene, " ") - 1
     split("draft standard fine reference lmgc90", preset, " ")
     realisations = split("|-2|-3", suffix, "|")
-    errors = split("Z nu pressure energy estimated", error, " ")
+    errors = split("Z nu pressure energy pressure_single estimated", error, " ")
     for (s = 1; s <= scenes; s++) realised(scene[s])
     groups = split("dt tol penetration_tol max_sweeps theta adaptive alert gravity_error gravity_refresh gravity_order gravity_opening", group, " ")
 }
 
-/^<!-- [a-z]+: begin -->$/ && $2 ~ /^(presets|knobs|early|honesty|figures):$/ {
+/^<!-- [a-z]+: begin -->$/ && $2 ~ /^(presets|many|knobs|early|honesty|figures):$/ {
     print; print ""
-    if ($2 == "presets:") { presets(); print ""; verdict(); statements() } else if ($2 == "knobs:") knobs("", scenes, groups - 2); else if ($2 == "early:") { knobs("_early", scenes + 1, groups); print ""; instead("heap", "fast", "narrow_phase: fast"); instead("cloud", "direct", "gravity: direct") } else if ($2 == "honesty:") honesty(); else figures()
+    if ($2 == "presets:") { presets(); print ""; verdict(); statements() } else if ($2 == "knobs:") knobs("", scenes, groups - 2); else if ($2 == "early:") { knobs("_early", scenes + 1, groups); print ""; instead("heap", "fast", "narrow_phase: fast"); instead("cloud", "direct", "gravity: direct") } else if ($2 == "many:") many(); else if ($2 == "honesty:") honesty(); else figures()
     print ""; skipping = 1
     next
 }

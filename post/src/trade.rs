@@ -14,16 +14,16 @@ use crate::study::{Line, TIMED};
 use crate::write::figure::{Axis, Curve, Figure, Marks};
 
 /// Columns of trade.csv behind the names: name, unit, meaning.
-pub const COLUMNS: [(&str, &str, &str); 14] = [
+pub const COLUMNS: [(&str, &str, &str); 15] = [
     ("value", "-", "of the option that the run's group is about"),
     ("seconds", "s", "all rooms of all steps, without writing"),
     (
         "Z",
         "1",
-        "median error of the neighbours per grain at the snapshots that count, over the median of the finest run",
+        "error of the mean over the snapshots that count of the neighbours per grain since the snapshot before, over that of the finest run",
     ),
     ("nu", "1", "of the solid fraction, where grains make a bed of that of the bed"),
-    ("pressure", "1", "of the pressure, where grains make a bed of that of the bed"),
+    ("pressure", "1", "of the mean pressure since the snapshot before, where grains make a bed of that of the bed"),
     ("a", "1", "of the longest semi-axis"),
     ("b", "1", "of the middle semi-axis"),
     ("c", "1", "of the shortest semi-axis"),
@@ -35,12 +35,17 @@ pub const COLUMNS: [(&str, &str, &str); 14] = [
     ),
     ("positions", "1", "the same at the end"),
     ("worst", "1", "largest error of Z, nu and pressure"),
-    ("estimated", "1", "error that the run states in ERRORS.csv, of the pressure"),
-    ("over_estimated", "1", "error of the pressure over the estimated one"),
+    ("pressure_single", "1", "median error of that pressure at single snapshots, over its median of the finest run"),
+    ("estimated", "1", "what the run states of that in ERRORS.csv"),
+    ("over_estimated", "1", "pressure_single over it"),
 ];
 
 /// Where the free bodies are, m, and when, s.
 type Positions = (f64, Vec<[f64; 3]>);
+
+/// Places of the pressure and of that of the bed in [`Run::observed`].
+const PRESSURE: usize = 2;
+const BED_PRESSURE: usize = 8;
 
 /// A run as it is measured, before it is compared.
 struct Run {
@@ -50,7 +55,8 @@ struct Run {
     value: f64,
     accuracy: Option<Accuracy>,
     seconds: f64,
-    /// Z, nu, pressure, a, b, c, the energy, nu and pressure of the bed at the times (s) of the series.
+    /// Z, nu, pressure, a, b, c, the energy, nu and pressure of the bed at the times (s) of the series; Z and pressures are
+    /// those of the interval since the snapshot before.
     observed: Vec<(f64, [f64; 9])>,
     estimated: f64,
     end: Positions,
@@ -63,7 +69,7 @@ struct Compared {
     name: String,
     group: String,
     /// In the order of [`COLUMNS`].
-    values: [f64; 14],
+    values: [f64; 15],
 }
 
 impl Compared {
@@ -77,7 +83,7 @@ impl Compared {
 /// what is worth a report.
 ///
 /// `groups`: one name a case, of the option that it is about; `values`: what that option is there, both in the order of the
-/// cases or empty. `from`: errors are medians over the snapshots from this time on, s; without it, of the last alone. `early`:
+/// cases or empty. `from`: errors are of means over the snapshots from this time on, s; without it, of the last alone. `early`:
 /// positions are compared at the first snapshot from this time on, s; without it, at the first after the start.
 pub fn write(
     cases: &[PathBuf],
@@ -122,7 +128,7 @@ fn series_of(case: &Path) -> PathBuf {
 
 fn measured(case: &Path, name: String, group: String, value: f64) -> Result<Run, Faults> {
     let energies = ["n_grains", "Ec_mean", "E_grav", "E_uniform", "E_fields"];
-    let shown = ["Z", "nu", "pressure", "a", "b", "c", "bed_nu", "bed_pressure"];
+    let shown = ["Z_interval", "nu", "pressure_interval", "a", "b", "c", "bed_nu", "bed_pressure_interval"];
     let series = compare::read(&series_of(case), &[&["time"], &shown[..], &energies[..]].concat())?;
     let observed = |k: usize| {
         let [z, nu, pressure, a, b, c, bed_nu, bed_pressure] = shown.map(|name| series[name][k]);
@@ -251,14 +257,21 @@ impl Exact<'_> {
             faults.push(Fault::new(&series_of(&run.case), None, "time", times(&run.observed), expected));
         }
         faults.into_result(())?;
-        let errors: [f64; 9] = std::array::from_fn(|k| {
+        let of_means = |k: usize| {
+            let [away, all] = shared.iter().fold([0.0; 2], |[away, all], (found, exact)| {
+                [away + (found[k] - exact[k]), all + exact[k]] // both over the number of them
+            });
+            (away / all).abs()
+        };
+        let of_singles = |k: usize| {
             let away = median(shared.iter().map(|(found, exact)| (found[k] - exact[k]).abs()));
             away / median(shared.iter().map(|(_, exact)| exact[k].abs()))
-        });
-        let [z, nu, pressure, a, b, c, energy, bed_nu, bed_pressure] = errors;
+        };
+        let [z, nu, pressure, a, b, c, energy, bed_nu, bed_pressure] = std::array::from_fn(of_means);
         // The ball around a bed is as large as its highest grain is high.
         let bed = bed_nu.is_finite() && bed_pressure.is_finite();
         let [nu, pressure] = if bed { [bed_nu, bed_pressure] } else { [nu, pressure] };
+        let single = of_singles(if bed { BED_PRESSURE } else { PRESSURE });
         let early = match &self.early {
             Some(exact) => {
                 early_positions(&run.case, exact.0)?.map_or(f64::NAN, |own| away(&own, exact, run.mean_radius))
@@ -267,8 +280,9 @@ impl Exact<'_> {
         };
         let end = away(&run.end, &finest.end, run.mean_radius);
         let worst = [z, nu, pressure].into_iter().filter(|error| error.is_finite()).fold(f64::NAN, f64::max);
-        let over = pressure / run.estimated;
-        let values = [run.value, run.seconds, z, nu, pressure, a, b, c, energy, early, end, worst, run.estimated, over];
+        let (estimated, over) = (run.estimated, single / run.estimated);
+        let values =
+            [run.value, run.seconds, z, nu, pressure, a, b, c, energy, early, end, worst, single, estimated, over];
         Ok(Compared { name: run.name.clone(), group: run.group.clone(), values })
     }
 }
@@ -379,7 +393,7 @@ mod tests {
     use super::*;
 
     fn run(group: &str, value: f64, seconds: f64, error: f64) -> Compared {
-        let mut run = Compared { name: format!("{group}{value}"), group: group.into(), values: [f64::NAN; 14] };
+        let mut run = Compared { name: format!("{group}{value}"), group: group.into(), values: [f64::NAN; 15] };
         for (name, value) in
             [("value", value), ("seconds", seconds), ("worst", error), ("positions_early", error * error)]
         {

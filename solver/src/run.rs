@@ -112,7 +112,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         }
         progress.step(&state, &report);
         results.step(scene, &state, &report, &lap).map_err(Failure::Unwritten)?;
-        course.tally.step(scene, state.time, &report, &lap);
+        course.tally.step(scene, &state, &report, &lap);
         course.clock.add(&lap);
         let stopped = stop.load(Ordering::Relaxed) && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {

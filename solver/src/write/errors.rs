@@ -1,11 +1,11 @@
 //! What a run says of its own errors, and of what they cost.
 //!
-//! Every estimate is a share of the pressure, or of the energy that goes with it, so that they can be compared and added. From the
+//! Every estimate is a share of the mean pressure between two snapshots, or of the energy that goes with it, so that they can be compared and added. From the
 //! steps, those before a resume as well, of the second half of the time, for the first two that in which contacts carry force:
 //!
 //! | source | estimate | option |
 //! |---|---|---|
-//! | contacts | twice the median change of Σ f·l, three volumes times the pressure, from one step to the next, over its median: what residuals leave; the 2, as those of steps that follow each other are alike, is from the scenes of examples/trade | `tol` |
+//! | contacts | the smaller of two changes of Σ f·l, three volumes times the pressure, over its median: twice the median one from one step to the next, and the median one of its mean over the steps between two snapshots from one such interval to the next. It bounds what residuals leave from above: the first has what averages out in an interval, the second what really happens; the 2, as steps that follow each other are alike, is from the scenes of examples/trade | `tol` |
 //! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, pressure going as its -4th power; and of bodies in flight, that no contact acts on, Σ ¼ m \|h a\|² over the largest of the energies at play, a the acceleration beyond uniform gravity: by that kinetic energy wavers on a circular orbit | `dt` |
 //! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean of the looks | `gravity_error` |
 //! | narrow | 2 δ/r̄, δ the mean of what the fast narrow phase misses of the gap of a pair that touches, mean of the looks | `narrow_phase` |
@@ -36,8 +36,9 @@ const CHANCE: f64 = 0.35;
 /// Figures of the steps so far.
 #[derive(Debug, Clone, Default)]
 pub struct Tally {
-    /// Of the steps in which contacts carry force, one after the other: time (s), Σ f·l (J), mean penetration over the mean radius.
-    loaded: Vec<[f64; 3]>,
+    /// Of the steps in which contacts carry force, one after the other: time (s), Σ f·l (J), mean penetration over the mean radius,
+    /// number.
+    loaded: Vec<[f64; 4]>,
     /// Time (s), and by which each step errs in the kinetic energy of bodies in flight, J.
     flights: Vec<[f64; 2]>,
     /// Relative errors of the virial at the looks at self-gravity.
@@ -62,11 +63,13 @@ impl Tally {
     pub fn of(steps: &Kept, timer: &Kept) -> Tally {
         let seen = |name: &str| steps.column(name).filter(|x| !x.is_nan()).collect();
         let figures = steps.column("time").zip(steps.column("virial")).zip(steps.column("penetration_mean"));
-        let loaded = figures.zip(steps.column("contacts_active"));
-        let loaded = loaded.filter(|(((_, virial), _), active)| *active > 0.0 && !virial.is_nan());
+        let loaded = figures.zip(steps.column("contacts_active")).zip(steps.column("step"));
+        let loaded = loaded.filter(|((((_, virial), _), active), _)| *active > 0.0 && !virial.is_nan());
         let spent = |name: &str| Duration::try_from_secs_f64(timer.column(name).sum()).unwrap_or_default();
         Tally {
-            loaded: loaded.map(|(((time, virial), penetration), _)| [time, virial, penetration]).collect(),
+            loaded: loaded
+                .map(|((((time, virial), penetration), _), step)| [time, virial, penetration, step])
+                .collect(),
             flights: steps.column("time").zip(steps.column("flight_error")).map(<[f64; 2]>::from).collect(),
             virials: seen("gravity_sampled_virial"),
             missed: seen("narrow_error"),
@@ -82,9 +85,10 @@ impl Tally {
     }
 
     /// Enters a step.
-    pub fn step(&mut self, scene: &Scene, time: f64, report: &StepReport, lap: &Clock) {
+    pub fn step(&mut self, scene: &Scene, state: &State, report: &StepReport, lap: &Clock) {
+        let (time, step) = (state.time, state.step as f64);
         if report.contacts_active > 0 {
-            self.loaded.push([time, report.virial, report.penetration_mean / scene.mean_radius]);
+            self.loaded.push([time, report.virial, report.penetration_mean / scene.mean_radius, step]);
         }
         self.flights.push([time, report.flight]);
         self.virials.extend(report.gravity.sampled.map(|sampled| sampled.virial));
@@ -101,8 +105,12 @@ impl Tally {
     pub fn sources(&self, scene: &Scene, state: &State) -> Vec<Source> {
         let recent = second_half(&self.loaded);
         let mean = mean_of(recent.iter().map(|figures| figures[2]));
-        let typical = median(recent.iter().map(|figures| figures[1].abs()));
-        let change = median(recent.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs()));
+        let virials: Vec<f64> = recent.iter().map(|figures| figures[1]).collect();
+        let typical = median(virials.iter().map(|virial| virial.abs()));
+        let every = scene.options.output_every as f64;
+        let interval = |figures: &[f64; 4]| ((figures[3] - 1.0) / every).floor();
+        let intervals = recent.chunk_by(|a, b| interval(a) == interval(b));
+        let means: Vec<f64> = intervals.map(|steps| mean_of(steps.iter().map(|figures| figures[1]))).collect();
         let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
         let (drift, scale) = summary::energy_drift(scene, state);
         let lost = over(state.ledger.contact_work.abs(), scale);
@@ -123,7 +131,7 @@ impl Tally {
         };
         let none = Duration::ZERO;
         vec![
-            of("contacts", "tol", over(2.0 * change, typical), assembly + solve),
+            of("contacts", "tol", over(noise(&virials, &means), typical), assembly + solve),
             of("step", "dt", 2.0 * mean + flight, detection + integration),
             of("gravity", "gravity_error", mean_of(self.virials.iter().copied()).abs(), gravity),
             of("narrow", "narrow_phase", 2.0 * mean_of(self.missed.iter().copied()), none),
@@ -133,6 +141,17 @@ impl Tally {
             of("writing", "output_every", 0.0, writing),
         ]
     }
+}
+
+/// Intervals from which their changes tell anything.
+const INTERVALS: usize = 4;
+
+/// What residuals leave in the mean of an interval at most: twice the median change between values of one step and the next, or
+/// the median change between means of one interval and the next.
+fn noise(steps: &[f64], means: &[f64]) -> f64 {
+    let change = |values: &[f64]| median(values.windows(2).map(|pair| (pair[1] - pair[0]).abs()));
+    let of_steps = 2.0 * change(steps);
+    if means.len() < INTERVALS { of_steps } else { of_steps.min(change(means)) }
 }
 
 /// The share of the forces of driven bodies on free ones that sums up to nothing, over the root of the number of such pairs.
@@ -222,6 +241,16 @@ mod tests {
         assert_eq!(of(&[1.0, 2.0, 3.0, 4.0]), 2);
         // Short steps, then long ones.
         assert_eq!(of(&[1.0, 1.1, 1.2, 1.3, 1.4, 5.0, 9.0]), 2);
+    }
+
+    #[test]
+    fn noise_is_the_smaller_bound() {
+        // What jumps to and fro by 2 each step, and averages out.
+        assert_eq!(noise(&[1.0, 3.0, 1.0, 3.0], &[2.0, 2.1, 2.0, 2.1]), 2.1 - 2.0);
+        // What grows by 0.1 a step, 1 an interval.
+        assert_eq!(noise(&[1.0, 1.125, 1.25], &[1.0, 2.0, 3.0, 4.0]), 0.25);
+        // A single change of means tells nothing.
+        assert_eq!(noise(&[1.0, 3.0, 1.0, 3.0], &[2.0, 2.0]), 4.0);
     }
 
     #[test]

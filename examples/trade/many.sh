@@ -1,0 +1,20 @@
+#!/bin/sh
+# many.sh FOLDER DT EVERY FROM: runs with FOLDER/DATBOX for the presets but `reference` and for LMGC90's parameters; FOLDER/runs.csv
+# has a row of means each. Of the runs nothing else stays. DT, EVERY, FROM and CD_BIN as in sweep.sh.
+set -eu
+folder=$1 dt=$2 every=$3 from=$4
+cases=
+for name in draft standard fine lmgc90; do
+    flags=$(awk -v name="$name" '$1 == name { for (k = 5; k <= NF; k++) print $k }' runs.txt)
+    run=$folder/$name
+    mkdir -p "$run"
+    rm -rf "$run/DATBOX" && cp -r "$folder/DATBOX" "$run/DATBOX"
+    # shellcheck disable=SC2086
+    "$CD_BIN/cd-solve" --force --threads 1 --dt "$dt" --output-every "$every" $flags "$run" > "$run/log" 2>&1 || { cat "$run/log"; exit 1; }
+    "$CD_BIN/cd-post" --no-vtk --no-plots "$run" > "$run/post.log" 2>&1
+    cases="$cases $run"
+done
+# shellcheck disable=SC2086
+"$CD_BIN/cd-post" study $cases -o "$folder" --from "$from" > "$folder/study.log" 2>&1
+# shellcheck disable=SC2086
+rm -r $cases
