@@ -111,20 +111,22 @@ pub struct Exchange {
 
 impl Interval {
     /// Adds what contacts have exchanged in a step, in the order of their bodies; two bodies may have several contacts.
-    pub fn add(&mut self, step: &[Exchange]) {
-        let mut sum: Vec<Exchange> = Vec::with_capacity(self.exchanges.len().max(step.len()));
-        let mut before = std::mem::take(&mut self.exchanges).into_iter().peekable();
+    pub fn add<'a>(&mut self, step: impl Iterator<Item = &'a Exchange>) {
+        let (mut k, mut new) = (0, Vec::<Exchange>::new());
         for exchange in step {
-            while let Some(earlier) = before.next_if(|earlier| earlier.bodies <= exchange.bodies) {
-                sum.push(earlier);
+            while self.exchanges.get(k).is_some_and(|known| known.bodies < exchange.bodies) {
+                k += 1;
             }
-            match sum.last_mut() {
-                Some(last) if last.bodies == exchange.bodies => last.virial += exchange.virial,
-                _ => sum.push(*exchange),
+            let known = self.exchanges.get_mut(k).filter(|known| known.bodies == exchange.bodies);
+            match known.or(new.last_mut().filter(|last| last.bodies == exchange.bodies)) {
+                Some(known) => known.virial += exchange.virial,
+                None => new.push(*exchange),
             }
         }
-        sum.extend(before);
-        self.exchanges = sum;
+        if !new.is_empty() {
+            self.exchanges.append(&mut new);
+            self.exchanges.sort_by_key(|exchange| exchange.bodies);
+        }
     }
 }
 
@@ -246,9 +248,9 @@ mod tests {
             rows.iter().map(|&(bodies, virial)| Exchange { bodies, virial }).collect()
         };
         let mut interval = Interval::default();
-        interval.add(&of(&[([0, 2], 1.0), ([1, 2], 2.0), ([1, 2], 4.0)]));
-        interval.add(&of(&[]));
-        interval.add(&of(&[([0, 1], 8.0), ([1, 2], 16.0), ([3, 4], 32.0)]));
+        interval.add(of(&[([0, 2], 1.0), ([1, 2], 2.0), ([1, 2], 4.0)]).iter());
+        interval.add(of(&[]).iter());
+        interval.add(of(&[([0, 1], 8.0), ([1, 2], 16.0), ([3, 4], 32.0)]).iter());
         let expected = of(&[([0, 1], 8.0), ([0, 2], 1.0), ([1, 2], 22.0), ([3, 4], 32.0)]);
         assert_eq!(interval.exchanges, expected);
     }

@@ -243,7 +243,7 @@ fn book(
 ) -> StepReport {
     let h = q_c.h;
     let of_some = |((rows, impulses), contacts): ((&[Row], &[Vec3]), &[SolvedContact])| {
-        let mut given = Given::default();
+        let (mut given, mut exchanges) = (Given::default(), Vec::with_capacity(contacts.len()));
         for ((row, r), contact) in rows.iter().zip(impulses).zip(contacts) {
             let depth = (-contact.contact.gap).max(0.0);
             given.penetration_largest = given.penetration_largest.max(depth);
@@ -253,19 +253,21 @@ fn book(
                 let may_close = state.laws[contact.contact.law as usize].closing(row.u_before.x);
                 given.penetration_added +=
                     (-contact.contact.gap - h * (contact.velocity.x + may_close) - depth).max(0.0);
-                at_contact(scene, state, q_c, row, r, contact, solved, &mut given);
+                let virial = at_contact(scene, state, q_c, row, r, contact, solved, &mut given);
+                given.virial += virial;
+                exchanges.push(Exchange { bodies: row.bodies, virial });
             }
         }
-        given
+        (given, exchanges)
     };
     // In parts that the number of rows alone decides.
     let rows = system.rows.par_chunks(PART).zip(solution.impulses.par_chunks(PART));
-    let parts: Vec<Given> = rows.zip(solved.contacts.par_chunks(PART)).map(of_some).collect();
-    let given = parts.into_iter().fold(Given::default(), Given::add);
+    let parts: Vec<(Given, Vec<Exchange>)> = rows.zip(solved.contacts.par_chunks(PART)).map(of_some).collect();
+    let given = parts.iter().fold(Given::default(), |sum, (given, _)| sum + *given);
     if state.step.is_multiple_of(scene.options.output_every) {
         state.interval = Interval { start: state.time, ..Interval::default() };
     }
-    state.interval.add(&given.exchanges);
+    state.interval.add(parts.iter().flat_map(|(_, exchanges)| exchanges));
     let ledger = &mut state.ledger;
     ledger.contact_work += given.contact_work;
     ledger.friction_work += given.friction_work;
@@ -322,7 +324,7 @@ fn book(
         penetration_mean: given.penetration_sum / active,
         missed: None,
         given_up: false,
-        virial: given.exchanges.iter().fold(0.0, |sum, exchange| sum + exchange.virial) / h,
+        virial: given.virial / h,
         flight: flights.iter().sum(),
         kinetic: motion.kinetic,
         rotational: motion.rotational,
@@ -339,7 +341,7 @@ const SHARPEST: f64 = 1e-2;
 const PART: usize = 1024;
 
 /// What contacts do in a step.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Given {
     contacts_active: usize,
     /// m, of the listed contacts.
@@ -350,8 +352,8 @@ struct Given {
     /// J
     contact_work: f64,
     friction_work: f64,
-    /// Of each contact that carries force.
-    exchanges: Vec<Exchange>,
+    /// Of impulses and branches, N m s.
+    virial: f64,
     /// Of driven bodies on free ones: work, impulse and its moment about the origin.
     outside_work: f64,
     momentum: Vec3,
@@ -361,8 +363,7 @@ struct Given {
 impl Add for Given {
     type Output = Given;
 
-    fn add(mut self, mut other: Given) -> Given {
-        self.exchanges.append(&mut other.exchanges);
+    fn add(self, other: Given) -> Given {
         Given {
             contacts_active: self.contacts_active + other.contacts_active,
             penetration_largest: self.penetration_largest.max(other.penetration_largest),
@@ -370,7 +371,7 @@ impl Add for Given {
             penetration_added: self.penetration_added + other.penetration_added,
             contact_work: self.contact_work + other.contact_work,
             friction_work: self.friction_work + other.friction_work,
-            exchanges: self.exchanges,
+            virial: self.virial + other.virial,
             outside_work: self.outside_work + other.outside_work,
             momentum: self.momentum + other.momentum,
             angular_momentum: self.angular_momentum + other.angular_momentum,
@@ -378,7 +379,7 @@ impl Add for Given {
     }
 }
 
-/// Adds what one contact with the impulse `r` of its row does.
+/// Adds what one contact with the impulse `r` of its row does; returns its impulse times its branch, N m s.
 #[allow(clippy::too_many_arguments)]
 fn at_contact(
     scene: &Scene,
@@ -389,7 +390,7 @@ fn at_contact(
     contact: &SolvedContact,
     solved: &Solved,
     given: &mut Given,
-) {
+) -> f64 {
     let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
     let mean = 0.5 * (velocity + row.u_before);
     let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
@@ -402,7 +403,6 @@ fn at_contact(
     // A wall's centre has no meaning for the stress of the grains: there the branch ends at the point.
     let to_point = |body: usize, arm: Vec3| if scene.bodies[body].driven { Vec3::zeros() } else { arm };
     let branch = to_point(antagonist, arms[1]) - to_point(candidate, arms[0]);
-    given.exchanges.push(Exchange { bodies: [contact.candidate, contact.antagonist], virial: force.dot(&branch) });
     given.contact_work += impulse.dot(&mean) + turning_work;
     given.friction_work += impulse.y * mean.y + impulse.z * mean.z + turning_work;
     if !scene.bodies[antagonist].driven {
@@ -418,6 +418,7 @@ fn at_contact(
         given.momentum += force;
         given.angular_momentum += contact.point.cross(&force) - moment * sign;
     }
+    force.dot(&branch)
 }
 
 /// Sums over the free bodies.
