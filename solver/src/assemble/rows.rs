@@ -14,9 +14,6 @@ use crate::math::{MANY, Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Geometry, Scene, Shape};
 use crate::state::{Contact, SolvedContact, State, Status};
 
-/// Of an impulse of single precision, by its normal part: some units in the last place of each component.
-const ROUNDING: f64 = 1e-6;
-
 /// What a sweep reads and writes of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
@@ -450,16 +447,6 @@ impl Row {
     pub fn balance(&self) -> f64 {
         let attraction = -self.impulse_shift;
         (attraction - self.shift.dot(&self.normal) / self.w_n).clamp(0.0, attraction)
-    }
-
-    /// The impulse that `r`, of single precision, stands for: what is on the cone's side to its rounding is there to that of
-    /// double precision.
-    pub fn on_cone(&self, r: &Vec3) -> Vec3 {
-        let normal = self.normal.dot(r);
-        let tangential = r - self.normal * normal;
-        let (size, bound) = (tangential.norm(), self.friction * normal);
-        let slides = size > bound - ROUNDING * normal.abs();
-        if slides && size > 0.0 { self.normal * normal + tangential * (bound / size) } else { *r }
     }
 
     /// û at the records' velocities, world frame, m/s.

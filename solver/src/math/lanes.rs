@@ -445,6 +445,41 @@ impl Width {
     }
 }
 
+/// What [`Arithmetic`] says of one pair of bodies, under these names.
+macro_rules! one_pair {
+    ($number:ty, $line:ty, $half:ty, $relative:ident, $push:ident, $relative_half:ident, $push_half:ident) => {
+        #[inline(always)]
+        fn $relative(self, lines: &[$line], a: &[u32], b: &[u32]) -> [$number; 8] {
+            let (a, b) = (&lines[a[0] as usize].0, &lines[b[0] as usize].0);
+            [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7]]
+        }
+        #[inline(always)]
+        fn $push(self, lines: &mut [$line], a: &[u32], b: &[u32], f: [$number; 3], g: [$number; 3]) {
+            for (line, sign) in [(a[0], 1.0), (b[0], -1.0)] {
+                let line = &mut lines[line as usize].0;
+                for k in 0..3 {
+                    line[k] = (sign * f[k]).mul_add(line[3], line[k]);
+                    line[4 + k] = g[k].mul_add(line[7], line[4 + k]);
+                }
+            }
+        }
+        #[inline(always)]
+        fn $relative_half(self, halves: &[$half], a: &[u32], b: &[u32]) -> [$number; 4] {
+            let (a, b) = (&halves[a[0] as usize].0, &halves[b[0] as usize].0);
+            [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3]]
+        }
+        #[inline(always)]
+        fn $push_half(self, halves: &mut [$half], a: &[u32], b: &[u32], f: [$number; 3]) {
+            for (half, sign) in [(a[0], 1.0), (b[0], -1.0)] {
+                let half = &mut halves[half as usize].0;
+                for k in 0..3 {
+                    half[k] = (sign * f[k]).mul_add(half[3], half[k]);
+                }
+            }
+        }
+    };
+}
+
 /// One at a time: any machine.
 #[derive(Debug, Clone, Copy)]
 pub struct Scalar;
@@ -514,35 +549,7 @@ impl Arithmetic for Scalar {
     fn scatter(self, lines: &mut [[f64; 8]], index: &[u32], columns: [f64; 8]) {
         lines[index[0] as usize] = columns;
     }
-    #[inline(always)]
-    fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [f64; 8] {
-        let (a, b) = (&lines[a[0] as usize].0, &lines[b[0] as usize].0);
-        [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7]]
-    }
-    #[inline(always)]
-    fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [f64; 3], g: [f64; 3]) {
-        for (line, sign) in [(a[0], 1.0), (b[0], -1.0)] {
-            let line = &mut lines[line as usize].0;
-            for k in 0..3 {
-                line[k] = (sign * f[k]).mul_add(line[3], line[k]);
-                line[4 + k] = g[k].mul_add(line[7], line[4 + k]);
-            }
-        }
-    }
-    #[inline(always)]
-    fn relative_half(self, halves: &[Half], a: &[u32], b: &[u32]) -> [f64; 4] {
-        let (a, b) = (&halves[a[0] as usize].0, &halves[b[0] as usize].0);
-        [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3]]
-    }
-    #[inline(always)]
-    fn push_half(self, halves: &mut [Half], a: &[u32], b: &[u32], f: [f64; 3]) {
-        for (half, sign) in [(a[0], 1.0), (b[0], -1.0)] {
-            let half = &mut halves[half as usize].0;
-            for k in 0..3 {
-                half[k] = (sign * f[k]).mul_add(half[3], half[k]);
-            }
-        }
-    }
+    one_pair!(f64, Line, Half, relative, push, relative_half, push_half);
 }
 
 impl Lanes for Scalar {
@@ -608,35 +615,7 @@ impl Singles for Scalar {
     fn magic_f32(self, magic: u32, a: f32) -> f32 {
         f32::from_bits(magic.wrapping_sub(a.to_bits() >> 1))
     }
-    #[inline(always)]
-    fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [f32; 8] {
-        let (a, b) = (&lines[a[0] as usize].0, &lines[b[0] as usize].0);
-        [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7]]
-    }
-    #[inline(always)]
-    fn push_f32(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [f32; 3], g: [f32; 3]) {
-        for (line, sign) in [(a[0], 1.0), (b[0], -1.0)] {
-            let line = &mut lines[line as usize].0;
-            for k in 0..3 {
-                line[k] = (sign * f[k]).mul_add(line[3], line[k]);
-                line[4 + k] = g[k].mul_add(line[7], line[4 + k]);
-            }
-        }
-    }
-    #[inline(always)]
-    fn relative_half_f32(self, halves: &[ShortHalf], a: &[u32], b: &[u32]) -> [f32; 4] {
-        let (a, b) = (&halves[a[0] as usize].0, &halves[b[0] as usize].0);
-        [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3]]
-    }
-    #[inline(always)]
-    fn push_half_f32(self, halves: &mut [ShortHalf], a: &[u32], b: &[u32], f: [f32; 3]) {
-        for (half, sign) in [(a[0], 1.0), (b[0], -1.0)] {
-            let half = &mut halves[half as usize].0;
-            for k in 0..3 {
-                half[k] = (sign * f[k]).mul_add(half[3], half[k]);
-            }
-        }
-    }
+    one_pair!(f32, ShortLine, ShortHalf, relative_f32, push_f32, relative_half_f32, push_half_f32);
 }
 
 #[cfg(target_arch = "x86_64")]

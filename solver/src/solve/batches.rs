@@ -9,7 +9,7 @@
 use bytemuck::Pod;
 use rayon::prelude::*;
 
-use crate::assemble::{Record, System};
+use crate::assemble::{Record, Row, System};
 use crate::math::lanes::{Half, Line, Number, ShortHalf, ShortLine};
 use crate::math::{MANY, Vec3, group};
 use crate::solve::nlgs::Reactions;
@@ -244,12 +244,25 @@ impl<B: Body> Problem<B> {
                     impulses[row as usize] = match (B::FRICTION, B::CHANGES) {
                         (false, _) => of.normal * r[0],
                         (true, false) => r.into(),
-                        (true, true) => of.on_cone(&r.into()),
+                        (true, true) => on_cone(of, &r.into()),
                     };
                 }
             }
         }
     }
+}
+
+/// Of an impulse of single precision, by its normal part: some units in the last place of each component.
+const ROUNDING: f64 = 1e-6;
+
+/// The impulse of a row that `r`, of single precision, stands for: what is on the cone's side to its rounding is there to that of
+/// double precision.
+fn on_cone(row: &Row, r: &Vec3) -> Vec3 {
+    let normal = row.normal.dot(r);
+    let tangential = r - row.normal * normal;
+    let (size, bound) = (tangential.norm(), row.friction * normal);
+    let slides = size > bound - ROUNDING * normal.abs();
+    if slides && size > 0.0 { row.normal * normal + tangential * (bound / size) } else { *r }
 }
 
 /// What the blocks are filled from.

@@ -149,7 +149,8 @@ pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
     }
 }
 
-/// Sweeps the rows `active`, in single precision as long as that gains, counting on in `sweeps`; returns what is left, and the motions that the impulses lead to.
+/// Sweeps the rows `active`, in single precision as long as that gains, counting on in `sweeps`; returns what is left, and the
+/// motions that the impulses lead to.
 fn sweep_until(
     system: &System,
     judge: &Judge,
