@@ -21,7 +21,7 @@ use crate::math::Vec3;
 use crate::plan::{Bound, astray, bounds};
 use crate::progress::Progress;
 use crate::scene::Scene;
-use crate::state::{Contact, State};
+use crate::state::{Contact, Known, State};
 use crate::step::{Clock, Motion, next_problem, step};
 use crate::write::summary::{Course, text};
 use crate::write::{Results, errors};
@@ -208,7 +208,7 @@ fn too_long(scene: &Scene, state: &State) -> Option<String> {
 /// The largest overlap at the start over the mean radius, which no step has made, and what to tell of it.
 fn overlaps(scene: &Scene, state: &State) -> Option<(f64, String)> {
     let still = vec![Vec3::zeros(); scene.bodies.len()];
-    let (contacts, _) = detect::contacts(scene, &predict(scene, state, 0), &still, &[]);
+    let contacts = detect::contacts(scene, &predict(scene, state, 0), &still, &mut Known::default());
     let deep = || contacts.iter().filter(|contact| -contact.gap > DEEP * scene.mean_radius);
     let deepest = deep().min_by(|a, b| a.gap.total_cmp(&b.gap))?;
     let mut pairs: Vec<[u32; 2]> = deep().map(|contact| [contact.candidate, contact.antagonist]).collect();

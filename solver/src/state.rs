@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::geometry::Memory;
 use crate::laws::Law;
 use crate::math::{MANY, Quat, Vec3, local_frame};
-use crate::scene::Scene;
+use crate::scene::{Scene, See};
 
 /// First feature of a contact of polyhedra that a text file tells without its features; the second is a running number.
 /// In the next step it is the nearest contact of the same contactors.
@@ -40,12 +40,75 @@ pub struct Contact {
     pub law: u8,
 }
 
-/// What detection keeps of two contactors that were near each other.
+/// What detection keeps of two contactors that were in contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairMemory {
     /// Indices into `Scene::parts`, the candidate first.
     pub parts: [u32; 2],
     pub memory: Memory,
+}
+
+/// What detection knows of near contactors from the last step.
+#[derive(Debug, Clone, Default)]
+pub struct Known {
+    pub neighbours: Neighbours,
+    /// Those of the neighbours that see each other: by candidates along Morton's curve, so that what contactors are made of
+    /// stays in the cache, then by antagonists.
+    pub pairs: Vec<([u32; 2], See)>,
+    /// Their places in the order of candidates.
+    pub order: Vec<u32>,
+    /// Of each of these pairs that was in contact, what is to be kept of it.
+    pub memories: Vec<Memory>,
+    /// The same before there are pairs, in the order of their contactors.
+    pub read: Vec<PairMemory>,
+    /// Of each of the pairs; nothing but time depends on it.
+    pub separations: Vec<Separation>,
+    /// Where the contactors were last, and how far their surfaces have moved in all, m.
+    pub last: Vec<(Vec3, Quat)>,
+    pub moved: Vec<f64>,
+}
+
+impl Known {
+    /// What is to be kept of pairs that were in contact, in the order of their contactors.
+    pub fn kept(&self) -> Vec<PairMemory> {
+        let of_pair = |&k: &u32| PairMemory { parts: self.pairs[k as usize].0, memory: self.memories[k as usize] };
+        let kept = self.order.iter().map(of_pair).filter(|kept| kept.memory != Memory::default());
+        self.read.iter().copied().chain(kept).collect()
+    }
+}
+
+impl PartialEq for Known {
+    fn eq(&self, other: &Self) -> bool {
+        self.kept() == other.kept()
+    }
+}
+
+/// Near pairs that hold as long as nothing has left its room.
+#[derive(Debug, Clone, Default)]
+pub struct Neighbours {
+    /// All pairs i < j that are as near as [`crate::detect::broad::pairs`] asks, and others.
+    pub pairs: Vec<[u32; 2]>,
+    /// Where things were when they were looked for, how far they reached then, and the room that they have since, m.
+    pub centres: Vec<Vec3>,
+    pub reach: Vec<f64>,
+    pub room: Vec<f64>,
+    /// Where they were in the last step, m.
+    pub last: Vec<Vec3>,
+}
+
+/// A direction along which two contactors were apart, if that is known.
+#[derive(Debug, Clone, Copy)]
+pub struct Separation {
+    /// Unit to rounding, from the candidate to the antagonist.
+    pub n: Option<[f32; 3]>,
+    /// How far they were apart, and the surfaces of both had moved in all: what that is more since, they may be nearer, m.
+    pub until: f64,
+}
+
+impl Default for Separation {
+    fn default() -> Self {
+        Separation { n: None, until: f64::NEG_INFINITY }
+    }
 }
 
 impl Contact {
@@ -162,8 +225,7 @@ pub struct State {
     pub order: Vec<u32>,
     /// The contacts of the last step by key, from which the next step starts.
     pub contacts: Vec<SolvedContact>,
-    /// Pairs of contactors that were near each other in the last step, in order.
-    pub pairs: Vec<PairMemory>,
+    pub known: Known,
     pub interval: Interval,
     /// Uniform gravity now in force, m/s^2.
     pub gravity: Vec3,

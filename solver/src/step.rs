@@ -100,7 +100,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     let mut free = assemble::free_velocity(scene, state, &q_c, &happened.shakes); // M2  V_free = V + h M⁻¹ F(x_c)
     state.attraction = free.attraction.take();
     lap.stop(&mut clock.gravity);
-    let (contacts, pairs) = detect::contacts(scene, &q_c, &free.v, &state.pairs); // M3  g, (n, t, s)
+    let contacts = detect::contacts(scene, &q_c, &free.v, &mut state.known); // M3  g, (n, t, s)
     let missed = looked_at(scene, state, &q_c, &free.v, &contacts);
     lap.stop(&mut clock.detection);
     let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
@@ -116,7 +116,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
         report.flight = 0.0; // what shakes is an impulse, and exact
     }
     integrate::advance(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
-    (state.contacts, state.pairs, state.order) = (solved.contacts, pairs, q_c.order);
+    (state.contacts, state.order) = (solved.contacts, q_c.order);
     state.bonding = Bonding::No;
     lap.stop(&mut clock.integration);
     report
@@ -131,7 +131,7 @@ fn looked_at(
     contacts: &[Contact],
 ) -> Option<Missed> {
     let looks = scene.narrow_phase_is_fast() && state.looks(q_c.units);
-    looks.then(|| detect::missed(scene, q_c, v_free, &state.pairs, contacts))
+    looks.then(|| detect::missed(scene, q_c, v_free, &state.known, contacts))
 }
 
 fn task(scene: &Scene, state: &State) -> Task {
@@ -162,7 +162,7 @@ pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProbl
     assemble::interventions(scene, &mut state, units);
     let q_c = integrate::predict(scene, &state, units);
     let free = assemble::free_velocity(scene, &state, &q_c, &happened.shakes);
-    let (contacts, _) = detect::contacts(scene, &q_c, &free.v, &state.pairs);
+    let contacts = detect::contacts(scene, &q_c, &free.v, &mut state.known);
     let system = assemble::contact_problem(scene, &state, &q_c, &contacts, &free.v, &free.w);
     (units, assemble::stored_problem(&system, &contacts))
 }

@@ -7,6 +7,7 @@
 
 pub mod broad;
 pub mod narrow;
+mod neighbours;
 mod parts;
 mod periodic;
 
@@ -17,30 +18,24 @@ use rayon::prelude::*;
 
 use crate::math::{MANY, Vec3, group};
 use crate::scene::{Scene, Shape};
-use crate::state::{Contact, PairMemory};
+use crate::state::{Contact, Known};
 
 use crate::integrate::Configuration;
 
 /// All listed contacts, in the order of [`Contact::key`].
 ///
 /// `v_free`: velocities after the step if nothing touched, m/s.
-/// `pairs`: what the last step kept of its pairs; returns what is to be kept of this one's.
-pub fn contacts(
-    scene: &Scene,
-    q_c: &Configuration,
-    v_free: &[Vec3],
-    pairs: &[PairMemory],
-) -> (Vec<Contact>, Vec<PairMemory>) {
+/// `known`: of the last step, then of this one.
+pub fn contacts(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], known: &mut Known) -> Vec<Contact> {
     let h = q_c.ahead;
     let travel = travel(q_c, v_free);
     if scene.is_general() {
-        return parts::contacts(scene, q_c, &travel, pairs, scene.options.narrow_phase());
+        return parts::contacts(scene, q_c, &travel, scene.options.narrow_phase(), known);
     }
     let mut pairs = among_spheres(scene, q_c, &travel);
     pairs.extend(with_planes(scene, q_c, &travel, h));
     let of_pair = |&[candidate, antagonist]: &[u32; 2]| contact(scene, q_c, candidate, antagonist);
-    let contacts = sorted(scene, pairs).par_iter().with_min_len(256).map(of_pair).collect();
-    (contacts, Vec::new())
+    sorted(scene, pairs).par_iter().with_min_len(256).map(of_pair).collect()
 }
 
 /// How far each body can get in the step beside the others, m.
@@ -58,14 +53,8 @@ pub struct Missed {
 
 /// Compares `contacts` with what the accurate narrow phase finds; the other arguments are those of [`contacts`] that made
 /// them. A pair that only one of them lists counts with its overlap.
-pub fn missed(
-    scene: &Scene,
-    q_c: &Configuration,
-    v_free: &[Vec3],
-    pairs: &[PairMemory],
-    contacts: &[Contact],
-) -> Missed {
-    let (exact, _) = parts::contacts(scene, q_c, &travel(q_c, v_free), pairs, NarrowPhase::Accurate);
+pub fn missed(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], known: &Known, contacts: &[Contact]) -> Missed {
+    let exact = parts::contacts(scene, q_c, &travel(q_c, v_free), NarrowPhase::Accurate, &mut known.clone());
     let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
     let gaps = |contacts: &[Contact]| {
         let mut gaps = BTreeMap::new();

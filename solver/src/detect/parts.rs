@@ -1,19 +1,20 @@
 //! Contacts between contactors of any shapes: balls about them in cells, then the geometry of each pair.
 
 use rayon::prelude::*;
+use smallvec::SmallVec;
 
 use cd_formats::compute::NarrowPhase;
 
-use crate::detect::{narrow, periodic};
+use crate::detect::narrow;
 use crate::geometry::{
-    Manifold, Memory, Narrow, Point, Posed, Range, polyhedron_cylinder, polyhedron_hollow_cylinder,
-    polyhedron_polyhedron, polyhedron_sphere,
+    Apart, Manifold, Memory, Narrow, Point, Posed, Range, Sight, Together, polyhedron_cylinder,
+    polyhedron_hollow_cylinder, polyhedron_sphere,
 };
 use crate::integrate::Configuration;
 use crate::math::lanes::Width;
 use crate::math::{Quat, Vec3, group};
 use crate::scene::{Geometry, Part, Scene, See};
-use crate::state::{Contact, PairMemory};
+use crate::state::{Contact, Known, Separation};
 
 /// Where a contactor is, and what of the scene each pair asks for: so that a pair reads little memory.
 struct Place<'a> {
@@ -21,6 +22,10 @@ struct Place<'a> {
     axes: Quat,
     /// How far a point of it can get in the step, m.
     travel: f64,
+    /// Of the ball about it, with what it can travel and half of what is listed, m.
+    reach: f64,
+    /// How far its surface has moved in all, m.
+    moved: f64,
     /// As cohesion knows it, 1/m.
     curvature: f64,
     body: u32,
@@ -51,83 +56,198 @@ impl Shape<'_> {
     }
 }
 
-/// All listed contacts in the order of their keys, and what is to be kept of the pairs, in order.
+impl Known {
+    /// `bodies`: in an order in which near ones follow each other.
+    fn renew(&mut self, scene: &Scene, places: &mut [Place], bodies: &[u32]) {
+        if self.last.len() != places.len() {
+            *self = Known { moved: vec![0.0; places.len()], read: self.kept(), ..Known::default() };
+            self.last = places.iter().map(|place| (place.centre, place.axes)).collect();
+        }
+        let known = self.last.iter_mut().zip(&mut self.moved);
+        for ((place, part), ((x, q), moved)) in places.iter_mut().zip(&scene.parts).zip(known) {
+            // Twice the sine of half an angle is less than four times that of a quarter.
+            let turned = (place.axes.coords - q.coords).norm().min((place.axes.coords + q.coords).norm());
+            *moved += (place.centre - *x).norm() + 2.0 * part.radius * turned;
+            (*x, *q, place.moved) = (place.centre, place.axes, *moved);
+        }
+        let centres: Vec<Vec3> = places.iter().map(|place| place.centre).collect();
+        let reach: Vec<f64> = places.iter().map(|place| place.reach).collect();
+        if !self.neighbours.renew(&centres, &reach, scene.periods(), scene.mean_radius) {
+            return;
+        }
+        let before = self.kept();
+        let apart = |&k: &u32| (self.pairs[k as usize].0, self.separations[k as usize]);
+        let near = std::mem::take(&mut self.neighbours.pairs);
+        let near: Vec<([u32; 2], See)> =
+            near.into_par_iter().with_min_len(1024).filter_map(|ij| meet(scene, places, ij)).collect();
+        let pairs = by_candidates(&near, scene, bodies);
+        let order = by_parts(&pairs, places.len());
+        self.separations = carried(&pairs, &order, self.order.iter().map(apart));
+        self.memories = carried(&pairs, &order, before.into_iter().map(|pair| (pair.parts, pair.memory)));
+        (self.pairs, self.order, self.read) = (pairs, order, Vec::new());
+    }
+}
+
+/// All listed contacts in the order of their keys.
 pub fn contacts(
     scene: &Scene,
     q_c: &Configuration,
     travel: &[f64],
-    before: &[PairMemory],
     narrow: NarrowPhase,
-) -> (Vec<Contact>, Vec<PairMemory>) {
+    known: &mut Known,
+) -> Vec<Contact> {
     let h = q_c.ahead;
-    let places: Vec<Place> =
+    let mut places: Vec<Place> =
         scene.parts.par_iter().with_min_len(64).map(|part| place(scene, part, q_c, travel, h)).collect();
-    let centres: Vec<Vec3> = places.iter().map(|place| place.centre).collect();
-    let range = 0.5 * scene.listing_range;
-    let reach: Vec<f64> =
-        scene.parts.iter().zip(&places).map(|(part, place)| part.radius + place.travel + range).collect();
-    // Pairs come and are looked at in the order of the cells: what a part is made of stays in the cache meanwhile.
-    let pairs: Vec<([u32; 2], See)> = periodic::pairs(&centres, &reach, scene.periods())
-        .into_par_iter()
-        .with_min_len(1024)
-        .filter_map(|ij| meet(scene, &places, ij))
-        .collect();
-    let order = by_parts(&pairs, scene.parts.len());
-    let mut memory = remembered(&pairs, &order, before);
+    known.renew(scene, &mut places, &q_c.order);
+    let Known { pairs, memories, separations, .. } = known;
     let narrow = match narrow {
         NarrowPhase::Fast => Narrow::Fast,
         NarrowPhase::Accurate => Narrow::Accurate,
     };
     let width = Width::detect();
-    let found: Vec<Listed> = memory
-        .par_chunks_mut(CHUNK)
+    let found: Vec<Listed> = memories
+        .par_chunks(CHUNK)
         .enumerate()
         .map(|(chunk, memories)| {
-            let mut listed = Listed { contacts: Vec::with_capacity(2 * CHUNK), ends: Vec::with_capacity(CHUNK) };
-            let mut ahead = Ahead { pairs: &pairs, places: &places, width, near: [u32::MAX; NEAR] };
-            for (k, memory) in (chunk * CHUNK..).zip(memories) {
-                ahead.fetch(k);
-                let (parts, see) = &pairs[k];
-                let [a, b] = parts.map(|k| &places[k as usize]);
-                let radius = 1.0 / (a.curvature + b.curvature);
-                let law = &scene.laws[see.law as usize];
-                let alert = law.range(radius).max(see.alert).max(a.travel + b.travel);
-                let range = Range { alert, area: law.range_of_stress(radius) };
-                let image = scene.image(&a.centre, &b.centre);
-                let c = b.centre + image - a.centre;
-                let mut list = |found: &Manifold| list(a, b, image, found, range, see.law, &mut listed.contacts);
-                touch(a, b, &c, range, narrow, memory, &mut list);
-                listed.ends.push(listed.contacts.len());
+            let first = chunk * CHUNK;
+            let mut listed = Listed::new(memories.len());
+            let mut ahead = Ahead { pairs, separations, places: &places, width, near: [u32::MAX; NEAR] };
+            let mut polyhedra = Together::new(width);
+            for (pair, memory) in (first..).zip(memories) {
+                ahead.fetch(pair);
+                let (meeting, separation) = (Meeting::new(scene, &places, pair, &pairs[pair]), &separations[pair]);
+                if separation.until > meeting.moved() + meeting.range.alert {
+                    listed.of_pairs[pair - first].1 = *separation;
+                } else if meeting.is_near() {
+                    let hint = separation.n.filter(|_| *memory == Memory::default());
+                    touch(meeting, narrow, memory, hint, &mut polyhedra, &mut |meeting, sight| {
+                        listed.add(first, &meeting, sight);
+                    });
+                }
             }
+            polyhedra.finish(&mut |meeting, sight| listed.add(first, &meeting, sight));
             listed
         })
         .collect();
-    let kept = |&k: &u32| PairMemory { parts: pairs[k as usize].0, memory: memory[k as usize] };
-    let kept = order.iter().filter(|k| memory[**k as usize] != Memory::default()).map(kept).collect();
-    (sorted(&found, &order, width), kept)
+    (*memories, *separations) = found.iter().flat_map(|listed| &listed.of_pairs).copied().unzip();
+    sorted(&found, scene.bodies.len(), width)
+}
+
+/// Two contactors that may be near each other.
+#[derive(Clone, Copy)]
+struct Meeting<'a> {
+    /// Number of the pair.
+    pair: usize,
+    a: &'a Place<'a>,
+    b: &'a Place<'a>,
+    /// From the centre of `a` to that of `b`, m, and what of that is from `b` to its image.
+    c: Vec3,
+    image: Vec3,
+    range: Range,
+    law: u8,
+}
+
+impl<'a> Meeting<'a> {
+    fn new(scene: &Scene, places: &'a [Place<'a>], pair: usize, (parts, see): &([u32; 2], See)) -> Self {
+        let [a, b] = parts.map(|k| &places[k as usize]);
+        let radius = 1.0 / (a.curvature + b.curvature);
+        let law = &scene.laws[see.law as usize];
+        // Farther apart than that they do not touch in this step, unless something pushes them.
+        let patch = law.range(radius).max(a.travel + b.travel);
+        let range = Range { alert: patch.max(see.alert), patch, area: law.range_of_stress(radius) };
+        let image = scene.image(&a.centre, &b.centre);
+        Meeting { pair, a, b, c: b.centre + image - a.centre, image, range, law: see.law }
+    }
+
+    /// Whether the balls about them, with what they can travel, are within the range.
+    fn is_near(&self) -> bool {
+        let reach = self.a.reach + self.b.reach;
+        self.c.norm_squared() <= reach * reach
+    }
+
+    /// How far their surfaces have moved together, m.
+    fn moved(&self) -> f64 {
+        self.a.moved + self.b.moved
+    }
 }
 
 /// What a task has found.
 struct Listed {
     contacts: Vec<Contact>,
-    /// Of each pair, where its contacts end.
-    ends: Vec<usize>,
+    /// Candidates of contacts that follow each other, and where these begin.
+    runs: Vec<(u32, usize)>,
+    /// What is to be kept of each pair.
+    of_pairs: Vec<(Memory, Separation)>,
 }
 
-/// The contacts of pairs in this order, which is that of their keys but for bodies of several parts.
-fn sorted(found: &[Listed], order: &[u32], width: Width) -> Vec<Contact> {
-    let of_pair = |k: u32| {
-        let (listed, k) = (&found[k as usize / CHUNK], k as usize % CHUNK);
-        let start = if k == 0 { 0 } else { listed.ends[k - 1] };
-        &listed.contacts[start..listed.ends[k]]
+/// Part of the balls' radii within which rounding may make something of a distance.
+const ROUNDING: f64 = 1e-9;
+
+impl Listed {
+    fn new(pairs: usize) -> Self {
+        Listed { contacts: Vec::with_capacity(3 * pairs), runs: Vec::new(), of_pairs: vec![Default::default(); pairs] }
+    }
+
+    /// Adds what is seen of a pair, the first of the task being `first`: points up to its range; those on its area share it.
+    fn add(&mut self, first: usize, meeting: &Meeting, sight: Sight) {
+        let Meeting { a, b, range, .. } = meeting;
+        let (kept, separation) = &mut self.of_pairs[meeting.pair - first];
+        let manifold = match sight {
+            Ok((memory, manifold)) => {
+                *kept = memory;
+                manifold
+            }
+            Err(Apart { n, s }) => {
+                let until = s + meeting.moved() - ROUNDING * (a.reach + b.reach);
+                *separation = Separation { n: Some([n.x, n.y, n.z].map(|x| x as f32)), until };
+                return;
+            }
+        };
+        if self.runs.last().is_none_or(|(candidate, _)| *candidate != a.body) {
+            self.runs.push((a.body, self.contacts.len()));
+        }
+        let on_area = |point: &Point| point.gap <= range.area;
+        let share = manifold.area / manifold.points.iter().filter(|point| on_area(point)).count() as f64;
+        self.contacts.extend(manifold.points.iter().filter(|point| point.gap <= range.alert).map(|point| Contact {
+            candidate: a.body,
+            antagonist: b.body,
+            ranks: (a.rank, b.rank),
+            features: point.features,
+            point: a.centre + point.position,
+            image: meeting.image,
+            normal: manifold.normal,
+            gap: point.gap,
+            area: if on_area(point) { share } else { 0.0 },
+            law: meeting.law,
+        }));
+    }
+
+    /// The contacts from the beginning of a run to that of the next.
+    fn run(&self, k: usize) -> &[Contact] {
+        let end = self.runs.get(k + 1).map_or(self.contacts.len(), |(_, start)| *start);
+        &self.contacts[self.runs[k].1..end]
+    }
+}
+
+/// All contacts in the order of their keys.
+fn sorted(found: &[Listed], bodies: usize, width: Width) -> Vec<Contact> {
+    let runs: Vec<(&Listed, usize)> =
+        found.iter().flat_map(|listed| (0..listed.runs.len()).map(move |k| (listed, k))).collect();
+    let candidates: Vec<u32> = runs.iter().map(|(listed, k)| listed.runs[*k].0).collect();
+    let (order, _) = group(&candidates, bodies);
+    let run = |k: u32| {
+        let (listed, k) = runs[k as usize];
+        listed.run(k)
     };
     let mut contacts = Vec::with_capacity(found.iter().map(|listed| listed.contacts.len()).sum());
     for (place, &k) in order.iter().enumerate() {
-        if let Some(&later) = order.get(place + AHEAD) {
-            width.fetch(of_pair(later));
+        if let Some(&later) = order.get(place + 1) {
+            width.fetch(run(later));
         }
-        contacts.extend_from_slice(of_pair(k));
+        contacts.extend_from_slice(run(k));
     }
+    // Of one candidate they may come from several tasks, or of several parts.
     for of_one in contacts.chunk_by_mut(|a, b| a.candidate == b.candidate) {
         if !of_one.is_sorted_by_key(Contact::key) {
             of_one.sort_unstable_by_key(Contact::key);
@@ -137,11 +257,12 @@ fn sorted(found: &[Listed], order: &[u32], width: Width) -> Vec<Contact> {
 }
 
 /// So many pairs before its turn what a pair reads is asked for: a few microseconds, and less than the nearest cache holds.
-const AHEAD: usize = 8;
+const AHEAD: usize = 16;
 
 /// Asks for what pairs will read: of many bodies it comes from far memory in every step, while other pairs are worked on.
 struct Ahead<'a> {
     pairs: &'a [([u32; 2], See)],
+    separations: &'a [Separation],
     places: &'a [Place<'a>],
     width: Width,
     /// Parts that have been asked for of late, each at its number's place.
@@ -158,7 +279,11 @@ impl Ahead<'_> {
         if let Some((parts, _)) = self.pairs.get(k + 2 * AHEAD) {
             parts.iter().for_each(|&part| self.width.fetch(&self.places[part as usize]));
         }
-        let Some((parts, _)) = self.pairs.get(k + AHEAD) else { return };
+        let Some((parts, see)) = self.pairs.get(k + AHEAD) else { return };
+        let moved: f64 = parts.iter().map(|&part| self.places[part as usize].moved).sum();
+        if self.separations[k + AHEAD].until > moved + see.alert {
+            return; // as likely as not it is not looked at
+        }
         for &part in parts {
             let last = &mut self.near[part as usize % NEAR];
             if *last != part
@@ -179,11 +304,13 @@ fn place<'a>(scene: &Scene, part: &'a Part, q_c: &Configuration, travel: &[f64],
     let q = &q_c.q[i];
     let arm = q * part.offset;
     let axes = q * part.axes;
-    let turn = h * q_c.w[i].norm() * (arm.norm() + part.radius);
+    let travel = travel[i] + h * q_c.w[i].norm() * (arm.norm() + part.radius);
     Place {
         centre: q_c.x[i] + arm,
         axes,
-        travel: travel[i] + turn,
+        travel,
+        reach: part.radius + travel + 0.5 * scene.listing_range,
+        moved: 0.0,
         curvature: scene.curvature_of(part),
         body: part.body,
         class: part.class,
@@ -213,76 +340,90 @@ fn meet(scene: &Scene, places: &[Place], [i, j]: [u32; 2]) -> Option<([u32; 2], 
     Some((if first { [i, j] } else { [j, i] }, see))
 }
 
-/// The places of the pairs in the order of their parts.
+/// The pairs by candidates, in the order of the bodies, then by antagonists.
+fn by_candidates(pairs: &[([u32; 2], See)], scene: &Scene, bodies: &[u32]) -> Vec<([u32; 2], See)> {
+    let mut place = vec![0; bodies.len()];
+    bodies.iter().zip(0..).for_each(|(&i, k)| place[i as usize] = k);
+    let of_pairs: Vec<u32> =
+        pairs.iter().map(|(parts, _)| place[scene.parts[parts[0] as usize].body as usize]).collect();
+    let (order, starts) = group(&of_pairs, bodies.len());
+    let mut grouped: Vec<([u32; 2], See)> = order.iter().map(|&k| pairs[k as usize]).collect();
+    for of_one in starts.windows(2) {
+        grouped[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(|(parts, _)| *parts);
+    }
+    grouped
+}
+
+/// The places of the pairs, which come by candidates, in the order of their parts.
 fn by_parts(pairs: &[([u32; 2], See)], parts: usize) -> Vec<u32> {
     let first: Vec<u32> = pairs.iter().map(|(parts, _)| parts[0]).collect();
-    let (mut order, starts) = group(&first, parts);
-    for of_one in starts.windows(2) {
-        order[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(|&k| pairs[k as usize].0[1]);
-    }
-    order
+    group(&first, parts).0
 }
 
-/// What is remembered of each of the pairs; `order` and `before` are in the order of their parts.
-fn remembered(pairs: &[([u32; 2], See)], order: &[u32], before: &[PairMemory]) -> Vec<Memory> {
-    let mut memory = vec![Memory::default(); pairs.len()];
-    let mut before = before.iter().peekable();
+/// What is known already of each of the pairs; `order` and `before` are in the order of their parts.
+fn carried<T: Clone + Default>(
+    pairs: &[([u32; 2], See)],
+    order: &[u32],
+    before: impl Iterator<Item = ([u32; 2], T)>,
+) -> Vec<T> {
+    let mut carried = vec![T::default(); pairs.len()];
+    let mut before = before.peekable();
     for &k in order {
         let parts = &pairs[k as usize].0;
-        while before.next_if(|old| old.parts < *parts).is_some() {}
-        if let Some(old) = before.next_if(|old| old.parts == *parts) {
-            memory[k as usize] = old.memory;
+        while before.next_if(|(old, _)| old < parts).is_some() {}
+        if let Some((_, old)) = before.next_if(|(old, _)| old == parts) {
+            carried[k as usize] = old;
         }
     }
-    memory
+    carried
 }
 
-/// Calls `take` with the manifolds of candidate `a` and antagonist `b`, its centre at `c` from that of `a` (m), up to
-/// `range`, points relative to the candidate's centre.
-fn touch(
-    a: &Place,
-    b: &Place,
-    c: &Vec3,
-    range: Range,
+/// Calls `take` with what is seen of a pair, points relative to the candidate's centre; that of polyhedra may come later.
+fn touch<'a>(
+    meeting: Meeting<'a>,
     narrow: Narrow,
-    memory: &mut Memory,
-    take: &mut impl FnMut(&Manifold),
+    memory: &Memory,
+    hint: Option<[f32; 3]>,
+    polyhedra: &mut Together<'a, Meeting<'a>>,
+    take: &mut impl FnMut(Meeting<'a>, Sight),
 ) {
+    let Meeting { a, b, c, range, .. } = meeting;
     let one = |found: narrow::Found| {
         let point = Point { position: found.point, gap: found.gap, features: (0, found.feature) };
         Manifold { normal: found.normal, points: std::iter::once(point).collect(), area: 0.0 }
     };
     let zero = Vec3::zeros();
-    let found = match (&a.shape, &b.shape) {
+    let found: SmallVec<[Manifold; 1]> = match (&a.shape, &b.shape) {
         // A plate is a cuboid.
         (Shape::Polyhedron(p), Shape::Polyhedron(q) | Shape::Plane { cuboid: q, .. }) => {
-            polyhedron_polyhedron(p, q, c, range, narrow, memory)
+            let hint = hint.map(|n| Vec3::from(n.map(f64::from)));
+            return polyhedra.pair(meeting, [p, q], &c, range, narrow, memory, hint, take);
         }
         (Shape::Sphere { radius: r }, Shape::Sphere { radius: s }) => {
-            Some(one(narrow::sphere_sphere(&zero, *r, c, *s)))
+            [one(narrow::sphere_sphere(&zero, *r, &c, *s))].into_iter().collect()
         }
         (Shape::Sphere { radius }, Shape::Plane { half_lengths, .. }) => {
-            Some(one(narrow::sphere_plane(&zero, *radius, c, &b.axes, half_lengths)))
+            [one(narrow::sphere_plane(&zero, *radius, &c, &b.axes, half_lengths))].into_iter().collect()
         }
         (Shape::Sphere { radius }, Shape::Polyhedron(q)) => {
-            polyhedron_sphere(q, &-*c, *radius, range.alert).map(|found| seen_from_sphere(&found, c))
+            let found = polyhedron_sphere(q, &-c, *radius, range.alert);
+            found.map(|found| seen_from_sphere(&found, &c)).into_iter().collect()
         }
         (Shape::Sphere { radius: r }, Shape::Cylinder { half_height, radius, hollow }) => {
-            let found = narrow::sphere_cylinder(&zero, *r, c, &b.axes, [*half_height, *radius], *hollow);
-            return found.into_iter().flatten().for_each(|found| take(&one(found)));
+            let found = narrow::sphere_cylinder(&zero, *r, &c, &b.axes, [*half_height, *radius], *hollow);
+            found.into_iter().flatten().map(one).collect()
         }
         (Shape::Polyhedron(p), Shape::Cylinder { half_height, radius, hollow: true }) => {
-            let found = polyhedron_hollow_cylinder(p, c, &b.axes, [*half_height, *radius], range.alert);
-            return found.iter().for_each(take);
+            polyhedron_hollow_cylinder(p, &c, &b.axes, [*half_height, *radius], range.alert).into_iter().collect()
         }
         (Shape::Polyhedron(p), Shape::Cylinder { half_height, radius, hollow: false }) => {
-            polyhedron_cylinder(p, c, &b.axes, [*half_height, *radius], range)
+            polyhedron_cylinder(p, &c, &b.axes, [*half_height, *radius], range).into_iter().collect()
         }
         // Cylinders and plates are walls, which do not meet.
-        _ => None,
+        _ => SmallVec::new(),
     };
-    if let Some(found) = found {
-        take(&found);
+    for manifold in &found {
+        take(meeting, Ok((Memory::default(), manifold)));
     }
 }
 
@@ -294,22 +435,4 @@ fn seen_from_sphere(found: &Manifold, c: &Vec3) -> Manifold {
         features: (point.features.1, point.features.0),
     };
     Manifold { normal: -found.normal, points: found.points.iter().map(turned).collect(), area: found.area }
-}
-
-/// Adds the points of a manifold up to `range`; those on its area share it.
-fn list(a: &Place, b: &Place, image: Vec3, manifold: &Manifold, range: Range, law: u8, contacts: &mut Vec<Contact>) {
-    let on_area = |point: &Point| point.gap <= range.area;
-    let share = manifold.area / manifold.points.iter().filter(|point| on_area(point)).count() as f64;
-    contacts.extend(manifold.points.iter().filter(|point| point.gap <= range.alert).map(|point| Contact {
-        candidate: a.body,
-        antagonist: b.body,
-        ranks: (a.rank, b.rank),
-        features: point.features,
-        point: a.centre + point.position,
-        image,
-        normal: manifold.normal,
-        gap: point.gap,
-        area: if on_area(point) { share } else { 0.0 },
-        law,
-    }));
 }

@@ -72,7 +72,9 @@ pub fn polyhedron_cylinder(
         corner.gap = if corner.gap <= axis.s + tie { axis.s } else { corner.gap };
     }
     if patch.holds(axis.s, tie) {
-        return patch.manifold(range, tie);
+        let mut manifold = Manifold::default();
+        patch.manifold(range, tie, &mut manifold);
+        return (!manifold.points.is_empty()).then_some(manifold);
     }
     let point = pair.own_point(&axis);
     Some(Manifold { normal: -patch.normal, points: [point].into_iter().collect(), area: 0.0 })

@@ -11,6 +11,7 @@
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
 //! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | against other shapes |
 //! | `outline` | the corners of the common part of two faces seen along the normal |
+//! | `triangles` | the same of faces of three corners, for several pairs at once |
 //! | `patch` | points of contact and area from these |
 
 mod cylinder;
@@ -23,6 +24,7 @@ mod plate;
 mod polyhedron;
 mod search;
 mod sphere;
+mod triangles;
 
 pub use cylinder::polyhedron_cylinder;
 pub use hollow_cylinder::polyhedron_hollow_cylinder;
@@ -34,7 +36,9 @@ use smallvec::SmallVec;
 
 use crate::math::Vec3;
 use crate::math::lanes::Width;
-use search::{Axis, Feature, Pair, Start};
+use patch::Patch;
+use search::{Axis, Feature, Found, Pair, Start};
+use triangles::{AT_ONCE, Triangles};
 
 /// A point of contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,13 +67,13 @@ pub const fn face(k: u32) -> u32 {
 }
 
 /// At least one.
-pub type Points = SmallVec<[Point; 4]>;
+pub type Points = SmallVec<[Point; 6]>;
 
 /// The contact of two bodies: one normal, and points.
 ///
 /// One point where a vertex or crossed edges meet, two where an edge lies on a face, more where faces meet: the corners
 /// of what they share.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Manifold {
     /// Unit, from B (antagonist) to A (candidate).
     pub normal: Vec3,
@@ -92,14 +96,16 @@ impl Manifold {
 pub struct Range {
     /// Points of contact, m.
     pub alert: f64,
+    /// All points of a pair: of one that is farther apart the nearest is enough, m.
+    pub patch: f64,
     /// The part of a patch that counts for its area, m: the range of a cohesion that is a stress.
     pub area: f64,
 }
 
 impl From<f64> for Range {
-    /// Points up to this, the area of the whole patch.
+    /// All points up to this, the area of the whole patch.
     fn from(alert: f64) -> Self {
-        Range { alert, area: f64::INFINITY }
+        Range { alert, patch: f64::INFINITY, area: f64::INFINITY }
     }
 }
 
@@ -173,42 +179,188 @@ pub fn polyhedron_polyhedron(
     memory: &mut Memory,
 ) -> Option<Manifold> {
     let pair = Pair::new(a, b, *c, Width::detect());
-    let (kept, manifold) = contact(&pair, memory.start(&pair), narrow, range.into());
-    *memory = Memory::of(&kept);
+    let start = memory.start(&pair);
+    let (kept, manifold) = contact(Asked { pair, start, hint: None, narrow, range: range.into() });
+    *memory = kept;
     manifold
 }
 
-/// The direction to be remembered, and the contact along it.
-fn contact(pair: &Pair, start: Start, narrow: Narrow, range: Range) -> (Axis, Option<Manifold>) {
-    let alert = range.alert;
-    let search::Found { axis, faces } = search::search(pair, start, narrow, alert);
-    if axis.s > alert {
-        return (axis, None);
+fn contact(asked: Asked) -> (Memory, Option<Manifold>) {
+    let mut found = (Memory::default(), None);
+    let mut take = |(), sight: Sight| {
+        found = match sight {
+            Ok((memory, manifold)) => (memory, Some(manifold.clone())),
+            Err(Apart { n, s }) => (Memory::of(&Axis { n, s, feature: Feature::None }), None),
+        };
+    };
+    let mut together = Together::new(asked.pair.width);
+    together.ask((), asked, &mut take);
+    together.finish(&mut take);
+    found
+}
+
+/// A direction along which two bodies are beyond the range that was asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Apart {
+    /// Unit, from A to B.
+    pub n: Vec3,
+    /// They are at least so far apart, m.
+    pub s: f64,
+}
+
+/// What is seen of a pair: its contact and what is to be kept for the next step, or that there is none.
+pub type Sight<'m> = Result<(Memory, &'m Manifold), Apart>;
+
+/// Pairs of polyhedra that are looked at together: the same as one by one, to the bit, and faster.
+///
+/// Each has a `T` by which it is known again. Contacts come in the order in which they are asked for.
+pub struct Together<'a, T> {
+    width: Width,
+    /// Those whose points are yet to be found.
+    waiting: [Option<Waiting<'a, T>>; WAITING],
+    count: usize,
+    triangles: Triangles,
+    /// Of the pair at hand.
+    patch: Patch,
+    manifold: Manifold,
+}
+
+struct Waiting<'a, T> {
+    of: T,
+    asked: Asked<'a>,
+    found: Found,
+    /// Which of the triangles its faces are, if they are any.
+    triangles: Option<usize>,
+}
+
+/// So many wait at the most: some are no triangles.
+const WAITING: usize = 2 * AT_ONCE;
+
+/// What is asked of a pair.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    pair: Pair<'a>,
+    start: Start,
+    /// A direction that may show at once that they are apart; if it does not, it is forgotten.
+    hint: Option<Vec3>,
+    narrow: Narrow,
+    range: Range,
+}
+
+impl<'a, T: Copy> Together<'a, T> {
+    pub fn new(width: Width) -> Self {
+        Together {
+            width,
+            waiting: [const { None }; WAITING],
+            count: 0,
+            triangles: Triangles::new(),
+            patch: Patch::default(),
+            manifold: Manifold::default(),
+        }
     }
-    if let Feature::Edges(ea, eb) = axis.feature
-        && axis.s > 0.0
-        && search::parallel(pair, ea, eb)
+
+    /// Asks for what [`polyhedron_polyhedron`] finds; sooner or later `take` is called with `of` and that.
+    ///
+    /// `hint`: a direction along which they may be apart.
+    #[expect(clippy::too_many_arguments, reason = "those of one pair, and who takes what is found")]
+    pub fn pair(
+        &mut self,
+        of: T,
+        [a, b]: [&'a Posed; 2],
+        c: &Vec3,
+        range: Range,
+        narrow: Narrow,
+        memory: &Memory,
+        hint: Option<Vec3>,
+        take: &mut impl FnMut(T, Sight),
+    ) {
+        let pair = Pair::new(a, b, *c, self.width);
+        let start = memory.start(&pair);
+        self.ask(of, Asked { pair, start, hint, narrow, range }, take);
+    }
+
+    fn ask(&mut self, of: T, asked: Asked<'a>, take: &mut impl FnMut(T, Sight)) {
+        let Asked { pair, start, hint, narrow, range } = &asked;
+        let found = search::search(pair, *start, *hint, *narrow, *range);
+        let Found { axis, faces, .. } = &found;
+        if axis.s > range.alert {
+            return take(of, Err(axis.apart()));
+        }
+        let patch = axis.feature != Feature::None && !found.is_far(range) && !search::ridges(pair, axis);
+        let triangles = if patch { self.triangles.add(pair, axis, *faces) } else { None };
+        self.waiting[self.count] = Some(Waiting { of, asked, found, triangles });
+        self.count += 1;
+        if self.triangles.are_many() || self.count == WAITING {
+            self.finish(take);
+        }
+    }
+
+    /// Finds what has not been found yet.
+    pub fn finish(&mut self, take: &mut impl FnMut(T, Sight)) {
+        let Together { width, waiting, count, triangles, patch, manifold } = self;
+        triangles.see(*width);
+        for Waiting { of, asked, found, triangles: place } in waiting[..*count].iter().flatten() {
+            let axis = &found.axis;
+            let seen = place.is_some_and(|k| triangles.patch(k, axis, asked.range.area, patch));
+            if seen && patch.holds(axis.s, asked.pair.tie()) {
+                take(*of, sight(asked, axis, patch, manifold));
+            } else {
+                alone(asked, found, patch, manifold, &mut |sight: Sight| take(*of, sight));
+            }
+        }
+        *count = 0;
+        triangles.clear();
+    }
+}
+
+/// The points of a patch that are within the range.
+fn sight<'m>(asked: &Asked, axis: &Axis, patch: &mut Patch, manifold: &'m mut Manifold) -> Sight<'m> {
+    patch.manifold(asked.range, asked.pair.tie(), manifold);
+    // Within rounding there may be none.
+    if manifold.points.is_empty() { Err(axis.apart()) } else { Ok((Memory::of(axis), manifold)) }
+}
+
+/// A pair whose direction is known, by itself.
+fn alone(asked: &Asked, found: &Found, patch: &mut Patch, manifold: &mut Manifold, take: &mut impl FnMut(Sight)) {
+    let Asked { pair, start, narrow, range, .. } = asked;
+    let Found { axis, faces, met, .. } = found;
+    let kept = Memory::of(axis);
+    let own_point = |area| {
+        let points = search::own_point(pair, axis, *met).into_iter().collect();
+        Manifold { normal: -axis.n, points, area }
+    };
+    if found.is_far(range) {
+        return take(Ok((kept, &own_point(0.0))));
+    }
+    if search::ridges(pair, axis)
         && let Some(ridges) = gjk::ridges(pair, &axis.n, axis.s)
     {
-        return (axis, Some(ridges));
+        return take(Ok((kept, &ridges)));
     }
     if axis.feature != Feature::None {
-        let mut patch = patch::Patch::default();
-        patch.see(pair, &axis, faces, range.area);
+        patch.see(pair, axis, *faces, range.area);
         if patch.holds(axis.s, pair.tie()) {
-            return (axis, patch.manifold(range, pair.tie()));
+            return take(sight(asked, axis, patch, manifold));
         }
         if axis.s <= 0.0 {
             // Not at a proven least overlap: the axis's own features are one point of it.
-            let points = search::own_point(pair, &axis).into_iter().collect();
-            return (axis, Some(Manifold { normal: -axis.n, points, area: patch.area }));
+            return take(Ok((kept, &own_point(patch.area))));
         }
     }
-    let nearest = gjk::nearest(pair, axis.n, alert);
+    let nearest = gjk::nearest(pair, axis.n, range.alert);
     if nearest.on_faces && matches!(start, Start::Direction(_)) {
-        return contact(pair, Start::Nothing, narrow, range);
+        let found = search::search(pair, Start::Nothing, None, *narrow, *range);
+        if found.axis.s > range.alert {
+            return take(Err(found.axis.apart()));
+        }
+        let asked = Asked { start: Start::Nothing, ..*asked };
+        return alone(&asked, &found, patch, manifold, take);
     }
-    (Axis { n: nearest.n, s: axis.s, feature: Feature::None }, nearest.manifold)
+    let along = Axis { n: nearest.n, s: axis.s, feature: Feature::None };
+    match &nearest.manifold {
+        Some(manifold) => take(Ok((Memory::of(&along), manifold))),
+        None => take(Err(along.apart())),
+    }
 }
 
 #[cfg(test)]
@@ -239,7 +391,10 @@ pub(super) mod tests {
             let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
             let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * (1.2 + 0.002 * k);
             for start in [Start::Nothing, Start::Feature(Feature::FaceOfA(3)), Start::Direction(Vec3::x())] {
-                let of = |width| contact(&Pair::new(&pa, &pb, c, width), start, Narrow::Accurate, 0.05.into());
+                let of = |width| {
+                    let pair = Pair::new(&pa, &pb, c, width);
+                    contact(Asked { pair, start, hint: None, narrow: Narrow::Accurate, range: 0.05.into() })
+                };
                 let found: Vec<_> = Width::all().into_iter().map(of).collect();
                 assert!(found.iter().all(|one| *one == found[0]), "{k}: {found:?}");
                 contacts += usize::from(found[0].1.is_some());

@@ -22,6 +22,8 @@ const FLAT: f64 = 1e-2;
 const TIES: f64 = 4.0;
 /// So many corners all count.
 const FEW: usize = 4;
+/// So many are put in order by comparing each with each.
+const MANY: usize = 16;
 
 #[derive(Default)]
 pub(super) struct Patch {
@@ -45,6 +47,7 @@ impl Patch {
     /// Faces of A and of B seen along an axis; area counts up to the gap `area_within`, m.
     pub fn see(&mut self, pair: &Pair, axis: &Axis, faces: (u32, u32), area_within: f64) {
         self.normal = axis.n;
+        self.corners.clear();
         common(pair, &axis.n, faces, ON_SIDE * pair.small, &mut self.corners);
         self.area = area(&self.corners, area_within);
         for corner in &mut self.corners {
@@ -53,26 +56,40 @@ impl Patch {
         }
     }
 
+    /// The same where the corners are known already, and the area of the whole.
+    pub fn is_seen(&mut self, normal: Vec3, area_of_all: f64, area_within: f64) {
+        let all = self.corners.iter().all(|corner| corner.gap <= area_within);
+        (self.normal, self.area) = (normal, if all { area_of_all } else { area(&self.corners, area_within) });
+    }
+
     /// Whether a corner has the gap of the axis: then two points of A and B are as near as the axis allows.
     pub fn holds(&self, s: f64, tie: f64) -> bool {
         self.corners.iter().any(|corner| corner.gap <= s + tie)
     }
 
-    /// The corners that are listed; gaps are equal up to `tie`, m.
-    pub fn manifold(&mut self, range: Range, tie: f64) -> Option<Manifold> {
-        self.corners.retain(|corner| corner.gap <= range.alert);
+    /// Puts the corners that are listed into `to`; gaps are equal up to `tie`, m.
+    pub fn manifold(&mut self, range: Range, tie: f64, to: &mut Manifold) {
+        if self.corners.iter().any(|corner| corner.gap > range.alert) {
+            self.corners.retain(|corner| corner.gap <= range.alert);
+        }
         let key = |corner: &Corner| u64::from(corner.features.0) << 32 | u64::from(corner.features.1);
+        let point =
+            |corner: &Corner| Point { position: corner.point.into(), gap: corner.gap, features: corner.features };
+        (to.normal, to.area) = (-self.normal, self.area);
+        to.points.clear();
+        let count = self.corners.len();
+        if count <= FEW {
+            // Most: without detours.
+            let mut keys = [0; FEW];
+            keys.iter_mut().zip(&self.corners).for_each(|(k, corner)| *k = key(corner));
+            let order: [usize; FEW] = places(&keys[..count]);
+            to.points.extend(order[..count].iter().map(|&k| point(&self.corners[k])));
+            return;
+        }
         let keys: SmallVec<[u64; 12]> = self.corners.iter().map(key).collect();
         let mut order = order(&keys);
-        if order.len() > FEW {
-            self.leave_out_flat(&mut order, tie);
-        }
-        let point = |k: &u32| {
-            let corner = &self.corners[*k as usize];
-            Point { position: corner.point.into(), gap: corner.gap, features: corner.features }
-        };
-        let points: super::Points = order.iter().map(point).collect();
-        (!points.is_empty()).then_some(Manifold { normal: -self.normal, points, area: self.area })
+        self.leave_out_flat(&mut order, tie);
+        to.points.extend(order.iter().map(|&k| point(&self.corners[k as usize])));
     }
 
     /// Leaves out corners, the first of the order first, without which what is left spans the same: sides that nearly
@@ -117,19 +134,28 @@ impl Corner {
 }
 
 /// The places of keys in increasing order; of equals the first comes first.
-///
-/// By counting for each the keys before it: without branches, which noise would make unpredictable.
 fn order(keys: &[u64]) -> SmallVec<[u32; 12]> {
-    let mut order: SmallVec<[u32; 12]> = SmallVec::from_elem(0, keys.len());
-    if keys.len() > 24 {
-        order.iter_mut().zip(0..).for_each(|(place, k)| *place = k);
+    if keys.len() > MANY {
+        let mut order: SmallVec<[u32; 12]> = (0..keys.len() as u32).collect();
         order.sort_by_key(|&k| keys[k as usize]);
         return order;
     }
-    for (k, key) in keys.iter().enumerate() {
-        let before = keys[..k].iter().map(|other| usize::from(other <= key)).sum::<usize>();
-        let after = keys[k + 1..].iter().map(|other| usize::from(other < key)).sum::<usize>();
-        order[before + after] = k as u32;
+    places::<MANY>(keys)[..keys.len()].iter().map(|&k| k as u32).collect()
+}
+
+/// The same of up to `N` keys, by counting for each the keys before it: without branches, which noise would make
+/// unpredictable.
+fn places<const N: usize>(keys: &[u64]) -> [usize; N] {
+    let (mut before, mut order) = ([0; N], [0; N]);
+    for k in 1..keys.len() {
+        for earlier in 0..k {
+            let first = usize::from(keys[earlier] <= keys[k]);
+            before[k] += first;
+            before[earlier] += 1 - first;
+        }
+    }
+    for k in 0..keys.len() {
+        order[before[k] % N] = k;
     }
     order
 }
@@ -237,7 +263,7 @@ mod tests {
             let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
             let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.6;
             let pair = Pair::new(&pa, &pb, c, Width::detect());
-            let found = search(&pair, Start::Nothing, Narrow::Accurate, 0.5);
+            let found = search(&pair, Start::Nothing, None, Narrow::Accurate, 0.5.into());
             if found.axis.feature == Feature::None || found.axis.s > 0.5 {
                 continue;
             }

@@ -13,11 +13,12 @@ use smallvec::{Array, SmallVec};
 
 use super::patch::Corner;
 use super::polyhedron::Number;
-use super::{Narrow, Point, Polyhedron, Posed, edge, face, vertex};
+use super::{Narrow, Point, Polyhedron, Posed, Range, edge, face, vertex};
 use crate::math::lanes::{Arithmetic, Lanes, Scalar, Width};
 use crate::math::{Vec3, length};
 
 /// Two posed polyhedra.
+#[derive(Clone, Copy)]
 pub(super) struct Pair<'a> {
     pub a: &'a Polyhedron,
     pub pa: &'a Posed<'a>,
@@ -49,6 +50,12 @@ pub(super) struct Axis {
     /// m
     pub s: f64,
     pub feature: Feature,
+}
+
+impl Axis {
+    pub fn apart(&self) -> super::Apart {
+        super::Apart { n: self.n, s: self.s }
+    }
 }
 
 /// Where a search begins.
@@ -111,35 +118,48 @@ pub(super) fn support(posed: &Posed, n: &Vec3) -> (u32, f64) {
     (k, -low)
 }
 
-/// The best direction, or the first found along which A and B are more than `enough` (m) apart.
-pub(super) fn search(pair: &Pair, start: Start, narrow: Narrow, enough: f64) -> Found {
+/// The best direction, or the first found along which A and B are farther apart than `range`; `hint` may be one.
+pub(super) fn search(pair: &Pair, start: Start, hint: Option<Vec3>, narrow: Narrow, range: Range) -> Found {
     let found = match pair.width {
-        Width::One(l) => l.run(Search { l, pair, start, narrow, enough }),
+        Width::One(l) => l.run(Search { l, pair, start, hint, narrow, range }),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(l) => l.run(Search { l, pair, start, narrow, enough }),
+        Width::Four(l) => l.run(Search { l, pair, start, hint, narrow, range }),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(l) => l.run(Search { l, pair, start, narrow, enough }),
+        Width::Eight(l) => l.run(Search { l, pair, start, hint, narrow, range }),
     };
     if found.axis.feature == Feature::None && found.axis.s <= 0.0 {
         // Gone astray by rounding.
-        let axis = all(pair, enough);
-        return Found { axis, faces: support_faces(Scalar, pair, &axis, None) };
+        let axis = all(pair, range.alert);
+        return Found { axis, met: None, nearest: false, faces: support_faces(Scalar, pair, &axis, None) };
     }
     found
 }
 
-/// A direction and the faces of A and of B that are seen along it.
+/// A direction, and what is seen along it.
 pub(super) struct Found {
     pub axis: Axis,
+    /// The vertex that a face meets, where it is known.
+    pub met: Option<u32>,
+    /// Whether the bodies are apart, and the features of the axis have their nearest points.
+    pub nearest: bool,
+    /// Of A and of B, where the points of both are asked for.
     pub faces: (u32, u32),
+}
+
+impl Found {
+    /// Whether the nearest point is all that is asked for.
+    pub fn is_far(&self, range: &Range) -> bool {
+        self.nearest && self.axis.s > range.patch
+    }
 }
 
 struct Search<'a, L> {
     l: L,
     pair: &'a Pair<'a>,
     start: Start,
+    hint: Option<Vec3>,
     narrow: Narrow,
-    enough: f64,
+    range: Range,
 }
 
 impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
@@ -147,22 +167,34 @@ impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
 
     #[inline(always)]
     fn call(self) -> Found {
-        let (axis, met) = self.axis();
-        let faces = if axis.s > self.enough { (0, 0) } else { support_faces(self.l, self.pair, &axis, met) };
-        Found { axis, faces }
+        let (axis, met, proven) = self.axis();
+        let Range { alert, patch, .. } = self.range;
+        let nearest = proven && axis.s > 0.0;
+        let asked = axis.s <= if nearest { patch } else { alert };
+        let faces = if asked { support_faces(self.l, self.pair, &axis, met) } else { (0, 0) };
+        Found { axis, met, nearest, faces }
     }
 }
 
 impl<L: Lanes> Search<'_, L> {
-    /// With the vertex that a face meets, where it is known.
+    /// With the vertex that a face meets, where it is known, and whether it was proven to be the best.
     #[inline(always)]
-    fn axis(&self) -> (Axis, Option<u32>) {
-        let &Search { l, pair, start, narrow, enough } = self;
+    fn axis(&self) -> (Axis, Option<u32>, bool) {
+        let &Search { l, pair, start, hint, narrow, range: Range { alert: enough, .. } } = self;
+        if let Some(n) = hint {
+            let s = separation(l, pair, &n);
+            if s > enough {
+                return (Axis { n, s, feature: Feature::None }, None, false);
+            }
+        }
         let mut witnesses = Witnesses { points: [Vec3::zeros(); WITNESSES], count: 0 };
         let (mut best, met) = begin(l, pair, start, &mut witnesses);
         let from_direction = matches!(start, Start::Direction(_)) && best.s > 0.0;
-        if best.s > enough || from_direction || is_best(l, pair, &best, &witnesses.points[0], narrow) {
-            return (best, met);
+        if best.s > enough || from_direction {
+            return (best, met, false);
+        }
+        if is_best(l, pair, &best, &witnesses.points[0], narrow) {
+            return (best, met, true);
         }
         let (a, b) = (pair.pa, pair.pb);
         match (best.feature, met) {
@@ -173,10 +205,10 @@ impl<L: Lanes> Search<'_, L> {
         if faces(l, pair, a, b, 1.0, &mut best, &mut witnesses, enough)
             || faces(l, pair, b, a, -1.0, &mut best, &mut witnesses, enough)
         {
-            return (best, None);
+            return (best, None, false);
         }
         edges(l, pair, &mut best, &witnesses, enough);
-        (best, None)
+        (best, None, false)
     }
 }
 
@@ -313,22 +345,11 @@ pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> (u32, f64) {
         least = l.min(height, least);
         k += L::WIDTH;
     }
-    let (mut values, mut places) = ([f64::INFINITY; 8], [0.0; 8]);
-    l.store(&mut values, least);
+    let mut places = [0.0; 8];
     l.store(&mut places, l.add(at, l.load(&LANES)));
-    let mut halves = values;
-    let mut half = L::WIDTH / 2;
-    while half > 0 {
-        let mut lane = 0;
-        while lane < half {
-            let other = halves[lane + half];
-            halves[lane] = if other < halves[lane] { other } else { halves[lane] };
-            lane += 1;
-        }
-        half /= 2;
-    }
+    let height = l.least(least);
     // Of equals the first vertex.
-    let mut equal = !l.mask_greater(least, l.splat(halves[0])) & ((1 << L::WIDTH) - 1);
+    let mut equal = !l.mask_greater(least, l.splat(height)) & ((1 << L::WIDTH) - 1);
     let mut place = places[equal.trailing_zeros() as usize & 7];
     equal &= equal.wrapping_sub(1);
     while equal != 0 {
@@ -336,7 +357,7 @@ pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> (u32, f64) {
         place = if other < place { other } else { place };
         equal &= equal - 1;
     }
-    (place as u32, halves[0])
+    (place as u32, height)
 }
 
 /// s(n).
@@ -783,6 +804,11 @@ fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     (n, n.dot(&(b0 + pair.c - a0)), crossed)
 }
 
+/// Whether the nearest of two bodies apart are edges that are parallel.
+pub(super) fn ridges(pair: &Pair, axis: &Axis) -> bool {
+    matches!(axis.feature, Feature::Edges(ea, eb) if axis.s > 0.0 && parallel(pair, ea, eb))
+}
+
 /// Whether two edges are parallel but for noise.
 pub(super) fn parallel(pair: &Pair, ea: u32, eb: u32) -> bool {
     let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
@@ -847,19 +873,23 @@ fn facing(shape: &Polyhedron, e: u32, n: &Vec3) -> u32 {
     u32::from(if toward(second) > toward(first) + ALIGNED { second } else { first })
 }
 
-/// The point of an axis's own features.
-pub(super) fn own_point(pair: &Pair, axis: &Axis) -> Option<Point> {
-    let (_, va, vb) = pair.separation(&axis.n);
-    let (a, b) = (pair.pa.vertex(va), pair.pb.vertex(vb) + pair.c);
+/// The point of an axis's own features, of which `met` is the vertex that a face meets, if that is known.
+pub(super) fn own_point(pair: &Pair, axis: &Axis, met: Option<u32>) -> Option<Point> {
+    let vertex_of = |posed: &Posed, n: &Vec3| met.unwrap_or_else(|| support(posed, n).0);
+    let of_a = || pair.pa.vertex(vertex_of(pair.pa, &axis.n));
+    let of_b = || pair.pb.vertex(vertex_of(pair.pb, &-axis.n)) + pair.c;
     let half = axis.n * (0.5 * axis.s);
     let (position, features) = match axis.feature {
-        Feature::FaceOfA(f) => (b - half, (face(f), vertex(vb))),
-        Feature::FaceOfB(f) => (a + half, (vertex(va), face(f))),
+        Feature::FaceOfA(f) => (of_b() - half, (face(f), vertex(vertex_of(pair.pb, &-axis.n)))),
+        Feature::FaceOfB(f) => (of_a() + half, (vertex(vertex_of(pair.pa, &axis.n)), face(f))),
         Feature::Edges(ea, eb) => {
             let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
             (Corner::crossing([a0, a1], [b0 + pair.c, b1 + pair.c]), (edge(ea), edge(eb)))
         }
-        Feature::None => ((a + b) * 0.5, (vertex(va), vertex(vb))),
+        Feature::None => {
+            let (_, a, b) = pair.separation(&axis.n);
+            ((pair.pa.vertex(a) + pair.pb.vertex(b) + pair.c) * 0.5, (vertex(a), vertex(b)))
+        }
     };
     position.iter().all(|x| x.is_finite()).then_some(Point { position, gap: axis.s, features })
 }

@@ -125,6 +125,8 @@ pub trait Arithmetic: Copy + Send + Sync {
 pub trait Lanes: Arithmetic<T = f64> {
     /// Bit k is set where x > y in lane k.
     fn mask_greater(self, x: Self::V, y: Self::V) -> u32;
+    /// The smallest of all lanes.
+    fn least(self, a: Self::V) -> f64;
 }
 
 /// The same for numbers of single precision.
@@ -366,6 +368,10 @@ impl<L: Lanes> Lanes for Twice<L> {
     fn mask_greater(self, x: Self::V, y: Self::V) -> u32 {
         self.0.mask_greater(x[0], y[0]) | self.0.mask_greater(x[1], y[1]) << L::WIDTH
     }
+    #[inline(always)]
+    fn least(self, a: Self::V) -> f64 {
+        self.0.least(self.0.min(a[0], a[1]))
+    }
 }
 
 #[inline(always)]
@@ -556,6 +562,10 @@ impl Lanes for Scalar {
     #[inline(always)]
     fn mask_greater(self, x: f64, y: f64) -> u32 {
         u32::from(x > y)
+    }
+    #[inline(always)]
+    fn least(self, a: f64) -> f64 {
+        a
     }
 }
 
@@ -796,10 +806,22 @@ mod x86 {
         }
     }
 
+    #[inline(always)]
+    fn least_of_four(a: __m256d) -> f64 {
+        let [a, b, c, d]: [f64; 4] = cast(a);
+        let smaller = |a: f64, b: f64| if b < a { b } else { a };
+        smaller(smaller(a, c), smaller(b, d))
+    }
+
     impl Lanes for V4 {
         #[inline(always)]
         fn mask_greater(self, x: __m512d, y: __m512d) -> u32 {
             u32::from(self.avx512f._mm512_cmp_pd_mask::<GREATER>(x, y))
+        }
+        #[inline(always)]
+        fn least(self, a: __m512d) -> f64 {
+            let [low, high]: [__m256d; 2] = cast(a);
+            least_of_four(self.avx._mm256_min_pd(high, low))
         }
     }
 
@@ -1106,6 +1128,10 @@ mod x86 {
         fn mask_greater(self, x: __m256d, y: __m256d) -> u32 {
             let mask = self.avx._mm256_cmp_pd::<GREATER>(x, y);
             self.avx._mm256_movemask_pd(mask) as u32
+        }
+        #[inline(always)]
+        fn least(self, a: __m256d) -> f64 {
+            least_of_four(a)
         }
     }
 

@@ -23,7 +23,7 @@ use cd_formats::vloc_rloc::VlocRloc;
 use crate::BARE;
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{Bonding, Interval, State};
+use crate::state::{Bonding, Interval, Known, State};
 
 /// Name of the options' file in DATBOX.
 pub const COMPUTE: &str = "COMPUTE.RON";
@@ -70,7 +70,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         w,
         spin,
         order: Vec::new(),
-        pairs: Vec::new(),
+        known: Known::default(),
         contacts,
         interval: Interval { start: dof.time, ..Interval::default() },
         gravity: Vec3::from(bulk.gravity),

@@ -10,7 +10,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use crate::geometry::Memory;
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{Attraction, Bonding, Contact, Exchange, Interval, PairMemory, SolvedContact, State, Status};
+use crate::state::{Attraction, Bonding, Contact, Exchange, Interval, Known, PairMemory, SolvedContact, State, Status};
 
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
 /// A snapshot of other bodies or laws than the scene's is refused. Gives back what the run had done its last step with.
@@ -29,7 +29,7 @@ pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Optio
         return Err(Fault::new(&path, None, "snapshot", found, "expected those of DATBOX").into());
     }
     restore(snapshot, state);
-    state.pairs = kept;
+    state.known = Known { read: kept, ..Known::default() };
     // Steps may have been of another length before.
     scene.from = (state.step, state.time);
     scene.events = schedule(&scene.options.events, scene.end_time());
@@ -152,7 +152,7 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
             state.spin[place] = momentum;
         }
     }
-    state.pairs = kept;
+    state.known = Known { read: kept, ..Known::default() };
     state.contacts = started.contacts;
     for solved in &mut state.contacts {
         let contact = &mut solved.contact;

@@ -128,12 +128,13 @@ fn shapes(scene: &Scene, state: &State) -> Shapes {
     shapes.contacts.contact_rank =
         state.contacts.iter().map(|c| [c.contact.ranks.0, c.contact.ranks.1].map(u32::from)).collect();
     shapes.contacts.contact_area = state.contacts.iter().map(|c| c.contact.area).collect();
+    let kept = state.known.kept();
     let of_pairs = |value: fn(&Part) -> u32| -> Vec<[u32; 2]> {
-        state.pairs.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part as usize]))).collect()
+        kept.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part as usize]))).collect()
     };
     shapes.pairs.pair_body = of_pairs(|part| part.body);
     shapes.pairs.pair_rank = of_pairs(|part| part.rank.into());
-    shapes.pairs.pair_memory = state.pairs.iter().map(|pair| pair.memory.words()).collect();
+    shapes.pairs.pair_memory = kept.iter().map(|pair| pair.memory.words()).collect();
     shapes
 }
 

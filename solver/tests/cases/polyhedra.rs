@@ -1,8 +1,10 @@
 //! Polyhedra: rotation, resting, sliding, tipping, colliding, and walls of them.
 
 use cd_formats::bodies::Shape;
-use cd_formats::compute::NarrowPhase;
+use cd_formats::compute::{Flags, NarrowPhase};
 use cd_formats::vloc_rloc::VlocRloc;
+use cd_solve::state::Known;
+use cd_solve::step::Clock;
 
 use crate::case::{Case, Figures, Vec3, equal, near, shown, uniform};
 
@@ -218,6 +220,41 @@ fn the_same_bytes_by(narrow_phase: NarrowPhase) {
     // Nothing has sunk or jumped: all within the tub, with small overlaps.
     let state = case.last();
     assert!(state.free().iter().all(|&i| state.x(i).z > 0.0 && state.x(i).x.abs() < 1.6 && state.x(i).y.abs() < 1.6));
+}
+
+/// Rocks that fall into a tub: what detection knows from step to step saves time and nothing else.
+#[test]
+fn what_is_known_of_pairs_changes_nothing() {
+    let mut case = scene(0.4, [0.0, 0.0, -9.81]);
+    case.tub(1.6);
+    let mut random = uniform(11);
+    for k in 0..36 {
+        let x = [f64::from(k % 3) - 1.0, f64::from(k / 3 % 3) - 1.0, 0.6 + 0.9 * f64::from(k / 9)];
+        let mut far = || 0.25 + 0.2 * random();
+        let mut corners = [[0.0; 3]; 6];
+        corners.iter_mut().enumerate().for_each(|(v, at)| at[v / 2] = if v % 2 == 0 { far() } else { -far() });
+        let faces = [0, 1].map(|x| [2, 3].map(|y| [4, 5].map(|z| [x, y, z])));
+        let outward = |[x, y, z]: [u32; 3]| if (x + y + z) % 2 == 0 { [x, y, z] } else { [y, x, z] };
+        let body = case.polyhedron(&corners, &faces.concat().concat().into_iter().map(outward).collect::<Vec<_>>(), x);
+        case.launch(body, [0; 3].map(|_| random() - 0.5), [0; 3].map(|_| 6.0 * random() - 3.0));
+    }
+    (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.004, Some(1e-4), Some(200));
+    case.write();
+    let (scene, mut state) = cd_solve::read::case(&case.path(), &Flags::default()).unwrap();
+    let mut afresh = state.clone();
+    let (mut looked_for, mut contacts) = (0, 0);
+    for step in 0..250 {
+        afresh.known = Known { read: afresh.known.kept(), ..Known::default() };
+        let before = state.known.neighbours.centres.clone();
+        for state in [&mut state, &mut afresh] {
+            cd_solve::step::step(&scene, state, &mut Clock::default());
+        }
+        assert!(state == afresh, "step {step}");
+        looked_for += usize::from(state.known.neighbours.centres != before);
+        contacts += state.contacts.len();
+    }
+    assert!(contacts > 250 * 40, "{contacts}");
+    assert!((2..200).contains(&looked_for), "{looked_for}");
 }
 
 /// Contacts of polyhedra go through the text files: their impulses are there to start from, whoever stands first.

@@ -225,7 +225,7 @@ fn area_counts_as_far_as_it_is_near() {
     let q = Quat::from_scaled_axis(Vec3::y() * tilt);
     let low = cube.turned(&q).iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
     let within = 0.004;
-    let range = Range { alert: 1.0, area: within };
+    let range = Range { area: within, ..Range::from(1.0) };
     // On a wide end, seen along z: a strip of the face with gaps up to `within`.
     let found = at(&cube, &q, Vec3::new(0.0, 0.0, 2.0 - low), [2.0, 40.0], range).unwrap();
     assert!((found.normal - Vec3::z()).norm() < ROUNDING, "{found:?}");

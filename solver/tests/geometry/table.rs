@@ -207,8 +207,8 @@ fn area_counts_as_far_as_it_is_near() {
         };
         let expected = 2.0 * within / tilt.tan();
         // The gap has lost two digits of what the tilt makes of it.
-        assert!((area(Range { alert: 1.0, area: within }) - expected).abs() < 1e-12);
+        assert!((area(Range { area: within, ..Range::from(1.0) }) - expected).abs() < 1e-12);
         assert!((area(1.0.into()) - 4.0 * tilt.cos()).abs() < 1e-12);
-        assert_eq!(area(Range { alert: 1.0, area: -1e-6 }), 0.0);
+        assert_eq!(area(Range { area: -1e-6, ..Range::from(1.0) }), 0.0);
     }
 }

@@ -1,0 +1,510 @@
+//! Two faces of three corners seen along the normal: what [`super::outline`] finds of them, for several pairs at once.
+//!
+//! Of rocks most faces are triangles. What two of them have in common has its corners at fifteen places: three vertices of
+//! A, three of B, and nine crossings of their sides. All are worked out, without a branch, and those that are there are taken.
+//! Where a corner is so near a side that rounding would decide, `outline` does.
+
+use pulp::NullaryFnOnce;
+
+use super::patch::{Corner, EDGE_ON, Patch, SAME};
+use super::search::{Axis, Pair};
+use super::{Posed, edge, face, vertex};
+use crate::math::Vec3;
+use crate::math::lanes::{Arithmetic, Lanes, Width};
+
+/// Nearer to a side than so many times the distance up to which two corners are one, a corner may be one with another.
+const CLEAR: f64 = 4.0;
+/// Corners of the common part at the most, and the places where they may be: vertices of A, of B, crossings of side i of A with
+/// side j of B at 6 + 3 i + j.
+const PLACES: usize = 15;
+
+/// Where the numbers of a pair begin: turns by columns; c; the normal; of each face the corners, counter-clockwise seen along
+/// the normal, and the plane; s; the square of the distance within which `outline` decides.
+const TURN: [usize; 2] = [0, 9];
+const CENTRE: usize = 18;
+const NORMAL: usize = 21;
+const CORNERS: [usize; 2] = [24, 33];
+const PLANE: [usize; 2] = [42, 46];
+const SEPARATION: usize = 50;
+const NEAR: usize = 51;
+const GIVEN: usize = 52;
+
+/// So many pairs at once.
+pub(super) const AT_ONCE: usize = 8;
+
+/// Pairs whose faces are triangles.
+pub(super) struct Triangles {
+    given: [[f64; AT_ONCE]; GIVEN],
+    names: [Names; AT_ONCE],
+    /// Of each place the point in the middle of the gap, the gap, and x and y seen along the normal.
+    places: [[[f64; AT_ONCE]; 6]; PLACES],
+    /// In bit k whether the common part of pair k has this corner.
+    has: [u32; PLACES],
+    area: [f64; AT_ONCE],
+    /// In bit k whether no corner of pair k is so near a side that rounding decides.
+    clear: u32,
+    count: usize,
+}
+
+/// Numbers of the vertices and sides of a face of A, and of one of B, as features, and of the faces.
+#[derive(Debug, Clone, Copy, Default)]
+struct Names {
+    vertices: [[u32; 3]; 2],
+    edges: [[u32; 3]; 2],
+    faces: [u32; 2],
+}
+
+impl Triangles {
+    pub fn new() -> Self {
+        Triangles {
+            given: [[0.0; AT_ONCE]; GIVEN],
+            names: [Names::default(); AT_ONCE],
+            places: [[[0.0; AT_ONCE]; 6]; PLACES],
+            has: [0; PLACES],
+            area: [0.0; AT_ONCE],
+            clear: 0,
+            count: 0,
+        }
+    }
+
+    /// Whether there is no room for more pairs.
+    pub fn are_many(&self) -> bool {
+        self.count == AT_ONCE
+    }
+
+    /// Adds the faces of a pair, if they are triangles; its number.
+    #[inline(always)]
+    pub fn add(&mut self, pair: &Pair, axis: &Axis, faces: (u32, u32)) -> Option<usize> {
+        let (of_a, of_b) = (pair.a.corners(faces.0 as usize), pair.b.corners(faces.1 as usize));
+        let (&[a0, a1, a2], &[b0, b1, b2]) = (of_a, of_b) else { return None };
+        let (&[u0, u1, u2], &[v0, v1, v2]) = (pair.a.sides(faces.0 as usize), pair.b.sides(faces.1 as usize)) else {
+            return None;
+        };
+        let k = self.count;
+        self.count += 1;
+        // The face of B looks against the normal: the other way round.
+        self.names[k] = Names {
+            vertices: [[a0, a1, a2], [b2, b1, b0]].map(|of| of.map(|v| vertex(v.into()))),
+            edges: [[u0, u1, u2], [v1, v0, v2]].map(|of| of.map(|e| edge(e.into()))),
+            faces: [face(faces.0), face(faces.1)],
+        };
+        let small = CLEAR * SAME * pair.small;
+        self.give(k, CENTRE, &pair.c);
+        self.give(k, NORMAL, &axis.n);
+        self.given[SEPARATION][k] = axis.s;
+        self.given[NEAR][k] = small * small;
+        self.give_face(k, 0, pair.pa, [a0, a1, a2].map(usize::from), faces.0);
+        self.give_face(k, 1, pair.pb, [b2, b1, b0].map(usize::from), faces.1);
+        Some(k)
+    }
+
+    #[inline(always)]
+    fn give(&mut self, k: usize, at: usize, v: &Vec3) {
+        self.given[at][k] = v.x;
+        self.given[at + 1][k] = v.y;
+        self.given[at + 2][k] = v.z;
+    }
+
+    #[inline(always)]
+    fn give_face(&mut self, k: usize, side: usize, posed: &Posed, corners: [usize; 3], of: u32) {
+        for (column, turn) in posed.turn.as_slice().iter().enumerate() {
+            self.given[TURN[side] + column][k] = *turn;
+        }
+        for (corner, &v) in corners.iter().enumerate() {
+            self.give(k, CORNERS[side] + 3 * corner, &posed.shape.vertex(v));
+        }
+        let plane = &posed.shape.planes()[of as usize];
+        self.give(k, PLANE[side], &plane.normal);
+        self.given[PLANE[side] + 3][k] = plane.offset;
+    }
+
+    /// Looks at the pairs that have been added.
+    pub fn see(&mut self, width: Width) {
+        match width {
+            Width::One(l) => l.run(See { l, of: self }),
+            #[cfg(target_arch = "x86_64")]
+            Width::Four(l) => l.run(See { l, of: self }),
+            #[cfg(target_arch = "x86_64")]
+            Width::Eight(l) => l.run(See { l, of: self }),
+        }
+    }
+
+    /// Begins anew.
+    pub fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// The patch of pair `k` along `axis`, as [`Patch::see`]; false where rounding decides what is a corner of it.
+    #[inline(always)]
+    pub fn patch(&self, k: usize, axis: &Axis, area_within: f64, patch: &mut Patch) -> bool {
+        if self.clear >> k & 1 == 0 {
+            return false;
+        }
+        patch.corners.clear();
+        let mut has = 0;
+        for place in 0..PLACES {
+            has |= (self.has[place] >> k & 1) << place;
+        }
+        let names = &self.names[k];
+        while has != 0 {
+            let place = has.trailing_zeros() as usize % 16;
+            has &= has - 1;
+            let at = &self.places[place];
+            let (point, gap, flat) = ([at[0][k], at[1][k], at[2][k]], at[3][k], [at[4][k], at[5][k]]);
+            let features = match place {
+                0..3 => (names.vertices[0][place], names.faces[1]),
+                3..6 => (names.faces[0], names.vertices[1][place - 3]),
+                _ => (names.edges[0][(place - 6) / 3], names.edges[1][(place - 6) % 3]),
+            };
+            patch.corners.push(Corner { point, flat, gap, features });
+        }
+        patch.is_seen(axis.n, self.area[k], area_within);
+        true
+    }
+}
+
+struct See<'a, L> {
+    l: L,
+    of: &'a mut Triangles,
+}
+
+impl<L: Lanes> NullaryFnOnce for See<'_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let See { l, of } = self;
+        (of.has, of.clear) = ([0; PLACES], 0);
+        let mut from = 0;
+        while from < of.count {
+            see(l, of, from);
+            from += L::WIDTH;
+        }
+    }
+}
+
+/// A vector in each lane.
+type Three<L> = [<L as Arithmetic>::V; 3];
+
+#[inline(always)]
+fn read<L: Lanes>(l: L, given: &[[f64; AT_ONCE]; GIVEN], at: usize, from: usize) -> Three<L> {
+    [l.load(&given[at][from..]), l.load(&given[at + 1][from..]), l.load(&given[at + 2][from..])]
+}
+
+#[inline(always)]
+fn dot<L: Lanes>(l: L, a: Three<L>, b: Three<L>) -> L::V {
+    l.mul_add(a[2], b[2], l.mul_add(a[1], b[1], l.mul(a[0], b[0])))
+}
+
+/// Components along three axes.
+#[inline(always)]
+fn along<L: Lanes>(l: L, axes: &[Three<L>; 3], v: Three<L>) -> Three<L> {
+    [dot(l, axes[0], v), dot(l, axes[1], v), dot(l, axes[2], v)]
+}
+
+/// A face in the frame t, s, n: three corners, and its plane as height at 0 and slope.
+struct Seen<L: Lanes> {
+    corners: [Three<L>; 3],
+    height: L::V,
+    slope: [L::V; 2],
+    /// Cosine between its normal and the direction of view.
+    rise: L::V,
+}
+
+#[inline(always)]
+fn seen<L: Lanes>(
+    l: L,
+    given: &[[f64; AT_ONCE]; GIVEN],
+    side: usize,
+    frame: &[Three<L>; 3],
+    moved: Three<L>,
+    from: usize,
+) -> Seen<L> {
+    let turn = [0, 3, 6];
+    let columns = [
+        read(l, given, TURN[side] + turn[0], from),
+        read(l, given, TURN[side] + turn[1], from),
+        read(l, given, TURN[side] + turn[2], from),
+    ];
+    // The frame seen from the shape.
+    let axes = [along(l, &columns, frame[0]), along(l, &columns, frame[1]), along(l, &columns, frame[2])];
+    let mut corners = [moved; 3];
+    let mut k = 0;
+    while k < 3 {
+        let corner = along(l, &axes, read(l, given, CORNERS[side] + 3 * k, from));
+        corners[k] = [l.add(corner[0], moved[0]), l.add(corner[1], moved[1]), l.add(corner[2], moved[2])];
+        k += 1;
+    }
+    let normal = along(l, &axes, read(l, given, PLANE[side], from));
+    let offset = l.add(l.load(&given[PLANE[side] + 3][from..]), dot(l, normal, moved));
+    let inverse = l.div(l.splat(1.0), normal[2]);
+    let slope = [l.mul(normal[0], inverse), l.mul(normal[1], inverse)];
+    Seen { corners, height: l.mul(offset, inverse), slope, rise: normal[2] }
+}
+
+/// Distances of the corners of `of` from the sides of `by`, > 0 inside, times the lengths of the sides: [corner][side].
+#[inline(always)]
+fn distances<L: Lanes>(l: L, by: &[Three<L>; 3], of: &[Three<L>; 3], near: L::V) -> ([[L::V; 3]; 3], L::V) {
+    let zero = l.splat(0.0);
+    let mut found = [[zero; 3]; 3];
+    // The least square of a distance over `near`, as a difference; a side no longer than that counts too.
+    let mut least = l.splat(f64::INFINITY);
+    let mut side = 0;
+    while side < 3 {
+        let (start, end) = (by[side], by[(side + 1) % 3]);
+        let (dx, dy) = (l.sub(end[0], start[0]), l.sub(end[1], start[1]));
+        let square = l.mul_add(dx, dx, l.mul(dy, dy));
+        let bound = l.mul(near, square);
+        least = l.min(l.sub(square, near), least);
+        let mut corner = 0;
+        while corner < 3 {
+            let (x, y) = (l.sub(of[corner][0], start[0]), l.sub(of[corner][1], start[1]));
+            let distance = l.neg_mul_add(dy, x, l.mul(dx, y));
+            least = l.min(l.neg_mul_add(l.splat(1.0), bound, l.mul(distance, distance)), least);
+            found[corner][side] = distance;
+            corner += 1;
+        }
+        side += 1;
+    }
+    (found, least)
+}
+
+/// What part of the side from corner `from` to corner `to` lies inside, < 0 for none: its distances there from three sides, and
+/// where it crosses these.
+#[inline(always)]
+fn part<L: Lanes>(l: L, from: &[L::V; 3], to: &[L::V; 3], crossings: &[L::V; 3]) -> L::V {
+    let (mut start, mut end) = (l.splat(0.0), l.splat(1.0));
+    let mut side = 0;
+    while side < 3 {
+        let at = crossings[side];
+        let later = l.select_greater(at, start, at, start);
+        let sooner = l.min(at, end);
+        let enters = (to[side], from[side]);
+        start = l.select_greater(enters.0, enters.1, later, start);
+        end = l.select_greater(enters.0, enters.1, end, sooner);
+        side += 1;
+    }
+    l.sub(end, start)
+}
+
+#[inline(always)]
+fn see<L: Lanes>(l: L, of: &mut Triangles, from: usize) {
+    let given = &of.given;
+    let (zero, one, half) = (l.splat(0.0), l.splat(1.0), l.splat(0.5));
+    // As `local_frame`.
+    let n = read(l, given, NORMAL, from);
+    let sign = l.select_greater(zero, n[2], l.splat(-1.0), one);
+    let p = l.div(l.splat(-1.0), l.add(sign, n[2]));
+    let (px, q) = (l.mul(n[0], p), l.mul(l.mul(n[0], n[1]), p));
+    let t = [l.mul_add(l.mul(sign, px), n[0], one), l.mul(sign, q), l.sub(zero, l.mul(sign, n[0]))];
+    let s = [q, l.mul_add(l.mul(n[1], n[1]), p, sign), l.sub(zero, n[1])];
+    let frame = [t, s, n];
+    let a = seen(l, given, 0, &frame, [zero; 3], from);
+    let b = seen(l, given, 1, &frame, along(l, &frame, read(l, given, CENTRE, from)), from);
+    let (separation, near) = (l.load(&given[SEPARATION][from..]), l.load(&given[NEAR][from..]));
+    let (of_a, least_a) = distances(l, &b.corners, &a.corners, near);
+    let (of_b, least_b) = distances(l, &a.corners, &b.corners, near);
+    let edge_on = l.splat(EDGE_ON);
+    let clear = l.mask_greater(l.min(least_a, least_b), zero)
+        & l.mask_greater(l.abs(a.rise), edge_on)
+        & l.mask_greater(l.abs(b.rise), edge_on);
+    of.clear |= clear << from;
+    macro_rules! put {
+        ($place:expr, $x:expr, $y:expr, $z:expr, $gap:expr) => {
+            let gap = l.select_greater($gap, separation, $gap, separation);
+            let at = &mut of.places[$place];
+            let mut axis = 0;
+            while axis < 3 {
+                let point = l.mul_add(t[axis], $x, l.mul_add(s[axis], $y, l.mul(n[axis], $z)));
+                l.store(&mut at[axis][from..], point);
+                axis += 1;
+            }
+            l.store(&mut at[3][from..], gap);
+            l.store(&mut at[4][from..], $x);
+            l.store(&mut at[5][from..], $y);
+        };
+    }
+    // In which lanes corners lie inside sides, [corner][side].
+    let (mut in_b, mut in_a) = ([[0; 3]; 3], [[0; 3]; 3]);
+    let mut k = 0;
+    while k < 3 {
+        let mut side = 0;
+        while side < 3 {
+            in_b[k][side] = l.mask_greater(of_a[k][side], zero);
+            in_a[k][side] = l.mask_greater(of_b[k][side], zero);
+            side += 1;
+        }
+        let [x, y, z] = a.corners[k];
+        let height = l.neg_mul_add(b.slope[0], x, l.neg_mul_add(b.slope[1], y, b.height));
+        let gap = l.sub(height, z);
+        put!(k, x, y, l.mul_add(half, gap, z), gap);
+        of.has[k] |= (in_b[k][0] & in_b[k][1] & in_b[k][2]) << from;
+        let [x, y, z] = b.corners[k];
+        let height = l.neg_mul_add(a.slope[0], x, l.neg_mul_add(a.slope[1], y, a.height));
+        let gap = l.sub(z, height);
+        put!(3 + k, x, y, l.neg_mul_add(half, gap, z), gap);
+        of.has[3 + k] |= (in_a[k][0] & in_a[k][1] & in_a[k][2]) << from;
+        k += 1;
+    }
+    // Where side i of A crosses side j of B, along each: [i][j], [j][i].
+    let (mut on_a, mut on_b) = ([[zero; 3]; 3], [[zero; 3]; 3]);
+    let mut i = 0;
+    while i < 3 {
+        let next_i = (i + 1) % 3;
+        let mut j = 0;
+        while j < 3 {
+            let next_j = (j + 1) % 3;
+            let p = l.div(of_a[i][j], l.sub(of_a[i][j], of_a[next_i][j]));
+            let q = l.div(of_b[j][i], l.sub(of_b[j][i], of_b[next_j][i]));
+            (on_a[i][j], on_b[j][i]) = (p, q);
+            let mut middle = [zero; 3];
+            let mut gap = zero;
+            let mut axis = 0;
+            while axis < 3 {
+                let u = l.mul_add(p, l.sub(a.corners[next_i][axis], a.corners[i][axis]), a.corners[i][axis]);
+                let v = l.mul_add(q, l.sub(b.corners[next_j][axis], b.corners[j][axis]), b.corners[j][axis]);
+                middle[axis] = l.mul(half, l.add(u, v));
+                gap = l.sub(v, u);
+                axis += 1;
+            }
+            let place = 6 + 3 * i + j;
+            put!(place, middle[0], middle[1], middle[2], gap);
+            of.has[place] |= ((in_b[i][j] ^ in_b[next_i][j]) & (in_a[j][i] ^ in_a[next_j][i])) << from;
+            j += 1;
+        }
+        i += 1;
+    }
+    // Twice the area: of each side of either, what lies in the other, times its moment about the first corner of A, which two
+    // sides of A pass through.
+    let [a0, a1, a2] = a.corners;
+    let (x1, y1, x2, y2) = (l.sub(a1[0], a0[0]), l.sub(a1[1], a0[1]), l.sub(a2[0], a0[0]), l.sub(a2[1], a0[1]));
+    let moment = l.neg_mul_add(y1, x2, l.mul(x1, y2));
+    let inside = part(l, &of_a[1], &of_a[2], &on_a[1]);
+    let mut doubled = l.select_greater(inside, zero, l.mul(inside, moment), zero);
+    let mut j = 0;
+    while j < 3 {
+        let inside = part(l, &of_b[j], &of_b[(j + 1) % 3], &on_b[j]);
+        let more = l.mul_add(inside, of_a[0][j], doubled);
+        doubled = l.select_greater(inside, zero, more, doubled);
+        j += 1;
+    }
+    l.store(&mut of.area[from..], l.select_greater(doubled, zero, l.mul(half, doubled), zero));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::search::{Feature, Start, search};
+    use crate::geometry::{Narrow, Point, Range, tests::rock};
+    use crate::math::Quat;
+
+    /// Pairs of rocks within 0.3 of each other or overlapping, with their directions and faces.
+    fn each_pair(mut take: impl FnMut(&Pair, &Axis, (u32, u32))) {
+        let (a, b) = (rock(0.0), rock(1.0));
+        for k in 0..1500 {
+            let k = f64::from(k);
+            let pa = a.posed(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.6;
+            let pair = Pair::new(&pa, &pb, c, Width::detect());
+            let found = search(&pair, Start::Nothing, None, Narrow::Accurate, 0.3.into());
+            if found.axis.feature != Feature::None && found.axis.s <= 0.3 {
+                take(&pair, &found.axis, found.faces);
+            }
+        }
+    }
+
+    fn points(patch: &mut Patch, tie: f64) -> (Vec<Point>, f64) {
+        let mut manifold = crate::geometry::Manifold::default();
+        patch.manifold(Range::from(f64::INFINITY), tie, &mut manifold);
+        (manifold.points.to_vec(), manifold.area)
+    }
+
+    #[test]
+    fn patches_are_those_of_outlines() {
+        let (mut compared, mut many, mut triangles) = (0, [0; 7], Triangles::new());
+        each_pair(|pair, axis, faces| {
+            if triangles.add(pair, axis, faces).is_none() {
+                return;
+            }
+            triangles.see(pair.width);
+            let (mut found, mut expected) = (Patch::default(), Patch::default());
+            for within in [f64::INFINITY, axis.s + 0.05] {
+                assert!(triangles.patch(0, axis, within, &mut found), "no corner is near a side");
+                expected.see(pair, axis, faces, within);
+                let ((found, area), (expected, area_expected)) =
+                    (points(&mut found, pair.tie()), points(&mut expected, pair.tie()));
+                assert!((area - area_expected).abs() < 1e-14, "{area} {area_expected}");
+                assert_eq!(found.len(), expected.len());
+                for (found, expected) in found.iter().zip(&expected) {
+                    assert_eq!(found.features, expected.features);
+                    // Sides that nearly coincide cross at a place that is known less well.
+                    assert!((found.position - expected.position).norm() < 1e-11, "{found:?} {expected:?}");
+                    assert!((found.gap - expected.gap).abs() < 1e-12, "{found:?} {expected:?}");
+                }
+                many[found.len()] += 1;
+                compared += 1;
+            }
+            triangles.clear();
+        });
+        assert!(compared > 500 && many[3..].iter().all(|&count| count > 100), "{compared} {many:?}");
+    }
+
+    #[test]
+    fn pairs_do_not_depend_on_their_places_or_the_width() {
+        let mut alone = Vec::new();
+        each_pair(|pair, axis, faces| {
+            let mut triangles = Triangles::new();
+            if triangles.add(pair, axis, faces).is_some() {
+                triangles.see(Width::One(crate::math::lanes::Scalar));
+                let mut patch = Patch::default();
+                assert!(triangles.patch(0, axis, f64::INFINITY, &mut patch));
+                alone.push(points(&mut patch, pair.tie()));
+            }
+        });
+        for width in Width::all() {
+            let (mut triangles, mut axes, mut next) = (Triangles::new(), Vec::new(), 0);
+            each_pair(|pair, axis, faces| {
+                if triangles.add(pair, axis, faces).is_none() {
+                    return;
+                }
+                axes.push((*axis, pair.tie()));
+                if triangles.are_many() {
+                    triangles.see(width);
+                    for (k, (axis, tie)) in axes.drain(..).enumerate() {
+                        let mut patch = Patch::default();
+                        triangles.patch(k, &axis, f64::INFINITY, &mut patch);
+                        assert_eq!(points(&mut patch, tie), alone[next], "{next}");
+                        next += 1;
+                    }
+                    triangles.clear();
+                }
+            });
+            assert!(next > 400, "{next}");
+        }
+    }
+
+    #[test]
+    fn corners_on_sides_are_left_to_outlines() {
+        let vertices = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.5]].map(Vec3::from);
+        let middle = vertices.iter().sum::<Vec3>() / 4.0;
+        let tetrahedron = crate::geometry::Polyhedron::new(
+            &vertices.map(|v| v - middle),
+            &[[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+        )
+        .unwrap();
+        let below = tetrahedron.posed(&Quat::from_scaled_axis(Vec3::x() * std::f64::consts::PI));
+        let above = tetrahedron.posed(&Quat::identity());
+        // Base on base: corner on corner, then moved along a side, then clear of all.
+        for (shift, clear) in [([0.0, 0.0], false), ([0.3, 0.0], false), ([0.3, 0.2], true)] {
+            let turned = below.turned(&vertices[2]) - below.turned(&middle);
+            let c = Vec3::new(shift[0], shift[1] + turned.y - (vertices[0] - middle).y, 2.0 * middle.z - 0.01);
+            let pair = Pair::new(&below, &above, c, Width::detect());
+            let axis = search(&pair, Start::Nothing, None, Narrow::Accurate, 0.3.into());
+            let (mut triangles, mut patch) = (Triangles::new(), Patch::default());
+            assert_eq!(triangles.add(&pair, &axis.axis, axis.faces), Some(0));
+            triangles.see(pair.width);
+            assert_eq!(triangles.patch(0, &axis.axis, f64::INFINITY, &mut patch), clear, "{shift:?}");
+        }
+    }
+}
