@@ -702,7 +702,9 @@ fn arcs<L: Lanes>(
     let shape = posed.shape;
     let c = posed.local(&pair.c) * sign;
     let witness = witnesses.local(posed, sign);
-    let cone = l.splat(best.s + pair.inner() - slack);
+    let cone = best.s + pair.inner() - slack;
+    // Of a foot the square is known.
+    let (cone, cone_square) = (l.splat(cone), l.splat(cone * cone.abs()));
     let square = l.splat(c.norm_squared());
     let limit = l.splat(best.s.min(0.0) - slack);
     let count = shape.edges().len();
@@ -729,17 +731,11 @@ fn arcs<L: Lanes>(
         let cosine = at!(9);
         // The foot of c on the arc's plane is between the normals: there n·c is largest.
         let between = l.min(l.neg_mul_add(cosine, d0, d1), l.neg_mul_add(cosine, d1, d0));
-        let foot = l.sqrt(l.select_greater(
-            l.neg_mul_add(along, along, square),
-            zero,
-            l.neg_mul_add(along, along, square),
-            zero,
-        ));
-        let most = l.select_greater(d0, d1, d0, d1);
-        let most = l.select_greater(between, zero, foot, most);
-        let mut mask = l.mask_greater(most, cone);
+        let (foot, most) = (l.neg_mul_add(along, along, square), l.select_greater(d0, d1, d0, d1));
+        let inside = l.mask_greater(between, zero);
+        let mut mask = inside & l.mask_greater(foot, cone_square) | !inside & l.mask_greater(most, cone);
         let mut i = 0;
-        while i < witnesses.count {
+        while mask != 0 && i < witnesses.count {
             // Where both ends are below, all between are: s <= 0 or, apart, no direction at all.
             let (e0, e1) = (dot!(witness[i], 0), dot!(witness[i], 3));
             mask &= l.mask_greater(l.select_greater(e0, e1, e0, e1), limit);
