@@ -417,7 +417,7 @@ arrays! {
 }
 
 arrays! {
-    /// One row a pair of contactors that were near each other: what detection goes on from.
+    /// One row a pair of contactors that were in contact: what detection goes on from.
     PairArrays {
         /// Rows of the two bodies in the body arrays, the candidate first
         pair_body: [u32; 2],

@@ -1,10 +1,11 @@
-//! Nanoseconds per pair of convex polyhedra: direction and manifold.
+//! Nanoseconds per pair of convex polyhedra, looked at together as in a step: direction and manifold.
 //!
 //!     cargo bench -p cd-solve --bench polyhedra
 //!
 //! `items` are pairs: 2 Mitem/s are 500 ns per pair. Warm pairs have moved by 1e-3 of their size since the last time.
 
-use cd_solve::geometry::{Memory, Narrow, Polyhedron, polyhedron_polyhedron};
+use cd_solve::geometry::{Memory, Narrow, Polyhedron, Posed, Sight, Together, polyhedron_polyhedron};
+use cd_solve::math::lanes::Width;
 use cd_solve::math::{Quat, Vec3};
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
@@ -23,13 +24,6 @@ struct Pair {
     turned: [Quat; 2],
     c: Vec3,
     memory: Memory,
-}
-
-impl Pair {
-    fn contact(&self, narrow: Narrow, mut memory: Memory) -> Option<cd_solve::geometry::Manifold> {
-        let ([a, b], [qa, qb]) = (&self.shapes, &self.turned);
-        polyhedron_polyhedron(&a.posed(qa), &b.posed(qb), &self.c, ALERT, narrow, &mut memory)
-    }
 }
 
 /// Numbers in -1..1 that look random, and are the same on every run.
@@ -98,10 +92,15 @@ fn pairs(vertices: usize, gap: f64, moved: f64) -> Vec<Pair> {
 
 fn run(bencher: Bencher, pairs: Vec<Pair>, narrow: Narrow, warm: bool) {
     bencher.counter(ItemsCount::new(PAIRS)).bench_local(|| {
-        for pair in &pairs {
+        let posed: Vec<[Posed; 2]> =
+            pairs.iter().map(|pair| [0, 1].map(|k| pair.shapes[k].posed(&pair.turned[k]))).collect();
+        let mut together = Together::new(Width::detect());
+        let mut take = |(), sight: Sight| _ = black_box(sight.is_ok());
+        for (pair, [a, b]) in pairs.iter().zip(&posed) {
             let memory = if warm { pair.memory } else { Memory::default() };
-            black_box(pair.contact(narrow, black_box(memory)));
+            together.pair((), [a, b], &pair.c, ALERT.into(), narrow, black_box(&memory), None, &mut take);
         }
+        together.finish(&mut take);
     });
 }
 

@@ -16,8 +16,8 @@ use std::collections::BTreeMap;
 use cd_formats::compute::NarrowPhase;
 use rayon::prelude::*;
 
-use crate::math::{MANY, Vec3, group};
-use crate::scene::{Scene, Shape};
+use crate::math::{MANY, Vec3};
+use crate::scene::{Scene, See, Shape};
 use crate::state::{Contact, Known};
 
 use crate::integrate::Configuration;
@@ -32,10 +32,13 @@ pub fn contacts(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], known: &mut
     if scene.is_general() {
         return parts::contacts(scene, q_c, &travel, scene.options.narrow_phase(), known);
     }
-    let mut pairs = among_spheres(scene, q_c, &travel);
-    pairs.extend(with_planes(scene, q_c, &travel, h));
-    let of_pair = |&[candidate, antagonist]: &[u32; 2]| contact(scene, q_c, candidate, antagonist);
-    sorted(scene, pairs).par_iter().with_min_len(256).map(of_pair).collect()
+    let mut pairs = among_spheres(scene, q_c, &travel, known);
+    let mut of_planes = with_planes(scene, q_c, &travel, h);
+    if !of_planes.is_empty() {
+        pairs.append(&mut of_planes);
+        pairs.sort(); // runs in order, which it finds
+    }
+    pairs.par_iter().with_min_len(256).map(|&(pair, law)| contact(scene, q_c, pair, law)).collect()
 }
 
 /// How far each body can get in the step beside the others, m.
@@ -74,31 +77,38 @@ pub fn missed(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], known: &Known
     Missed { mean: sum / count.max(1) as f64, largest }
 }
 
+/// Candidate and antagonist within range of each other, and their law.
+type Listed = ([u32; 2], u8);
+
 /// In the order of candidates, then of antagonists.
-fn sorted(scene: &Scene, pairs: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
-    // By candidate first, so that only the few of one body remain to be sorted.
-    let candidates: Vec<u32> = pairs.iter().map(|pair| pair[0]).collect();
-    let (order, _) = group(&candidates, scene.bodies.len());
-    let mut sorted: Vec<[u32; 2]> = order.par_iter().with_min_len(2048).map(|&k| pairs[k as usize]).collect();
-    sorted.par_chunk_by_mut(|a, b| a[0] == b[0]).for_each(|of_one| of_one.sort_unstable_by_key(|pair| pair[1]));
-    sorted
+fn among_spheres(scene: &Scene, q_c: &Configuration, travel: &[f64], known: &mut Known) -> Vec<Listed> {
+    let bodies = scene.spheres.par_iter().with_min_len(MANY);
+    let centres: Vec<Vec3> = bodies.clone().map(|&i| q_c.x[i as usize]).collect();
+    let radii: Vec<f64> = bodies.map(|&i| scene.bodies[i as usize].radius).collect();
+    let reach = |(k, radius): (usize, &f64)| radius + travel[scene.spheres[k] as usize] + 0.5 * scene.listing_range;
+    let reach: Vec<f64> = radii.iter().enumerate().map(reach).collect();
+    if known.neighbours.renew(&centres, &reach, scene.periods(), scene.mean_radius) {
+        let near = std::mem::take(&mut known.neighbours.pairs);
+        known.pairs = near.into_par_iter().with_min_len(1024).filter_map(|pair| meet(scene, pair)).collect();
+        known.pairs.par_sort_unstable_by_key(|(pair, _)| *pair);
+    }
+    let listed = |&([i, j], see): &([u32; 2], See)| {
+        let pair = [i, j].map(|k| scene.spheres[k as usize]);
+        let [a, b] = [i, j].map(|k| (&centres[k as usize], radii[k as usize]));
+        let gap = narrow::sphere_sphere(a.0, a.1, &(b.0 + scene.image(a.0, b.0)), b.1).gap;
+        let travel = travel[pair[0] as usize] + travel[pair[1] as usize];
+        is_listed(scene, pair, see, gap, travel).then_some((pair, see.law))
+    };
+    known.pairs.par_iter().with_min_len(512).filter_map(listed).collect()
 }
 
-/// Candidate and antagonist of the listed pairs.
-fn among_spheres(scene: &Scene, q_c: &Configuration, travel: &[f64]) -> Vec<[u32; 2]> {
-    let radius = |i: u32| scene.bodies[i as usize].radius;
-    let centres: Vec<Vec3> = scene.spheres.iter().map(|&i| q_c.x[i as usize]).collect();
-    let reach: Vec<f64> =
-        scene.spheres.iter().map(|&i| radius(i) + travel[i as usize] + 0.5 * scene.listing_range).collect();
-    periodic::pairs(&centres, &reach, scene.periods())
-        .into_par_iter()
-        .with_min_len(512)
-        .map(|[i, j]| [scene.spheres[i as usize], scene.spheres[j as usize]])
-        .filter(|&[a, b]| is_listed(scene, q_c, a, b, travel[a as usize] + travel[b as usize]))
-        .collect()
+/// Two of the spheres and how they see each other; none if they do not, or cannot push.
+fn meet(scene: &Scene, pair: [u32; 2]) -> Option<([u32; 2], See)> {
+    let [a, b] = pair.map(|k| &scene.bodies[scene.spheres[k as usize] as usize]);
+    Some((pair, scene.visibility.see(a.class, b.class)?)).filter(|_| !(a.driven && b.driven))
 }
 
-fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64], h: f64) -> Vec<[u32; 2]> {
+fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64], h: f64) -> Vec<Listed> {
     let with = |&plane: &u32| {
         let p = plane as usize;
         let Shape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
@@ -106,20 +116,23 @@ fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64], h: f64) -> Ve
         let swept = travel[p] + h * q_c.w[p].norm() * half_lengths.norm();
         let into_axes = q_c.q[p].inverse().to_rotation_matrix();
         let near = move |&sphere: &u32| {
-            let s = sphere as usize;
+            let (s, pair) = (sphere as usize, [sphere, plane]);
             let travel = travel[s] + swept;
             // Most are far off: that takes no law and no geometry.
             let from = q_c.x[s] - q_c.x[p] - scene.image(&q_c.x[s], &q_c.x[p]);
             let gap = ((into_axes * from).abs() - half_lengths).max() - scene.bodies[s].radius;
-            gap <= scene.listing_range + travel && is_listed(scene, q_c, sphere, plane, travel)
+            let [sphere, plane] = [s, p].map(|i| &scene.bodies[i]);
+            let near = gap <= scene.listing_range + travel && !(sphere.driven && plane.driven);
+            let see = scene.visibility.see(sphere.class, plane.class).filter(|_| near)?;
+            is_listed(scene, pair, see, found(scene, q_c, pair).gap, travel).then_some((pair, see.law))
         };
-        scene.spheres.par_iter().copied().with_min_len(512).filter(near).map(move |sphere| [sphere, plane])
+        scene.spheres.par_iter().with_min_len(512).filter_map(near)
     };
     scene.planes.par_iter().flat_map(with).collect()
 }
 
 /// Geometry of a sphere against a sphere or plate.
-fn found(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32) -> narrow::Found {
+fn found(scene: &Scene, q_c: &Configuration, [candidate, antagonist]: [u32; 2]) -> narrow::Found {
     let [a, b] = [candidate, antagonist].map(|i| (&scene.bodies[i as usize], q_c.x[i as usize]));
     let (a, b) = ((a.0, &a.1), (b.0, &(b.1 + scene.image(&a.1, &b.1))));
     match &b.0.shape {
@@ -130,23 +143,17 @@ fn found(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32) ->
     }
 }
 
-/// Whether the two see each other, are near enough, and not both driven.
-fn is_listed(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32, travel: f64) -> bool {
-    let [a, b] = [candidate, antagonist].map(|i| &scene.bodies[i as usize]);
-    let Some(see) = scene.visibility.see(a.class, b.class) else { return false };
-    if a.driven && b.driven {
-        return false;
-    }
-    let gap = found(scene, q_c, candidate, antagonist).gap;
+/// Whether two that see each other so are near enough.
+fn is_listed(scene: &Scene, [candidate, antagonist]: [u32; 2], see: See, gap: f64, travel: f64) -> bool {
     // The range of a bond needs the radii, which a near pair is not asked for.
     let law = &scene.laws[see.law as usize];
     let range = || law.range(scene.effective_radius((candidate, 0), (antagonist, 0)));
     gap <= see.alert.max(travel) || (law.cohesion().is_some() && gap <= range())
 }
 
-fn contact(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32) -> Contact {
-    let found = found(scene, q_c, candidate, antagonist);
-    let [a, b] = [candidate, antagonist].map(|i| scene.bodies[i as usize].class);
+fn contact(scene: &Scene, q_c: &Configuration, pair: [u32; 2], law: u8) -> Contact {
+    let found = found(scene, q_c, pair);
+    let [candidate, antagonist] = pair;
     Contact {
         candidate,
         antagonist,
@@ -157,6 +164,6 @@ fn contact(scene: &Scene, q_c: &Configuration, candidate: u32, antagonist: u32) 
         normal: found.normal,
         gap: found.gap,
         area: 0.0,
-        law: scene.visibility.see(a, b).map_or(0, |see| see.law),
+        law,
     }
 }

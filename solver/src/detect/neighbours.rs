@@ -24,11 +24,9 @@ impl Neighbours {
     /// `size`: the mean radius, m.
     pub fn renew(&mut self, centres: &[Vec3], reach: &[f64], periods: [Option<f64>; 2], size: f64) -> bool {
         let known = self.centres.len() == centres.len();
-        let (now, then) = (centres.par_iter().zip(reach), self.centres.par_iter().zip(&self.reach).zip(&self.room));
-        let holds = |((x, reach), ((before, least), room)): ((&Vec3, &f64), ((&Vec3, &f64), &f64))| {
-            (x - before).norm() + (reach - least).max(0.0) <= *room
-        };
-        if known && now.zip(then).with_min_len(MANY).all(holds) {
+        let stays =
+            |k: usize| (centres[k] - self.centres[k]).norm() + (reach[k] - self.reach[k]).max(0.0) <= self.room[k];
+        if known && (0..centres.len()).into_par_iter().with_min_len(MANY).all(stays) {
             self.last.copy_from_slice(centres);
             return false;
         }
