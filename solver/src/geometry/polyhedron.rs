@@ -17,8 +17,7 @@ pub struct Polyhedron {
     vertices: Vec<Vec3>,
     /// Columns x, y, z of the normals, padded by zeros.
     pub(super) normals: Vec<f64>,
-    /// Columns of the edges, each `arc_pad` long: x, y, z of the two normals and of the direction, and the cosine
-    /// between the normals.
+    /// Columns of the edges, each `arc_pad` long: x, y, z of the two normals, and the cosine of half the angle between them.
     pub(super) arcs: Vec<f64>,
     pub(super) arc_pad: usize,
     inradius: f64,
@@ -177,12 +176,11 @@ impl Polyhedron {
             normals.extend(padded.take(planes.len().next_multiple_of(PAD)));
         }
         let arc_pad = edges.len().next_multiple_of(PAD);
-        let mut arcs = vec![0.0; 10 * arc_pad];
+        let mut arcs = vec![0.0; 7 * arc_pad];
         for (e, edge) in edges.iter().enumerate() {
             let [n0, n1] = edge.faces.map(|f| planes[f as usize].normal);
-            let [from, to] = edge.ends.map(|v| vertices[v as usize]);
-            let along = (to - from).normalize();
-            let row = [n0.x, n0.y, n0.z, n1.x, n1.y, n1.z, along.x, along.y, along.z, n0.dot(&n1)];
+            let half = (0.5 * (1.0 + n0.dot(&n1))).max(0.0).sqrt();
+            let row = [n0.x, n0.y, n0.z, n1.x, n1.y, n1.z, half];
             row.iter().enumerate().for_each(|(column, x)| arcs[column * arc_pad + e] = *x);
         }
         let inradius = planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);

@@ -687,7 +687,7 @@ fn cross<L: Lanes>(
     (mask, l.div(along, length))
 }
 
-/// The edges with a direction that the bounds leave on their arc of the Gauss map; `sign` is -1 for those of B.
+/// The edges with a direction that the bounds leave on their arc of the Gauss map, and few others; `sign` is -1 for those of B.
 #[inline(always)]
 fn arcs<L: Lanes>(
     l: L,
@@ -702,10 +702,7 @@ fn arcs<L: Lanes>(
     let shape = posed.shape;
     let c = posed.local(&pair.c) * sign;
     let witness = witnesses.local(posed, sign);
-    let cone = best.s + pair.inner() - slack;
-    // Of a foot the square is known.
-    let (cone, cone_square) = (l.splat(cone), l.splat(cone * cone.abs()));
-    let square = l.splat(c.norm_squared());
+    let cone = l.splat(best.s + pair.inner() - slack);
     let limit = l.splat(best.s.min(0.0) - slack);
     let count = shape.edges().len();
     let pad = shape.arc_pad;
@@ -727,13 +724,10 @@ fn arcs<L: Lanes>(
                 )
             };
         }
-        let (d0, d1, along) = (dot!(c, 0), dot!(c, 3), dot!(c, 6));
-        let cosine = at!(9);
-        // The foot of c on the arc's plane is between the normals: there n·c is largest.
-        let between = l.min(l.neg_mul_add(cosine, d0, d1), l.neg_mul_add(cosine, d1, d0));
-        let (foot, most) = (l.neg_mul_add(along, along, square), l.select_greater(d0, d1, d0, d1));
-        let inside = l.mask_greater(between, zero);
-        let mut mask = inside & l.mask_greater(foot, cone_square) | !inside & l.mask_greater(most, cone);
+        // Where c is seen from between the normals, the nearer one is at half the angle between them at the most.
+        let (d0, d1) = (dot!(c, 0), dot!(c, 3));
+        let beyond = l.select_greater(cone, zero, l.mul(cone, at!(6)), cone);
+        let mut mask = l.mask_greater(l.select_greater(d0, d1, d0, d1), beyond);
         let mut i = 0;
         while mask != 0 && i < witnesses.count {
             // Where both ends are below, all between are: s <= 0 or, apart, no direction at all.
