@@ -10,7 +10,7 @@ use crate::math::{MANY, Vec3};
 use crate::state::Neighbours;
 
 /// Room of what does not move, over the mean radius.
-const ROOM: f64 = 0.025;
+const ROOM: f64 = 0.01;
 /// What moves has room for so many steps besides.
 const STEPS: f64 = 6.0;
 /// Mean room over the mean radius, beyond which pairs that are not near cost more than they save.
