@@ -404,6 +404,34 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn of_a_far_pair_the_nearest_point_is_enough() {
+        let (a, b) = (rock(0.0), rock(1.0));
+        let (mut far, mut near) = (0, 0);
+        for k in 0..1000 {
+            let k = f64::from(k);
+            let pa = a.posed(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.8;
+            let mut memory = Memory::default();
+            let mut run = |range: Range| polyhedron_polyhedron(&pa, &pb, &c, range, Narrow::Accurate, &mut memory);
+            let Some(all) = run(0.5.into()) else { continue };
+            let found = run(Range { patch: 0.1, ..0.5.into() }).unwrap();
+            let is_far = all.gap() > 0.1;
+            if !is_far || found.points.len() > 1 {
+                assert!(found.points.len() == all.points.len() && found.area == all.area, "{k}");
+                near += usize::from(!is_far);
+                continue;
+            }
+            far += usize::from(all.points.len() > 1);
+            let same = all.points.iter().find(|point| point.features == found.points[0].features).unwrap();
+            // A few roundings of numbers of the size.
+            assert!((same.gap - all.gap()).abs() < 1e-14 && (found.gap() - all.gap()).abs() < 1e-14, "{k}");
+            assert!((same.position - found.points[0].position).norm() < 1e-13, "{k}: {found:?} {all:?}");
+        }
+        assert!(far > 50 && near > 500, "{far} {near}");
+    }
+
+    #[test]
     fn memory_goes_through_a_snapshot_and_foreign_words_do_no_harm() {
         let (a, b) = (rock(0.0), Polyhedron::cuboid(&Vec3::new(1.0, 0.6, 0.4)));
         let (pa, pb) = (a.posed(&Quat::identity()), b.posed(&Quat::from_euler_angles(0.1, 0.2, 0.3)));
