@@ -330,14 +330,17 @@ fn alone(asked: &Asked, found: &Found, patch: &mut Patch, manifold: &mut Manifol
         Manifold { normal: -axis.n, points, area }
     };
     if found.is_far(range) {
-        return take(Ok((kept, &own_point(0.0))));
+        let nearest = own_point(0.0);
+        if !nearest.points.is_empty() {
+            return take(Ok((kept, &nearest)));
+        }
     }
     if search::ridges(pair, axis)
         && let Some(ridges) = gjk::ridges(pair, &axis.n, axis.s)
     {
         return take(Ok((kept, &ridges)));
     }
-    if axis.feature != Feature::None {
+    if axis.feature != Feature::None && !found.is_far(range) {
         patch.see(pair, axis, *faces, range.area);
         if patch.holds(axis.s, pair.tie()) {
             return take(sight(asked, axis, patch, manifold));
