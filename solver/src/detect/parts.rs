@@ -422,6 +422,10 @@ fn touch<'a>(
         // Cylinders and plates are walls, which do not meet.
         _ => SmallVec::new(),
     };
+    let nearest = found.iter().min_by(|a, b| a.gap().total_cmp(&b.gap()));
+    if let Some(nearest) = nearest.filter(|nearest| nearest.gap() > range.alert) {
+        return take(meeting, Err(Apart { n: -nearest.normal, s: nearest.gap() }));
+    }
     for manifold in &found {
         take(meeting, Ok((Memory::default(), manifold)));
     }
