@@ -384,6 +384,23 @@ pub(super) mod tests {
         Polyhedron::new(&vertices, &triangles).unwrap()
     }
 
+    /// Calls `take` with pairs of rocks that have a feature for their direction and are within `range` (m) of each other or
+    /// overlap, and with the number of each.
+    pub(in crate::geometry) fn each_pair(count: u32, range: f64, mut take: impl FnMut(u32, &Pair, &Found)) {
+        let (a, b) = (rock(0.0), rock(1.0));
+        for number in 0..count {
+            let k = f64::from(number);
+            let pa = a.posed(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.6;
+            let pair = Pair::new(&pa, &pb, c, Width::detect());
+            let found = search::search(&pair, Start::Nothing, None, Narrow::Accurate, range.into());
+            if found.axis.feature != Feature::None && found.axis.s <= range {
+                take(number, &pair, &found);
+            }
+        }
+    }
+
     #[test]
     fn all_widths_give_the_same_bits() {
         let (a, b) = (rock(0.0), rock(1.0));

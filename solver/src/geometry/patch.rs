@@ -226,10 +226,8 @@ pub(super) fn nearer_than(polygon: &[[f64; 3]], within: f64) -> Polygon {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::search::{Feature, Start, search};
-    use crate::geometry::{Narrow, Posed, tests::rock};
-    use crate::math::lanes::Width;
-    use crate::math::{Quat, local_frame};
+    use crate::geometry::{Posed, tests::each_pair};
+    use crate::math::local_frame;
 
     /// Sutherland and Hodgman's: each side of `by` cuts what is left.
     fn clipped(mut of: Vec<[f64; 2]>, by: &[[f64; 2]]) -> Vec<[f64; 2]> {
@@ -255,20 +253,10 @@ mod tests {
 
     #[test]
     fn patches_are_those_of_clipping() {
-        let (a, b) = (rock(0.0), rock(1.0));
         let mut many = [0; 12];
-        for k in 0..3000 {
-            let k = f64::from(k);
-            let pa = a.posed(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
-            let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
-            let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.6;
-            let pair = Pair::new(&pa, &pb, c, Width::detect());
-            let found = search(&pair, Start::Nothing, None, Narrow::Accurate, 0.5.into());
-            if found.axis.feature == Feature::None || found.axis.s > 0.5 {
-                continue;
-            }
+        each_pair(3000, 0.5, |k, pair, found| {
             let mut patch = Patch::default();
-            patch.see(&pair, &found.axis, found.faces, f64::INFINITY);
+            patch.see(pair, &found.axis, found.faces, f64::INFINITY);
             let frame = local_frame(found.axis.n);
             let outline = |posed: &Posed, f: u32, moved: Vec3, turned: bool| -> Vec<[f64; 2]> {
                 let at = |&v: &u16| posed.vertex(v) + moved;
@@ -276,8 +264,10 @@ mod tests {
                     posed.shape.corners(f as usize).iter().map(at).map(|p| [p.dot(&frame[1]), p.dot(&frame[2])]);
                 if turned { corners.rev().collect() } else { corners.collect() }
             };
-            let expected =
-                clipped(outline(&pa, found.faces.0, Vec3::zeros(), false), &outline(&pb, found.faces.1, c, true));
+            let expected = clipped(
+                outline(pair.pa, found.faces.0, Vec3::zeros(), false),
+                &outline(pair.pb, found.faces.1, pair.c, true),
+            );
             let doubled: f64 = (0..expected.len())
                 .map(|k| {
                     let (u, v) = (expected[k], expected[(k + 1) % expected.len()]);
@@ -287,7 +277,7 @@ mod tests {
             assert!((patch.area - 0.5 * doubled).abs() < 1e-14, "{k}: {} {doubled}", patch.area);
             assert!(patch.corners.len() == expected.len() || doubled < 1e-6, "{k}: {:?} {expected:?}", patch.corners);
             many[expected.len()] += 1;
-        }
+        });
         assert!(many[3..7].iter().all(|&count| count > 20), "{many:?}");
     }
 }

@@ -394,25 +394,9 @@ fn see<L: Lanes>(l: L, of: &mut Triangles, from: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::search::{Feature, Start, search};
-    use crate::geometry::{Narrow, Point, Range, tests::rock};
+    use crate::geometry::search::{Found, Start, search};
+    use crate::geometry::{Narrow, Point, Range, tests::each_pair};
     use crate::math::Quat;
-
-    /// Pairs of rocks within 0.3 of each other or overlapping, with their directions and faces.
-    fn each_pair(mut take: impl FnMut(&Pair, &Axis, (u32, u32))) {
-        let (a, b) = (rock(0.0), rock(1.0));
-        for k in 0..1500 {
-            let k = f64::from(k);
-            let pa = a.posed(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
-            let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
-            let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.6;
-            let pair = Pair::new(&pa, &pb, c, Width::detect());
-            let found = search(&pair, Start::Nothing, None, Narrow::Accurate, 0.3.into());
-            if found.axis.feature != Feature::None && found.axis.s <= 0.3 {
-                take(&pair, &found.axis, found.faces);
-            }
-        }
-    }
 
     fn points(patch: &mut Patch, tie: f64) -> (Vec<Point>, f64) {
         let mut manifold = crate::geometry::Manifold::default();
@@ -423,7 +407,7 @@ mod tests {
     #[test]
     fn patches_are_those_of_outlines() {
         let (mut compared, mut many, mut triangles) = (0, [0; 7], Triangles::new());
-        each_pair(|pair, axis, faces| {
+        each_pair(1500, 0.3, |_, pair, &Found { ref axis, faces, .. }| {
             if triangles.add(pair, axis, faces).is_none() {
                 return;
             }
@@ -453,7 +437,7 @@ mod tests {
     #[test]
     fn pairs_do_not_depend_on_their_places_or_the_width() {
         let mut alone = Vec::new();
-        each_pair(|pair, axis, faces| {
+        each_pair(1500, 0.3, |_, pair, &Found { ref axis, faces, .. }| {
             let mut triangles = Triangles::new();
             if triangles.add(pair, axis, faces).is_some() {
                 triangles.see(Width::One(crate::math::lanes::Scalar));
@@ -464,7 +448,7 @@ mod tests {
         });
         for width in Width::all() {
             let (mut triangles, mut axes, mut next) = (Triangles::new(), Vec::new(), 0);
-            each_pair(|pair, axis, faces| {
+            each_pair(1500, 0.3, |_, pair, &Found { ref axis, faces, .. }| {
                 if triangles.add(pair, axis, faces).is_none() {
                     return;
                 }
