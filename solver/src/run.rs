@@ -16,7 +16,7 @@ use signal_hook::flag;
 
 use crate::assemble::potential_energy;
 use crate::detect;
-use crate::integrate::predict;
+use crate::integrate::{Configuration, predict};
 use crate::math::Vec3;
 use crate::plan::{Bound, astray, bounds};
 use crate::progress::Progress;
@@ -68,11 +68,15 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     too_long(scene, &state).into_iter().for_each(|message| progress.tell(&message));
     astray(scene, &state).into_iter().for_each(|message| progress.tell(&format!("cd-solve: {message}")));
     let mut deep = DEEPER;
-    if let Some((share, message)) = overlaps(scene, &state) {
+    let mut known = Known::default();
+    if let Some((share, message)) = overlaps(scene, &state, &mut known) {
         deep += share;
         if !resumed {
             progress.tell(&message);
         }
+    }
+    if !resumed {
+        state.known = known; // a run that goes on has its own, and it decides between equals
     }
     while state.step < last {
         if let Some(number) =
@@ -205,10 +209,12 @@ fn too_long(scene: &Scene, state: &State) -> Option<String> {
     })
 }
 
-/// The largest overlap at the start over the mean radius, which no step has made, and what to tell of it.
-fn overlaps(scene: &Scene, state: &State) -> Option<(f64, String)> {
-    let still = vec![Vec3::zeros(); scene.bodies.len()];
-    let contacts = detect::contacts(scene, &predict(scene, state, 0), &still, &mut Known::default());
+/// The largest overlap at the start over the mean radius, which no step has made, and what to tell of it; `known` is what
+/// detection learns.
+fn overlaps(scene: &Scene, state: &State, known: &mut Known) -> Option<(f64, String)> {
+    // As far ahead as the first step looks, so that what is found serves it.
+    let start = Configuration { ahead: scene.options.dt, ..predict(scene, state, 0) };
+    let contacts = detect::contacts(scene, &start, &state.v, known);
     let deep = || contacts.iter().filter(|contact| -contact.gap > DEEP * scene.mean_radius);
     let deepest = deep().min_by(|a, b| a.gap.total_cmp(&b.gap))?;
     let mut pairs: Vec<[u32; 2]> = deep().map(|contact| [contact.candidate, contact.antagonist]).collect();

@@ -87,7 +87,8 @@ fn among_spheres(scene: &Scene, q_c: &Configuration, travel: &[f64], known: &mut
     let radii: Vec<f64> = bodies.map(|&i| scene.bodies[i as usize].radius).collect();
     let reach = |(k, radius): (usize, &f64)| radius + travel[scene.spheres[k] as usize] + 0.5 * scene.listing_range;
     let reach: Vec<f64> = radii.iter().enumerate().map(reach).collect();
-    if known.neighbours.renew(&centres, &reach, scene.periods(), scene.mean_radius) {
+    let of_sphere = |k: usize| travel[scene.spheres[k] as usize];
+    if known.neighbours.renew(&centres, &reach, of_sphere, scene.periods(), scene.mean_radius) {
         let near = std::mem::take(&mut known.neighbours.pairs);
         known.pairs = near.into_par_iter().with_min_len(1024).filter_map(|pair| meet(scene, pair)).collect();
         known.pairs.par_sort_unstable_by_key(|(pair, _)| *pair);

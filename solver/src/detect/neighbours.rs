@@ -21,8 +21,15 @@ const NONE: f64 = 1e-9;
 impl Neighbours {
     /// Makes the pairs hold for things that are at `centres` and `reach` so far, m; whether they had to be looked for.
     ///
-    /// `size`: the mean radius, m.
-    pub fn renew(&mut self, centres: &[Vec3], reach: &[f64], periods: [Option<f64>; 2], size: f64) -> bool {
+    /// `travel`: how far each may get in a step, m; `size`: the mean radius, m.
+    pub fn renew(
+        &mut self,
+        centres: &[Vec3],
+        reach: &[f64],
+        travel: impl Fn(usize) -> f64 + Sync,
+        periods: [Option<f64>; 2],
+        size: f64,
+    ) -> bool {
         let known = self.centres.len() == centres.len();
         let stays =
             |k: usize| (centres[k] - self.centres[k]).norm() + (reach[k] - self.reach[k]).max(0.0) <= self.room[k];
@@ -30,9 +37,8 @@ impl Neighbours {
             self.last.copy_from_slice(centres);
             return false;
         }
-        let way = |(x, last): (&Vec3, &Vec3)| ROOM * size + STEPS * (x - last).norm();
-        self.room =
-            if known { centres.iter().zip(&self.last).map(way).collect() } else { vec![ROOM * size; reach.len()] };
+        let way = |k: usize| if known { (centres[k] - self.last[k]).norm() } else { travel(k) };
+        self.room = (0..centres.len()).map(|k| ROOM * size + STEPS * way(k)).collect();
         if self.room.iter().sum::<f64>() > MOST * size * reach.len() as f64 {
             self.room.fill(NONE * size);
         }
@@ -67,7 +73,7 @@ mod tests {
             let (mut neighbours, mut looked) = (Neighbours::default(), 0);
             for step in 0..60 {
                 let (x, reach) = crowd(f64::from(step), speed);
-                looked += usize::from(neighbours.renew(&x, &reach, periods, 1.0));
+                looked += usize::from(neighbours.renew(&x, &reach, |_| 0.0, periods, 1.0));
                 let pairs = periodic::pairs(&x, &reach, periods);
                 assert!(!pairs.is_empty());
                 for pair in &pairs {
@@ -85,7 +91,7 @@ mod tests {
         for step in 0..60 {
             let (mut x, reach) = crowd(0.0, 0.0);
             x[7] += Vec3::new(10.0, 0.5 * f64::from(step), 0.01 * f64::from(step * step));
-            looked += usize::from(neighbours.renew(&x, &reach, [None; 2], 1.0));
+            looked += usize::from(neighbours.renew(&x, &reach, |_| 0.0, [None; 2], 1.0));
         }
         assert!((8..20).contains(&looked), "{looked}");
     }

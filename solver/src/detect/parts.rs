@@ -72,7 +72,8 @@ impl Known {
         }
         let centres: Vec<Vec3> = places.iter().map(|place| place.centre).collect();
         let reach: Vec<f64> = places.iter().map(|place| place.reach).collect();
-        if !self.neighbours.renew(&centres, &reach, scene.periods(), scene.mean_radius) {
+        let travel = |k: usize| places[k].travel;
+        if !self.neighbours.renew(&centres, &reach, travel, scene.periods(), scene.mean_radius) {
             return;
         }
         let before = self.kept();
@@ -106,38 +107,65 @@ pub fn contacts(
         NarrowPhase::Accurate => Narrow::Accurate,
     };
     let width = Width::detect();
-    let found: Vec<Listed> = memories
-        .par_chunks(CHUNK)
-        .enumerate()
-        .map(|(chunk, memories)| {
-            let first = chunk * CHUNK;
-            let mut listed = Listed::new(memories.len());
-            let mut ahead = Ahead { pairs, separations, places: &places, width, near: [u32::MAX; NEAR] };
-            let mut polyhedra = Together::new(width);
-            for (pair, memory) in (first..).zip(memories) {
-                ahead.fetch(pair);
-                let (meeting, separation) = (Meeting::new(scene, &places, pair, &pairs[pair]), &separations[pair]);
-                if separation.until > meeting.moved() + meeting.range.alert {
-                    listed.of_pairs[pair - first].1 = *separation;
-                } else if meeting.is_near() {
-                    let hint = separation.n.filter(|_| *memory == Memory::default());
-                    touch(meeting, narrow, memory, hint, &mut polyhedra, &mut |meeting, sight| {
-                        listed.add(first, &meeting, sight);
-                    });
-                }
-            }
-            polyhedra.finish(&mut |meeting, sight| listed.add(first, &meeting, sight));
-            listed
-        })
-        .collect();
-    (*memories, *separations) = found.iter().flat_map(|listed| &listed.of_pairs).copied().unzip();
+    let chunks = pairs.par_chunks(CHUNK).zip(memories.par_chunks_mut(CHUNK)).zip(separations.par_chunks_mut(CHUNK));
+    let chunks = chunks.map(|((pairs, memories), separations)| Chunk { pairs, memories, separations });
+    let hands = || Hands { polyhedra: Together::new(width), ahead: Ahead::new(&places, width) };
+    let found: Vec<Listed> =
+        chunks.map_init(hands, |hands, chunk| look(scene, &places, narrow, hands, chunk)).collect();
     sorted(&found, scene.bodies.len(), width)
+}
+
+/// Pairs that one task looks at, and what is known of them.
+struct Chunk<'p> {
+    pairs: &'p [([u32; 2], See)],
+    memories: &'p mut [Memory],
+    separations: &'p mut [Separation],
+}
+
+/// So many.
+const CHUNK: usize = 256;
+
+/// With what pairs are looked at, one task after the other.
+struct Hands<'a> {
+    polyhedra: Together<'a, Meeting<'a>>,
+    ahead: Ahead<'a>,
+}
+
+/// Looks at those pairs that are not known to be apart.
+fn look<'a>(scene: &Scene, places: &'a [Place<'a>], narrow: Narrow, hands: &mut Hands<'a>, chunk: Chunk) -> Listed {
+    let Chunk { pairs, memories, separations } = chunk;
+    let meeting = |k: usize| Meeting::new(scene, places, k, &pairs[k]);
+    let (mut near, mut count) = ([0; CHUNK], 0);
+    for (k, separation) in separations.iter().enumerate() {
+        let meeting = meeting(k);
+        near[count] = k;
+        count += usize::from(separation.until <= meeting.moved() + meeting.range.alert);
+    }
+    let near = &near[..count];
+    let Hands { polyhedra, ahead } = hands;
+    near.iter().take(AHEAD).for_each(|&k| ahead.fetch(pairs[k].0));
+    let mut listed = Listed::new(count);
+    for (place, &k) in near.iter().enumerate() {
+        if let Some(&later) = near.get(place + AHEAD) {
+            ahead.fetch(pairs[later].0);
+        }
+        let meeting = meeting(k);
+        let (memory, separation) = (std::mem::take(&mut memories[k]), std::mem::take(&mut separations[k]));
+        if meeting.is_near() {
+            let hint = separation.n.filter(|_| memory == Memory::default());
+            touch(meeting, narrow, &memory, hint, polyhedra, &mut |meeting, sight| {
+                listed.add(&meeting, sight, memories, separations);
+            });
+        }
+    }
+    polyhedra.finish(&mut |meeting, sight| listed.add(&meeting, sight, memories, separations));
+    listed
 }
 
 /// Two contactors that may be near each other.
 #[derive(Clone, Copy)]
 struct Meeting<'a> {
-    /// Number of the pair.
+    /// Number of the pair in its chunk.
     pair: usize,
     a: &'a Place<'a>,
     b: &'a Place<'a>,
@@ -177,8 +205,6 @@ struct Listed {
     contacts: Vec<Contact>,
     /// Candidates of contacts that follow each other, and where these begin.
     runs: Vec<(u32, usize)>,
-    /// What is to be kept of each pair.
-    of_pairs: Vec<(Memory, Separation)>,
 }
 
 /// Part of the balls' radii within which rounding may make something of a distance.
@@ -186,21 +212,20 @@ const ROUNDING: f64 = 1e-9;
 
 impl Listed {
     fn new(pairs: usize) -> Self {
-        Listed { contacts: Vec::with_capacity(3 * pairs), runs: Vec::new(), of_pairs: vec![Default::default(); pairs] }
+        Listed { contacts: Vec::with_capacity(4 * pairs), runs: Vec::new() }
     }
 
-    /// Adds what is seen of a pair, the first of the task being `first`: points up to its range; those on its area share it.
-    fn add(&mut self, first: usize, meeting: &Meeting, sight: Sight) {
-        let Meeting { a, b, range, .. } = meeting;
-        let (kept, separation) = &mut self.of_pairs[meeting.pair - first];
+    /// Adds what is seen of a pair: points up to its range, of which those on its area share it; keeps what is known of it.
+    fn add(&mut self, meeting: &Meeting, sight: Sight, memories: &mut [Memory], separations: &mut [Separation]) {
+        let Meeting { pair, a, b, range, .. } = meeting;
         let manifold = match sight {
             Ok((memory, manifold)) => {
-                *kept = memory;
+                memories[*pair] = memory;
                 manifold
             }
             Err(Apart { n, s }) => {
                 let until = s + meeting.moved() - ROUNDING * (a.reach + b.reach);
-                *separation = Separation { n: Some([n.x, n.y, n.z].map(|x| x as f32)), until };
+                separations[*pair] = Separation { n: Some([n.x, n.y, n.z].map(|x| x as f32)), until };
                 return;
             }
         };
@@ -261,8 +286,6 @@ const AHEAD: usize = 16;
 
 /// Asks for what pairs will read: of many bodies it comes from far memory in every step, while other pairs are worked on.
 struct Ahead<'a> {
-    pairs: &'a [([u32; 2], See)],
-    separations: &'a [Separation],
     places: &'a [Place<'a>],
     width: Width,
     /// Parts that have been asked for of late, each at its number's place.
@@ -272,19 +295,14 @@ struct Ahead<'a> {
 /// As many shapes as the second cache holds, about.
 const NEAR: usize = 256;
 
-impl Ahead<'_> {
-    /// Asks for what pairs behind number `k` will read: first for where their parts are, then for the shapes.
+impl<'a> Ahead<'a> {
+    fn new(places: &'a [Place<'a>], width: Width) -> Self {
+        Ahead { places, width, near: [u32::MAX; NEAR] }
+    }
+
     #[inline(always)]
-    fn fetch(&mut self, k: usize) {
-        if let Some((parts, _)) = self.pairs.get(k + 2 * AHEAD) {
-            parts.iter().for_each(|&part| self.width.fetch(&self.places[part as usize]));
-        }
-        let Some((parts, see)) = self.pairs.get(k + AHEAD) else { return };
-        let moved: f64 = parts.iter().map(|&part| self.places[part as usize].moved).sum();
-        if self.separations[k + AHEAD].until > moved + see.alert {
-            return; // as likely as not it is not looked at
-        }
-        for &part in parts {
+    fn fetch(&mut self, parts: [u32; 2]) {
+        for part in parts {
             let last = &mut self.near[part as usize % NEAR];
             if *last != part
                 && let Shape::Polyhedron(posed) = &self.places[part as usize].shape
@@ -295,9 +313,6 @@ impl Ahead<'_> {
         }
     }
 }
-
-/// Pairs that one task looks at.
-const CHUNK: usize = 128;
 
 fn place<'a>(scene: &Scene, part: &'a Part, q_c: &Configuration, travel: &[f64], h: f64) -> Place<'a> {
     let i = part.body as usize;
