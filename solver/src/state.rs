@@ -16,7 +16,7 @@ use crate::scene::{Scene, See};
 pub const UNKNOWN: u32 = u32::MAX;
 
 /// A contact found in the contact configuration.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contact {
     /// Body indices; n points from the antagonist to the candidate.
     pub candidate: u32,
@@ -123,8 +123,9 @@ impl Contact {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Status {
+    #[default]
     NoContact,
     Stick,
     Slide,
@@ -140,7 +141,7 @@ pub enum Bonding {
 }
 
 /// A contact with what the solver found for it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SolvedContact {
     pub contact: Contact,
     /// Impulse on the candidate along n, t, s, N s.

@@ -109,7 +109,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     let solution = solve::contact_problem(&system, task, |s| assemble::stored_problem(s, &contacts)); // M5  r
     solve::learn(&mut state.fallback, task, state.step, units, &solution);
     lap.stop(&mut clock.solve);
-    let solved = end_of_contacts(scene, state, &q_c, contacts, &free, &system, &solution);
+    let solved = end_of_contacts(scene, state, &q_c, &contacts, &free, &system, &solution);
     let given_up = task.gives_up() && !solution.converged;
     let mut report = StepReport { missed, given_up, ..book(scene, state, &q_c, &free, &system, &solution, &solved) };
     if !happened.shakes.is_empty() {
@@ -167,18 +167,21 @@ pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProbl
     (units, assemble::stored_problem(&system, &contacts))
 }
 
-/// Velocities and contacts at the step's end.
+/// Velocities and contacts at the step's end, and what contacts have done.
 struct Solved {
     v: Vec<Vec3>,
     w: Vec<Vec3>,
     contacts: Vec<SolvedContact>,
+    given: Given,
+    exchanges: Vec<Vec<Exchange>>,
 }
 
+/// Takes the place that the contacts of the last step have in memory.
 fn end_of_contacts(
     scene: &Scene,
-    state: &State,
+    state: &mut State,
     q_c: &Configuration,
-    contacts: Vec<Contact>,
+    contacts: &[Contact],
     free: &Free,
     system: &System,
     solution: &Solution,
@@ -189,11 +192,66 @@ fn end_of_contacts(
     };
     let bodies = solution.records.par_iter().zip(&free.v).zip(&free.w);
     let (v, w): (Vec<Vec3>, Vec<Vec3>) = bodies.with_min_len(MANY).map(motion).unzip();
-    let tol = scene.options.tol();
-    let solved = |(k, (contact, (row, r))): (usize, (Contact, (&Row, &Vec3)))| {
+    let mut ends = std::mem::take(&mut state.contacts);
+    ends.resize(contacts.len(), SolvedContact::default());
+    let driven: Vec<bool> = scene.bodies.iter().map(|body| body.driven).collect();
+    let end = End { scene, state, q_c, system, solution, v: &v, w: &w, driven: &driven };
+    // In parts that the number of rows alone decides.
+    let parts = ends.par_chunks_mut(PART).zip(contacts.par_chunks(PART)).enumerate();
+    let parts: Vec<(Given, Vec<Exchange>)> =
+        parts.map(|(part, (ends, contacts))| end.of_some(part * PART, contacts, ends)).collect();
+    let given = parts.iter().fold(Given::default(), |sum, (given, _)| sum + *given);
+    let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
+    Solved { v, w, contacts: ends, given, exchanges }
+}
+
+/// What the ends of contacts are made from.
+struct End<'a> {
+    scene: &'a Scene,
+    state: &'a State,
+    q_c: &'a Configuration,
+    system: &'a System,
+    solution: &'a Solution,
+    /// At the step's end, m/s and rad/s.
+    v: &'a [Vec3],
+    w: &'a [Vec3],
+    /// Of each body; together, as contacts ask for it in any order.
+    driven: &'a [bool],
+}
+
+impl End<'_> {
+    /// Fills `ends` with those of contacts of which the first has the number `first`; what they do in the step.
+    fn of_some(&self, first: usize, contacts: &[Contact], ends: &mut [SolvedContact]) -> (Given, Vec<Exchange>) {
+        let End { q_c, system, solution, .. } = self;
+        let (mut given, mut exchanges) = (Given::default(), Vec::with_capacity(contacts.len()));
+        let roll = system.rolls.partition_point(|roll| (roll.row as usize) < first);
+        let mut rolls = system.rolls[roll..].iter().zip(&solution.moments[roll..]).peekable();
+        for ((k, contact), end) in (first..).zip(contacts).zip(ends) {
+            let (row, r) = (&system.rows[k], &solution.impulses[k]);
+            let moment = rolls.next_if(|(roll, _)| roll.row as usize == k).map(|(_, m)| m);
+            *end = self.of_one(k, contact, moment);
+            let depth = (-contact.gap).max(0.0);
+            given.penetration_largest = given.penetration_largest.max(depth);
+            given.penetration_sum += depth;
+            if end.impulse != Vec3::zeros() {
+                given.contacts_active += 1;
+                let may_close = self.state.laws[contact.law as usize].closing(row.u_before.x);
+                given.penetration_added += (-contact.gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
+                let virial = self.gives(row, r, end, &mut given);
+                given.virial += virial;
+                exchanges.push(Exchange { bodies: row.bodies, virial });
+            }
+        }
+        (given, exchanges)
+    }
+
+    /// Contact `k`, on which a moment (N m s, world frame) acts that resists rolling, if there is one.
+    fn of_one(&self, k: usize, contact: &Contact, moment: Option<&Vec3>) -> SolvedContact {
+        let &End { scene, state, q_c, system, solution, v, w, .. } = self;
+        let (row, r) = (&system.rows[k], &solution.impulses[k]);
         let frame = contact.frame();
         let local = to_local(&frame, r);
-        // On the cone's side to rounding; a frictionless contact that carries force slides.
+        // On the cone's side to rounding.
         let bound = row.friction * local.x * (1.0 - 1e-12);
         let status = match local.x > 0.0 {
             false => Status::NoContact,
@@ -205,7 +263,7 @@ fn end_of_contacts(
         let moved = || {
             let u = system.velocity(k, &solution.records);
             let opening = row.normal.dot(&u);
-            let still = tol * row.w_n * row.impulse_shift.abs();
+            let still = scene.options.tol() * row.w_n * row.impulse_shift.abs();
             (opening > still, (u - row.normal * opening).norm() > still)
         };
         let bond = row.bond.filter(|_| {
@@ -213,22 +271,47 @@ fn end_of_contacts(
             law.keeps_bond(contact.gap, status == Status::NoContact && opens, status == Status::Slide && slides)
         });
         SolvedContact {
-            contact,
+            contact: *contact,
             impulse: Vec3::new(local.x + row.impulse_shift, local.y, local.z),
-            moment: Vec3::zeros(),
-            velocity: to_local(&frame, &relative_velocity(&contact, &q_c.x, &v, &w)),
+            moment: moment.map_or(Vec3::zeros(), |m| to_local(&frame, m)),
+            velocity: to_local(&frame, &relative_velocity(contact, &q_c.x, v, w)),
             status,
             bond,
         }
-    };
-    let rows = system.rows.par_iter().zip(&solution.impulses);
-    let mut contacts: Vec<SolvedContact> =
-        contacts.into_par_iter().zip(rows).enumerate().with_min_len(256).map(solved).collect();
-    for (roll, m) in system.rolls.iter().zip(&solution.moments) {
-        let solved = &mut contacts[roll.row as usize];
-        solved.moment = to_local(&solved.contact.frame(), m);
     }
-    Solved { v, w, contacts }
+
+    /// Adds what one contact with the impulse `r` of its row does; returns its impulse times its branch, N m s.
+    fn gives(&self, row: &Row, r: &Vec3, contact: &SolvedContact, given: &mut Given) -> f64 {
+        let &End { state, q_c, v, w, driven, .. } = self;
+        let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
+        let mean = 0.5 * (velocity + row.u_before);
+        let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
+        let force = r + contact.normal * row.impulse_shift;
+        let arms = assemble::arms(contact, &q_c.x);
+        let turned = |body: usize| w[body] + q_c.w[body];
+        let rolls = *moment != Vec3::zeros();
+        let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
+        let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };
+        // A wall's centre has no meaning for the stress of the grains: there the branch ends at the point.
+        let to_point = |body: usize, arm: Vec3| if driven[body] { Vec3::zeros() } else { arm };
+        let branch = to_point(antagonist, arms[1]) - to_point(candidate, arms[0]);
+        given.contact_work += impulse.dot(&mean) + turning_work;
+        given.friction_work += impulse.y * mean.y + impulse.z * mean.z + turning_work;
+        if !driven[antagonist] {
+            // What it takes acts at its own place, not at that of the image.
+            given.angular_momentum += contact.image.cross(&force);
+        }
+        let sides = [(candidate, 1.0), (antagonist, -1.0)].into_iter().zip(arms);
+        for ((body, sign), arm) in sides.filter(|((body, _), _)| driven[*body]) {
+            // What a driven body gives the free one: minus the impulse that it takes itself.
+            let force = force * -sign;
+            let moved = (v[body] + state.v[body]) + turned(body).cross(&arm);
+            given.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
+            given.momentum += force;
+            given.angular_momentum += contact.point.cross(&force) - moment * sign;
+        }
+        force.dot(&branch)
+    }
 }
 
 /// Enters the step in the ledger and reports it; to be called before the state advances.
@@ -242,32 +325,11 @@ fn book(
     solved: &Solved,
 ) -> StepReport {
     let h = q_c.h;
-    let of_some = |((rows, impulses), contacts): ((&[Row], &[Vec3]), &[SolvedContact])| {
-        let (mut given, mut exchanges) = (Given::default(), Vec::with_capacity(contacts.len()));
-        for ((row, r), contact) in rows.iter().zip(impulses).zip(contacts) {
-            let depth = (-contact.contact.gap).max(0.0);
-            given.penetration_largest = given.penetration_largest.max(depth);
-            given.penetration_sum += depth;
-            if contact.impulse != Vec3::zeros() {
-                given.contacts_active += 1;
-                let may_close = state.laws[contact.contact.law as usize].closing(row.u_before.x);
-                given.penetration_added +=
-                    (-contact.contact.gap - h * (contact.velocity.x + may_close) - depth).max(0.0);
-                let virial = at_contact(scene, state, q_c, row, r, contact, solved, &mut given);
-                given.virial += virial;
-                exchanges.push(Exchange { bodies: row.bodies, virial });
-            }
-        }
-        (given, exchanges)
-    };
-    // In parts that the number of rows alone decides.
-    let rows = system.rows.par_chunks(PART).zip(solution.impulses.par_chunks(PART));
-    let parts: Vec<(Given, Vec<Exchange>)> = rows.zip(solved.contacts.par_chunks(PART)).map(of_some).collect();
-    let given = parts.iter().fold(Given::default(), |sum, (given, _)| sum + *given);
+    let given = &solved.given;
     if state.step.is_multiple_of(scene.options.output_every) {
         state.interval = Interval { start: state.time, ..Interval::default() };
     }
-    state.interval.add(parts.iter().flat_map(|(_, exchanges)| exchanges));
+    state.interval.add(solved.exchanges.iter().flatten());
     let ledger = &mut state.ledger;
     ledger.contact_work += given.contact_work;
     ledger.friction_work += given.friction_work;
@@ -377,48 +439,6 @@ impl Add for Given {
             angular_momentum: self.angular_momentum + other.angular_momentum,
         }
     }
-}
-
-/// Adds what one contact with the impulse `r` of its row does; returns its impulse times its branch, N m s.
-#[allow(clippy::too_many_arguments)]
-fn at_contact(
-    scene: &Scene,
-    state: &State,
-    q_c: &Configuration,
-    row: &Row,
-    r: &Vec3,
-    contact: &SolvedContact,
-    solved: &Solved,
-    given: &mut Given,
-) -> f64 {
-    let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
-    let mean = 0.5 * (velocity + row.u_before);
-    let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
-    let force = r + contact.normal * row.impulse_shift;
-    let arms = assemble::arms(contact, &q_c.x);
-    let turned = |body: usize| solved.w[body] + q_c.w[body];
-    let rolls = *moment != Vec3::zeros();
-    let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
-    let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };
-    // A wall's centre has no meaning for the stress of the grains: there the branch ends at the point.
-    let to_point = |body: usize, arm: Vec3| if scene.bodies[body].driven { Vec3::zeros() } else { arm };
-    let branch = to_point(antagonist, arms[1]) - to_point(candidate, arms[0]);
-    given.contact_work += impulse.dot(&mean) + turning_work;
-    given.friction_work += impulse.y * mean.y + impulse.z * mean.z + turning_work;
-    if !scene.bodies[antagonist].driven {
-        // What it takes acts at its own place, not at that of the image.
-        given.angular_momentum += contact.image.cross(&force);
-    }
-    let sides = [(candidate, 1.0), (antagonist, -1.0)].into_iter().zip(arms);
-    for ((body, sign), arm) in sides.filter(|((body, _), _)| scene.bodies[*body].driven) {
-        // What a driven body gives the free one: minus the impulse that it takes itself.
-        let force = force * -sign;
-        let moved = (solved.v[body] + state.v[body]) + turned(body).cross(&arm);
-        given.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
-        given.momentum += force;
-        given.angular_momentum += contact.point.cross(&force) - moment * sign;
-    }
-    force.dot(&branch)
 }
 
 /// Sums over the free bodies.

@@ -77,7 +77,7 @@ impl Setting<'_> {
 
     /// Whether a contact can change its key: two spheres have one contact, always of the same.
     fn has_names(&self, contact: &Contact) -> bool {
-        !self.scene.bodies[contact.antagonist as usize].is_sphere()
+        !self.is_sphere[contact.antagonist as usize]
     }
 
     /// Of each contact of the last step, whether it carried something and acts no more under its key. Nearly always none.

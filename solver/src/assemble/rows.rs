@@ -185,7 +185,10 @@ pub fn contact_problem(
 
     let speeds = v_free.par_iter().zip(w_free).with_min_len(MANY);
     let speeds = speeds.map(|(v, w)| [(v - q_c.drift).norm(), w.norm()]).collect();
-    let setting = Setting { scene, state, q_c, v_free, w_free, speeds, records: &records, full: full.is_some() };
+    let is_sphere = scene.bodies.iter().map(Body::is_sphere).collect();
+    let full_blocks = full.is_some();
+    let setting =
+        Setting { scene, state, q_c, v_free, w_free, speeds, is_sphere, records: &records, full: full_blocks };
     let history = setting.history(contacts);
     let before = |old: &Option<u32>| old.map(|k| &state.contacts[k as usize]);
     let holds = setting.holds(contacts, &history);
@@ -241,6 +244,8 @@ pub(super) struct Setting<'a> {
     w_free: &'a [Vec3],
     /// |v_free| past what all have in common, m/s, and |w_free|, rad/s.
     speeds: Vec<[f64; 2]>,
+    /// Of each body; together, as contacts ask for it in any order.
+    pub(super) is_sphere: Vec<bool>,
     records: &'a [Record],
     full: bool,
 }
@@ -359,7 +364,7 @@ impl Setting<'_> {
 
     /// Whether the antagonist is a plate whose motion is in the row's shift.
     fn on_plate(&self, contact: &Contact) -> bool {
-        !self.full && !self.scene.bodies[contact.antagonist as usize].is_sphere()
+        !self.full && !self.is_sphere[contact.antagonist as usize]
     }
 }
 

@@ -7,10 +7,11 @@
 //! together, and the result does not depend on how many threads there are.
 
 use bytemuck::Pod;
+use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
-use crate::assemble::{Record, Row, System};
-use crate::math::lanes::{Half, Line, Number, ShortHalf, ShortLine};
+use crate::assemble::{Record, System};
+use crate::math::lanes::{Arithmetic, Half, Lanes, Line, Number, ShortHalf, ShortLine, Width};
 use crate::math::{MANY, Vec3, group};
 use crate::solve::nlgs::Reactions;
 use crate::solve::rolling::Rolls;
@@ -88,6 +89,8 @@ pub struct Block<T> {
     pub curvatures: Vec<[[f64; BATCH]; 2]>,
     /// Row of the system, or [`NONE`].
     pub rows: Vec<[u32; BATCH]>,
+    /// Where impulses are read back by them, else empty.
+    pub cones: Vec<Cones>,
     /// Sums of the last sweep.
     pub sums: Sums<T>,
 }
@@ -232,37 +235,82 @@ impl<B: Body> Problem<B> {
     }
 
     /// Puts the impulses and moments of the rows swept into `reactions`.
-    pub fn read_back(&self, system: &System, reactions: &mut Reactions) {
+    pub fn read_back(&self, width: Width, reactions: &mut Reactions) {
         let Reactions { impulses, moments } = reactions;
         let unit = self.units.impulse;
         for block in &self.blocks {
             block.rolls.iter().for_each(|rolls| rolls.read_back(moments));
-            for (r, rows) in block.r.iter().zip(&block.rows) {
+            for (batch, (r, rows)) in block.r.iter().zip(&block.rows).enumerate() {
+                let mut r = r.0.map(|column| column.map(|r| r.wide() * unit));
+                match (B::FRICTION, B::CHANGES) {
+                    (true, false) => (),
+                    (true, true) => onto_cones(width, &block.cones[batch], &mut r),
+                    (false, _) => r = block.cones[batch].n.map(|n| std::array::from_fn(|lane| n[lane] * r[0][lane])),
+                }
                 for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
-                    let of = &system.rows[row as usize];
-                    let r = r.0.map(|column| column[lane].wide() * unit);
-                    impulses[row as usize] = match (B::FRICTION, B::CHANGES) {
-                        (false, _) => of.normal * r[0],
-                        (true, false) => r.into(),
-                        (true, true) => on_cone(of, &r.into()),
-                    };
+                    impulses[row as usize] = r.map(|column| column[lane]).into();
                 }
             }
         }
     }
 }
 
+/// Normals and friction of the contacts of a batch, in double precision whatever the sweeps are in.
+#[derive(Debug, Clone, Copy)]
+pub struct Cones {
+    n: [[f64; BATCH]; 3],
+    friction: [f64; BATCH],
+}
+
+impl Cones {
+    const NONE: Self = Cones { n: [[0.0; BATCH]; 3], friction: [0.0; BATCH] };
+}
+
 /// Of an impulse of single precision, by its normal part: some units in the last place of each component.
 const ROUNDING: f64 = 1e-6;
 
-/// The impulse of a row that `r`, of single precision, stands for: what is on the cone's side to its rounding is there to that of
+/// Makes of impulses of single precision what they stand for: those on their cone's side to its rounding are there to that of
 /// double precision.
-fn on_cone(row: &Row, r: &Vec3) -> Vec3 {
-    let normal = row.normal.dot(r);
-    let tangential = r - row.normal * normal;
-    let (size, bound) = (tangential.norm(), row.friction * normal);
-    let slides = size > bound - ROUNDING * normal.abs();
-    if slides && size > 0.0 { row.normal * normal + tangential * (bound / size) } else { *r }
+fn onto_cones(width: Width, cones: &Cones, r: &mut [[f64; BATCH]; 3]) {
+    match width {
+        Width::One(l) => l.run(OntoCones { l, cones, r }),
+        #[cfg(target_arch = "x86_64")]
+        Width::Four(l) => l.run(OntoCones { l, cones, r }),
+        #[cfg(target_arch = "x86_64")]
+        Width::Eight(l) => l.run(OntoCones { l, cones, r }),
+    }
+}
+
+struct OntoCones<'a, L> {
+    l: L,
+    cones: &'a Cones,
+    r: &'a mut [[f64; BATCH]; 3],
+}
+
+impl<L: Lanes> NullaryFnOnce for OntoCones<'_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let OntoCones { l, cones, r } = self;
+        for from in (0..BATCH).step_by(L::WIDTH) {
+            let n = [0, 1, 2].map(|k| l.load(&cones.n[k][from..]));
+            let whole = [0, 1, 2].map(|k| l.load(&r[k][from..]));
+            let product =
+                |a: [L::V; 3], b: [L::V; 3]| l.add(l.add(l.mul(a[0], b[0]), l.mul(a[1], b[1])), l.mul(a[2], b[2]));
+            let normal = product(n, whole);
+            let tangential = [0, 1, 2].map(|k| l.sub(whole[k], l.mul(n[k], normal)));
+            let size = l.sqrt(product(tangential, tangential));
+            let bound = l.mul(l.load(&cones.friction[from..]), normal);
+            let least = l.sub(bound, l.mul(l.splat(ROUNDING), l.abs(normal)));
+            let (zero, share) = (l.splat(0.0), l.div(bound, size));
+            for k in 0..3 {
+                let on_side = l.add(l.mul(n[k], normal), l.mul(tangential[k], share));
+                let slides = l.select_greater(size, zero, on_side, whole[k]);
+                l.store(&mut r[k][from..], l.select_greater(size, least, slides, whole[k]));
+            }
+        }
+    }
 }
 
 /// What the blocks are filled from.
@@ -364,6 +412,7 @@ impl Layout {
         let mut drift = Vec::new();
         let turning = if from.system.rolls.is_empty() { 0 } else { rows.len() };
         let (mut rolls, mut curvatures) = (vec![Rolls::NONE; turning], vec![[[0.0; BATCH]; 2]; turning]);
+        let mut cones = vec![Cones::NONE; if B::CHANGES || !B::FRICTION { rows.len() } else { 0 }];
         let mut fixed = Vec::new();
         let first_fixed = self.starts[first] + self.cuts[first + 1] - self.cuts[first] - start;
         for (i, ((batch, r), rows)) in batches.iter_mut().zip(&mut r).zip(&mut rows).enumerate() {
@@ -374,6 +423,10 @@ impl Layout {
                 let row = &from.system.rows[k as usize];
                 let n = row.normal;
                 put(&mut batch.n, lane, &n);
+                if let Some(cones) = cones.get_mut(i) {
+                    put(&mut cones.n, lane, &n);
+                    cones.friction[lane] = row.friction;
+                }
                 batch.arm[lane] = B::T::of(row.arm);
                 batch.friction[lane] = B::T::of(row.friction);
                 for side in 0..2 {
@@ -418,7 +471,7 @@ impl Layout {
         let previous = r.clone();
         let lines = lines as usize;
         let sums = Sums::default();
-        (Block { lines, batches, colours, r, previous, drift, rolls, curvatures, rows, sums }, fixed)
+        (Block { lines, batches, colours, r, previous, drift, rolls, curvatures, rows, cones, sums }, fixed)
     }
 }
 

@@ -63,12 +63,12 @@ impl Laid {
     }
 
     /// Puts the impulses and moments of the rows swept into `reactions`.
-    pub fn read_back(&self, system: &System, reactions: &mut Reactions) {
+    pub fn read_back(&self, width: Width, reactions: &mut Reactions) {
         match self {
-            Laid::Frictionless(problem) => problem.read_back(system, reactions),
-            Laid::FrictionlessSingle(problem) => problem.read_back(system, reactions),
-            Laid::Diagonal(problem) => problem.read_back(system, reactions),
-            Laid::DiagonalSingle(problem) => problem.read_back(system, reactions),
+            Laid::Frictionless(problem) => problem.read_back(width, reactions),
+            Laid::FrictionlessSingle(problem) => problem.read_back(width, reactions),
+            Laid::Diagonal(problem) => problem.read_back(width, reactions),
+            Laid::DiagonalSingle(problem) => problem.read_back(width, reactions),
             Laid::Full(problem) => problem.read_back(reactions),
             Laid::FullFrictionless(problem) => problem.read_back(reactions),
         }

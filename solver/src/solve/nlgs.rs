@@ -193,7 +193,7 @@ fn sweep_until(
             None => scale.is_none_or(|scale| swept.change <= scale * aim) || patience > 20 + *sweeps / 10,
         };
         if due || *sweeps >= end {
-            problem.read_back(system, &mut trial);
+            problem.read_back(judge.width, &mut trial);
             let found = judged(&trial);
             let residual = found.0;
             momentum.sliding = frictional && (turns || slides(system, active, &trial.impulses));
