@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::history::{Hold, warm_start};
 use crate::integrate::Configuration;
 use crate::laws::{Approach, Rolling, Shift};
+use crate::math::lanes::Width;
 use crate::math::{MANY, Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Geometry, Scene, Shape};
 use crate::state::{Contact, SolvedContact, State, Status};
@@ -187,14 +188,26 @@ pub fn contact_problem(
     let speeds = speeds.map(|(v, w)| [(v - q_c.drift).norm(), w.norm()]).collect();
     let is_sphere = scene.bodies.iter().map(Body::is_sphere).collect();
     let full_blocks = full.is_some();
-    let setting =
-        Setting { scene, state, q_c, v_free, w_free, speeds, is_sphere, records: &records, full: full_blocks };
+    let setting = Setting {
+        scene,
+        state,
+        q_c,
+        v_free,
+        w_free,
+        speeds,
+        is_sphere,
+        records: &records,
+        full: full_blocks,
+        width: Width::detect(),
+    };
     let history = setting.history(contacts);
     let before = |old: &Option<u32>| old.map(|k| &state.contacts[k as usize]);
     let holds = setting.holds(contacts, &history);
-    let of_contact =
-        |((contact, old), hold): ((&Contact, &Option<u32>), &Hold)| setting.row(contact, before(old), *hold);
-    let mut rows: Vec<Row> = contacts.par_iter().zip(&history).zip(&holds).with_min_len(256).map(of_contact).collect();
+    let of_contact = |(k, (old, hold)): (usize, (&Option<u32>, &Hold))| {
+        setting.fetch(contacts.get(k + AHEAD));
+        setting.row(&contacts[k], before(old), *hold)
+    };
+    let mut rows: Vec<Row> = history.par_iter().zip(&holds).enumerate().with_min_len(256).map(of_contact).collect();
     let mut rolls: Vec<Roll> = if state.laws.iter().any(|law| law.rolling().is_some()) {
         let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
         listed
@@ -235,6 +248,9 @@ fn attract(system: &mut System, history: &[Option<u32>]) {
     }
 }
 
+/// So many contacts ahead what is read of their bodies is asked for: they lie anywhere in memory.
+const AHEAD: usize = 8;
+
 /// What the rows are made from.
 pub(super) struct Setting<'a> {
     pub scene: &'a Scene,
@@ -248,6 +264,7 @@ pub(super) struct Setting<'a> {
     pub(super) is_sphere: Vec<bool>,
     records: &'a [Record],
     full: bool,
+    width: Width,
 }
 
 impl Setting<'_> {
@@ -255,6 +272,15 @@ impl Setting<'_> {
     pub(super) fn in_reach(&self, contact: &Contact) -> bool {
         let range = self.state.laws[contact.law as usize].range(self.effective_radius(contact));
         contact.gap <= self.travel(contact).max(range)
+    }
+
+    /// Asks for what [`Self::row`] reads of a contact's antagonist; candidates come one after the other.
+    fn fetch(&self, contact: Option<&Contact>) {
+        let Setting { state, q_c, speeds, records, width, .. } = self;
+        let Some(b) = contact.map(|contact| contact.antagonist as usize) else { return };
+        [&q_c.x[b], &q_c.w[b], &state.v[b], &state.w[b]].into_iter().for_each(|x| width.fetch(x));
+        width.fetch(&speeds[b]);
+        width.fetch(&records[b]);
     }
 
     /// How far the two bodies may come nearer in the step at the contact, m, past what all have in common.

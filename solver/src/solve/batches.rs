@@ -241,6 +241,10 @@ impl<B: Body> Problem<B> {
         for block in &self.blocks {
             block.rolls.iter().for_each(|rolls| rolls.read_back(moments));
             for (batch, (r, rows)) in block.r.iter().zip(&block.rows).enumerate() {
+                // Rows lie in another order than contacts are swept in.
+                let later =
+                    block.rows.get(batch + AHEAD).into_iter().flatten().filter_map(|&row| impulses.get(row as usize));
+                later.for_each(|r| width.fetch(r));
                 let mut r = r.0.map(|column| column.map(|r| r.wide() * unit));
                 match (B::FRICTION, B::CHANGES) {
                     (true, false) => (),
@@ -254,6 +258,9 @@ impl<B: Body> Problem<B> {
         }
     }
 }
+
+/// So many batches ahead their places are asked for.
+const AHEAD: usize = 2;
 
 /// Normals and friction of the contacts of a batch, in double precision whatever the sweeps are in.
 #[derive(Debug, Clone, Copy)]
