@@ -1,7 +1,8 @@
 # Writes what `make -C examples/trade` has measured into docs/accuracy.md, between its marks, and what the programs say of the
 # presets into formats/src/accuracy/PRESET.txt; at the top folder of the project:
 #   awk -f docs/accuracy/trade.awk docs/accuracy.md > docs/accuracy.md.part
-# Numbers come from examples/trade/SCENE/trade/{trade,orders}.csv alone, SCENE also with the suffixes of other realisations.
+# Numbers come from examples/trade/SCENE/{all,trade}/{trade,orders}.csv alone: those of all realisations together, and of each, SCENE
+# also with their suffixes.
 # A missing file or column is a fault.
 
 function fault(text) { print FILENAME ":" FNR ": " text > "/dev/stderr"; failed = 1; exit 1 }
@@ -29,19 +30,19 @@ function row_of(file, run,    k) {
     fault(file ": no run " run)
 }
 
-# Errors of a scene become root mean squares over its realisations; before, `single` counts those of the pressure within a
-# factor of 3 of what their own runs state, of `singles`.
-function realised(scene,    file, other, r, k, c, of, row, x) {
-    file = "examples/trade/" scene "/trade/trade.csv"; load(file)
+# Where the tables of a scene are: of the first four those of all realisations together.
+function tables(s) { return "examples/trade/" scene[s] (s <= scenes ? "/all/" : "/trade/") }
+
+# `single` counts the errors of the pressure within a factor of 3 of what their own runs state, of `singles`.
+function realised(s,    file, r, k, x) {
+    load(tables(s) "trade.csv")
     for (r = 1; r <= realisations; r++) {
-        other = "examples/trade/" scene suffix[r] "/trade/trade.csv"; load(other)
+        file = "examples/trade/" scene[s] suffix[r] "/trade/trade.csv"; load(file)
         for (k = 1; k <= rows[file]; k++) {
-            row = row_of(other, value(file, k, "run")); x = value(other, row, "over_estimated")
-            if (x + 0 > 0) { singles[scene]++; if (x <= 3 && x >= 1 / 3) single[scene]++ }
-            for (c = 1; c <= errors; c++) of[k, c] += value(other, row, error[c]) ^ 2
+            x = value(file, k, "over_estimated")
+            if (x + 0 > 0) { singles[scene[s]]++; if (x <= 3 && x >= 1 / 3) single[scene[s]]++ }
         }
     }
-    for (k = 1; k <= rows[file]; k++) for (c = 1; c <= errors; c++) cells[file, k, error[c]] = sqrt(of[k, c] / realisations)
 }
 
 function percent(x) { return x == "" ? "-" : sprintf("%.2g %%", 100 * x) }
@@ -49,7 +50,7 @@ function percent(x) { return x == "" ? "-" : sprintf("%.2g %%", 100 * x) }
 function presets(    s, file, k, r, lmgc, worst, name) {
     print "| scene | run | seconds | LMGC90's over it | Z | ν | pressure | energy |\n|---|---|---|---|---|---|---|---|"
     for (s = 1; s <= scenes; s++) {
-        file = "examples/trade/" scene[s] "/trade/trade.csv"
+        file = tables(s) "trade.csv"
         lmgc = value(file, row_of(file, "lmgc90"), "seconds")
         for (k = 1; k <= 5; k++) {
             name = preset[k]; r = row_of(file, name)
@@ -64,7 +65,7 @@ function presets(    s, file, k, r, lmgc, worst, name) {
 function range(name, column,    s, file, x, least, largest) {
     least = 1e9
     for (s = 1; s <= scenes; s++) {
-        file = "examples/trade/" scene[s] "/trade/trade.csv"
+        file = tables(s) "trade.csv"
         x = value(file, row_of(file, name), column)
         if (x > largest) largest = x
         if (x < least) least = x
@@ -77,7 +78,7 @@ function statements(    k, s, file, name, x, low, high) {
     for (k = 1; k <= 4; k++) {
         name = preset[k]; low = 1e9; high = 0
         for (s = 1; s <= scenes; s++) {
-            file = "examples/trade/" scene[s] "/trade/trade.csv"
+            file = tables(s) "trade.csv"
             x = value(file, row_of(file, "standard"), "seconds") / value(file, row_of(file, name), "seconds")
             if (x < low) low = x
             if (x > high) high = x
@@ -100,7 +101,7 @@ function verdict(    s, file, k, r, name, low, high, x, both, all, lmgc) {
     for (k = 1; k <= 2; k++) {
         name = preset[k]; low = 1e9; high = both = all = 0
         for (s = 1; s <= scenes; s++) {
-            file = "examples/trade/" scene[s] "/trade/trade.csv"
+            file = tables(s) "trade.csv"
             r = row_of(file, name); lmgc = value(file, row_of(file, "lmgc90"), "seconds")
             x = lmgc / value(file, r, "seconds")
             if (x < low) low = x
@@ -112,7 +113,7 @@ function verdict(    s, file, k, r, name, low, high, x, both, all, lmgc) {
     }
     both = all = 0
     for (s = 1; s <= scenes; s++) {
-        file = "examples/trade/" scene[s] "/trade/trade.csv"; r = row_of(file, "lmgc90")
+        file = tables(s) "trade.csv"; r = row_of(file, "lmgc90")
         if (value(file, r, "nu") <= 0.01 && value(file, r, "pressure") <= 0.01) { both++; if (value(file, r, "Z") <= 0.01) all++ }
     }
     printf "- LMGC90's parameters: ν and pressure within 1 %% in %d of %d scenes, Z as well in %d.\n", both, scenes, all
@@ -123,11 +124,11 @@ function knobs(of, shown, groups,    s, file, g, k, cell) {
     printf "| option |"; for (s = 1; s <= shown; s++) printf " %s |", scene[s]
     printf "\n|---|"; for (s = 1; s <= shown; s++) printf "---|"
     print ""
-    for (s = 1; s <= shown; s++) load("examples/trade/" scene[s] "/trade/orders.csv")
+    for (s = 1; s <= shown; s++) load(tables(s) "orders.csv")
     for (g = 1; g <= groups; g++) {
         printf "| `%s` |", group[g]
         for (s = 1; s <= shown; s++) {
-            file = "examples/trade/" scene[s] "/trade/orders.csv"; cell = "-"
+            file = tables(s) "orders.csv"; cell = "-"
             for (k = 1; k <= rows[file]; k++) if (value(file, k, "group") == group[g] && value(file, k, "order" of) != "")
                 cell = followed(value(file, k, "order" of), value(file, k, "r2" of), value(file, k, "digit" of))
             printf " %s |", cell
@@ -177,7 +178,7 @@ function honesty(    s, file, k, x, all, good, small, large, sum, sums, lone, ho
     print "| scene | of single runs within a factor of 3 | over " realisations " realisations within a factor of 3 | too small | too large |"
     print "|---|---|---|---|---|"
     for (s = 1; s <= scenes; s++) {
-        file = "examples/trade/" scene[s] "/trade/trade.csv"; all = good = small = large = 0
+        file = tables(s) "trade.csv"; all = good = small = large = 0
         for (k = 1; k <= rows[file]; k++) {
             if (value(file, k, "pressure_single") == 0 || value(file, k, "estimated") == 0) continue
             x = value(file, k, "pressure_single") / value(file, k, "estimated")
@@ -191,7 +192,7 @@ function honesty(    s, file, k, x, all, good, small, large, sum, sums, lone, ho
 
 function figures(    s) {
     for (s = 1; s <= scenes; s++) {
-        if (system("cp examples/trade/" scene[s] "/trade/trade.svg docs/images/trade-" scene[s] ".svg") != 0) fault("no figure of " scene[s])
+        if (system("cp " tables(s) "trade.svg docs/images/trade-" scene[s] ".svg") != 0) fault("no figure of " scene[s])
         print "\n![Error against time: " scene[s] "](images/trade-" scene[s] ".svg)"
     }
 }
@@ -201,8 +202,7 @@ BEGIN {
     scenes = split("collapse rest spin heap cloud", scene, " ") - 1
     split("draft standard fine reference lmgc90", preset, " ")
     realisations = split("|-2|-3", suffix, "|")
-    errors = split("Z nu pressure energy pressure_single estimated", error, " ")
-    for (s = 1; s <= scenes; s++) realised(scene[s])
+    for (s = 1; s <= scenes; s++) realised(s)
     groups = split("dt tol penetration_tol max_sweeps theta adaptive alert gravity_error gravity_refresh gravity_order gravity_opening", group, " ")
 }
 

@@ -18,4 +18,5 @@ while read -r name group value factor flags; do
     cases="$cases $run" groups="$groups,$group" values="$values,$(echo "$value" | sed 's/^-$/nan/')"
 done < runs.txt
 # shellcheck disable=SC2086
-"$CD_BIN/cd-post" trade $cases -o "$folder/trade" --groups "${groups#,}" --values "${values#,}" --from "$from" --early "$early" | tee "$folder/table.txt"
+"$CD_BIN/cd-post" trade $cases -o "$folder/trade" --groups "${groups#,}" --values "${values#,}" --from "$from" --early "$early" \
+    --title "$folder: error against time" | tee "$folder/table.txt"

@@ -239,7 +239,7 @@ options! {
     end_time: Option<f64> = None, f64, [value_name = "S"];
     /// Weight of the step's end in the theta-scheme, 0.5 to 1: 0.5 keeps the energy of smooth motion, more damps it.
     theta: f64 = 0.5, f64, [value_name = "X"];
-    /// Sets what trades speed for accuracy where the option itself is None: draft, standard, fine or reference; without it, as standard, with all steps dt.
+    /// Sets what trades speed for accuracy where the option itself is None: draft, standard, fine or reference; without it, as standard, with all steps dt and a tol of 1e-2, which is enough for these.
     accuracy: Option<Accuracy> = None, Accuracy, [value_enum, value_name = "PRESET"];
     /// Steps of up to `most` times dt where little happens: (most: 16, travel: 0.1, penetration: 1e-3), the ways that neighbours may pass or overlap in a step over their radius; without it, as accuracy asks.
     adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];

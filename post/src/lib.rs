@@ -117,7 +117,8 @@ enum Command {
     ///
     /// Reads of each POSTPRO/series.csv, TIMER.csv, ERRORS.csv and snapshots.
     Trade {
-        /// The case directories; errors are against that of `accuracy: reference`, else against the last
+        /// The case directories; errors are against that of `accuracy: reference`, else against the last. Or folders that this
+        /// command has written, of several realisations of a scene
         #[arg(required = true, num_args = 2..)]
         dirs: Vec<PathBuf>,
         /// Folder in which trade.csv, orders.csv and trade.svg are written
@@ -135,6 +136,9 @@ enum Command {
         /// Time from which on positions are compared at the first snapshot, s; without it, at the first after the start
         #[arg(long, value_name = "S", value_parser = finite)]
         early: Option<f64>,
+        /// Title of the figure
+        #[arg(long, value_name = "TEXT", default_value = "Error against time")]
+        title: String,
     },
     /// One body in a bed of grains, such as a lander: its way, depth, force, bounce and crater.
     ///
@@ -255,8 +259,18 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
                 tell(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
                 notes
             }),
-        Some(Command::Trade { dirs, output, groups, values, from, early }) => {
-            trade::write(dirs, groups, values, *from, *early, output).map(|(table, notes)| {
+        Some(Command::Trade { dirs, output, groups, values, from, early, title }) => {
+            let written = if dirs.iter().any(|dir| trade::table_of(dir).exists()) {
+                let of_runs = !groups.is_empty() || !values.is_empty() || from.is_some() || early.is_some();
+                let found = "--groups, --values, --from or --early with folders that this command has written";
+                let refused = || {
+                    Err(Fault::new(Path::new("options"), None, "trade", found, "expected --title and -o alone").into())
+                };
+                if of_runs { refused() } else { trade::write_realisations(dirs, title, output) }
+            } else {
+                trade::write(dirs, groups, values, *from, *early, title, output)
+            };
+            written.map(|(table, notes)| {
                 tell(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
                 notes
             })

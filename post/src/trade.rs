@@ -91,6 +91,7 @@ pub fn write(
     values: &[f64],
     from: Option<f64>,
     early: Option<f64>,
+    title: &str,
     output: &Path,
 ) -> Result<(String, Vec<String>), Faults> {
     let mut faults = Faults::default();
@@ -112,13 +113,87 @@ pub fn write(
     let mut faults = Faults::default();
     let compared: Vec<Compared> = runs.iter().filter_map(|run| faults.gather(exact.compared(run))).collect();
     faults.into_result(())?;
-    let others: Vec<Compared> =
-        compared.iter().enumerate().filter(|(k, _)| *k != finest).map(|(_, run)| run.clone()).collect();
-    atomic::write(&output.join("trade.csv"), table(&compared).as_bytes())?;
+    let notes = write_all(&compared, title, output)?;
+    Ok((text(&compared, &format!("errors against {}", runs[finest].name)), notes))
+}
+
+/// The same of what [`write`] has written of several realisations of a scene into `folders`, with the same runs in each: errors
+/// become root mean squares, seconds means.
+pub fn write_realisations(folders: &[PathBuf], title: &str, output: &Path) -> Result<(String, Vec<String>), Faults> {
+    let mut faults = Faults::default();
+    let all: Vec<Vec<Compared>> = folders.iter().filter_map(|folder| faults.gather(read(&table_of(folder)))).collect();
+    faults.into_result(())?;
+    let compared = realised(folders, &all)?;
+    let notes = write_all(&compared, title, output)?;
+    Ok((text(&compared, &format!("root mean squares of the errors of {} realisations", all.len())), notes))
+}
+
+/// Where [`write`] has written its table.
+pub fn table_of(folder: &Path) -> PathBuf {
+    folder.join("trade.csv")
+}
+
+/// Writes the files; what is worth a report.
+fn write_all(compared: &[Compared], title: &str, output: &Path) -> Result<Vec<String>, Faults> {
+    // The finest has no error.
+    let errs = |run: &&Compared| run.of("positions") != 0.0 || run.of("worst") != 0.0;
+    let others: Vec<Compared> = compared.iter().filter(errs).cloned().collect();
+    atomic::write(&table_of(output), table(compared).as_bytes())?;
     atomic::write(&output.join("orders.csv"), orders(&others).as_bytes())?;
-    let figure = figure(&others);
+    let figure = figure(&others, title);
     atomic::write(&output.join("trade.svg"), figure.svg().as_bytes())?;
-    Ok((text(&compared, &runs[finest].name), figure.alike().into_iter().collect()))
+    Ok(figure.alike().into_iter().collect())
+}
+
+/// The runs of a table that [`table`] has made.
+fn read(path: &Path) -> Result<Vec<Compared>, Faults> {
+    let text = atomic::read_text(path)?;
+    let mut lines = text.lines();
+    if lines.next() != Some(header().trim_end()) {
+        return Err(Fault::new(path, Some(1), "table", "has other columns", "expected those of cd-post trade").into());
+    }
+    let mut faults = Faults::default();
+    let mut runs = Vec::new();
+    for (number, line) in (2..).zip(lines) {
+        let mut fields = line.split(',');
+        let [name, group] = [(); 2].map(|()| fields.next().unwrap_or_default().to_string());
+        let value = |field: &str| if field.is_empty() { Some(f64::NAN) } else { field.parse().ok() };
+        match fields.map(value).collect::<Option<Vec<f64>>>().and_then(|values| values.try_into().ok()) {
+            Some(values) => runs.push(Compared { name, group, values }),
+            None => faults.push(Fault::new(path, Some(number), "row", line, "expected a name, a group and numbers")),
+        }
+    }
+    faults.into_result(runs)
+}
+
+/// The runs of the first realisation with the errors of all.
+fn realised(folders: &[PathBuf], all: &[Vec<Compared>]) -> Result<Vec<Compared>, Faults> {
+    let mut faults = Faults::default();
+    let mut realised = Vec::new();
+    for run in &all[0] {
+        let of_each = |(folder, runs): (&PathBuf, &Vec<Compared>)| {
+            let found = runs.iter().find(|other| other.name == run.name).map(|found| found.values);
+            found.ok_or_else(|| {
+                let expected = format!("expected the runs of {}", folders[0].display());
+                Faults::from(Fault::new(&table_of(folder), None, "run", format!("no {}", run.name), expected))
+            })
+        };
+        let values: Vec<[f64; 15]> = folders.iter().zip(all).filter_map(|each| faults.gather(of_each(each))).collect();
+        let mean = |k: usize| values.iter().map(|of| of[k]).sum::<f64>() / values.len() as f64;
+        let root = |k: usize| (values.iter().map(|of| of[k] * of[k]).sum::<f64>() / values.len() as f64).sqrt();
+        let mut one = run.clone();
+        for (k, (name, ..)) in COLUMNS.iter().enumerate() {
+            one.values[k] = match *name {
+                "value" => run.values[k],
+                "seconds" => mean(k),
+                "worst" => ["Z", "nu", "pressure"].map(|name| one.of(name)).into_iter().fold(f64::NAN, f64::max),
+                "over_estimated" => one.of("pressure_single") / one.of("estimated"),
+                _ => root(k),
+            };
+        }
+        realised.push(one);
+    }
+    faults.into_result(realised)
 }
 
 /// The place of the series of a case.
@@ -287,9 +362,13 @@ impl Exact<'_> {
     }
 }
 
+fn header() -> String {
+    format!("run,group,{}\n", COLUMNS.map(|column| column.0).join(","))
+}
+
 /// A row a run; an empty field where a value is not defined.
 fn table(runs: &[Compared]) -> String {
-    let mut text = format!("run,group,{}\n", COLUMNS.map(|column| column.0).join(","));
+    let mut text = header();
     for run in runs {
         // A comma would make two columns of a name.
         let values: Vec<String> = run.values.iter().map(Field::text).collect();
@@ -336,7 +415,7 @@ fn orders(runs: &[Compared]) -> String {
 }
 
 /// Error against time; a curve a group, dots with their names for single runs such as presets, and the runs that none beats in both.
-fn figure(runs: &[Compared]) -> Figure {
+fn figure(runs: &[Compared], title: &str) -> Figure {
     let point = |run: &Compared| (run.of("seconds"), run.of("worst"));
     let mut curves: Vec<Curve> = Vec::new();
     let mut front: Vec<(f64, f64)> = runs.iter().map(point).collect();
@@ -358,15 +437,15 @@ fn figure(runs: &[Compared]) -> Figure {
     // What has a name stands on top.
     curves.sort_by_key(|curve| curve.marks == Marks::Named);
     Figure {
-        title: "Error against time".into(),
+        title: title.into(),
         x: Axis::logarithmic("time", "s"),
         y: Axis::logarithmic("largest error of Z, ν, pressure", "1"),
         curves,
     }
 }
 
-/// What is seen at once.
-fn text(runs: &[Compared], finest: &str) -> String {
+/// What is seen at once; `errors`: what these are.
+fn text(runs: &[Compared], errors: &str) -> String {
     let shown = ["seconds", "Z", "nu", "pressure", "energy", "positions", "estimated"];
     let width = runs.iter().map(|run| run.name.chars().count()).max().unwrap_or(0).max(4);
     let mut text = format!("  {:width$}", "run");
@@ -381,7 +460,7 @@ fn text(runs: &[Compared], finest: &str) -> String {
     let judged = runs.iter().map(|run| run.of("over_estimated")).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
     let (judged, honest) =
         judged.fold((0, 0), |(all, honest), ratio| (all + 1, honest + i32::from((1.0 / 3.0..=3.0).contains(&ratio))));
-    text += &format!("\n  errors against {finest}");
+    text += &format!("\n  {errors}");
     if judged > 0 {
         text += &format!("; {honest} of {judged} estimates within a factor of 3");
     }
@@ -419,7 +498,7 @@ mod tests {
     #[test]
     fn estimates_are_judged_where_there_are_some() {
         let mut runs = [run("dt", 1.0, 1.0, 0.1)];
-        let told = |runs: &[Compared]| text(runs, "fine").lines().last().unwrap().to_string();
+        let told = |runs: &[Compared]| text(runs, "errors against fine").lines().last().unwrap().to_string();
         assert_eq!(told(&runs), "  errors against fine");
         runs[0].values[COLUMNS.iter().position(|column| column.0 == "over_estimated").unwrap()] = 2.0;
         assert_eq!(told(&runs), "  errors against fine; 1 of 1 estimates within a factor of 3");
@@ -428,10 +507,40 @@ mod tests {
     #[test]
     fn what_another_beats_is_not_on_the_front() {
         let runs = [run("a", 1.0, 1.0, 0.1), run("a", 2.0, 2.0, 0.2), run("b", 1.0, 3.0, 0.01)];
-        let figure = figure(&runs);
+        let figure = figure(&runs, "Error against time");
         assert_eq!(figure.curves[0].points, [(1.0, 0.1), (3.0, 0.01)]);
         assert_eq!(figure.curves.iter().map(|curve| curve.marks).collect::<Vec<_>>()[1..], [Marks::Line, Marks::Named]);
         assert!(figure.svg().contains("time (s)"));
+    }
+
+    #[test]
+    fn realisations_are_root_mean_squares() {
+        let [mut one, mut other] = [run("dt", 2.0, 1.0, 0.0), run("dt", 2.0, 3.0, 0.0)];
+        for (run, errors) in [(&mut one, [0.3, 0.01, 0.02]), (&mut other, [0.4, 0.07, 0.02])] {
+            for (name, error) in ["Z", "nu", "pressure"].into_iter().zip(errors) {
+                run.values[COLUMNS.iter().position(|column| column.0 == name).unwrap()] = error;
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let folders = ["a", "b"].map(|name| folder.path().join(name));
+        for (folder, run) in folders.iter().zip([&one, &other]) {
+            atomic::write(&table_of(folder), table(std::slice::from_ref(run)).as_bytes()).unwrap();
+        }
+        let all: Vec<Vec<Compared>> = folders.iter().map(|folder| read(&table_of(folder)).unwrap()).collect();
+        let found = &realised(&folders, &all).unwrap()[0];
+        // (0.3² + 0.4²)/2 = 0.125, (0.01² + 0.07²)/2 = 0.05²; rounding of a few operations.
+        for (name, expected) in
+            [("value", 2.0), ("seconds", 2.0), ("Z", 0.125f64.sqrt()), ("nu", 0.05), ("pressure", 0.02)]
+        {
+            assert!((found.of(name) - expected).abs() < 1e-15, "{name} {}", found.of(name));
+        }
+        assert_eq!(found.of("worst"), found.of("Z"));
+        // Others than the runs of the first, and what is no table of them.
+        let told = realised(&folders, &[vec![one], vec![run("tol", 1.0, 1.0, 1.0)]]).unwrap_err().to_string();
+        let expected = format!("b/trade.csv: run: no dt2; expected the runs of {}", folders[0].display());
+        assert!(told.ends_with(&expected), "{told}");
+        atomic::write(&table_of(&folders[1]), format!("{}x,y,1\n", header()).as_bytes()).unwrap();
+        assert!(read(&table_of(&folders[1])).unwrap_err().to_string().contains("trade.csv:2: row: x,y,1; expected"));
     }
 
     /// A run of two bodies with one row in its series, at the time at which it ends, s.
@@ -489,7 +598,7 @@ mod tests {
         short.observed.push((2.0, [f64::NAN; 9]));
         let found = exact.compared(&short).unwrap();
         assert!(found.of("positions").is_nan() && found.of("worst").is_nan());
-        let front = figure(&[found]).curves.into_iter().find(|curve| curve.marks == Marks::Expected).unwrap();
+        let front = figure(&[found], "").curves.into_iter().find(|curve| curve.marks == Marks::Expected).unwrap();
         assert!(front.points.is_empty());
         // Another time and another number of bodies.
         let mut other = measured(1.0, 1.0, 0.0);

@@ -574,6 +574,16 @@ fn runs_are_measured_by_the_finest() {
     let expected = "time: 2 from 0 to 1 s; expected one at the time of --from or later\n";
     assert_eq!(told.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&told.stderr).ends_with(expected), "{told:?}");
+    // Of two realisations, here one twice, there are errors of both together, and what is asked of runs is refused.
+    let [once, both] = [output.path().to_path_buf(), output.path().join("both")];
+    let of_both = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+        command.arg("trade").args([&once, &once]).arg("-o").arg(&both).args(more).output().unwrap()
+    };
+    assert_eq!(of_both(&["--from", "1"]).status.code(), Some(2));
+    assert_eq!(of_both(&["--title", "Both"]).status.code(), Some(0));
+    assert_eq!(fs::read_to_string(both.join("trade.csv")).unwrap(), table);
+    assert!(fs::read_to_string(both.join("trade.svg")).unwrap().contains("Both"));
 }
 
 #[test]
