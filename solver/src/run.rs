@@ -75,8 +75,9 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
             progress.tell(&message);
         }
     }
-    if !resumed {
-        state.known = known; // a run that goes on has its own, and it decides between equals
+    // What a run goes on with it has from before, and that decides between equals.
+    if !resumed && state.known == Known::default() {
+        state.known = known;
     }
     while state.step < last {
         if let Some(number) =
