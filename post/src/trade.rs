@@ -117,7 +117,7 @@ pub fn write(
     Ok((text(&compared, &format!("errors against {}", runs[finest].name)), notes))
 }
 
-/// The same of what [`write`] has written of several realisations of a scene into `folders`, with the same runs in each: errors
+/// The same of what [`write()`] has written of several realisations of a scene into `folders`, with the same runs in each: errors
 /// become root mean squares, seconds means.
 pub fn write_realisations(folders: &[PathBuf], title: &str, output: &Path) -> Result<(String, Vec<String>), Faults> {
     let mut faults = Faults::default();
@@ -128,7 +128,7 @@ pub fn write_realisations(folders: &[PathBuf], title: &str, output: &Path) -> Re
     Ok((text(&compared, &format!("root mean squares of the errors of {} realisations", all.len())), notes))
 }
 
-/// Where [`write`] has written its table.
+/// Where [`write()`] has written its table.
 pub fn table_of(folder: &Path) -> PathBuf {
     folder.join("trade.csv")
 }
