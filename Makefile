@@ -7,7 +7,7 @@ BIN := $(TARGET)/release
 SIDE_BY_SIDE = $(MAKE) --no-print-directory --jobs=$(shell getconf _NPROCESSORS_ONLN) SOLVE_FLAGS="--threads 1"
 # The programs as the tests have built them: tests give some libraries more features, and without them all is built again.
 TESTED = $(CARGO) test --workspace --no-run --quiet
-EXTREMES := extremes envelope limits thousand_periods a_minute
+EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
 .PHONY: help build demo paper trade extremes test vtk browser golden lint fmt doc check clean
 .DEFAULT_GOAL := help
@@ -51,8 +51,6 @@ extremes: ## runs scenes at the ends of what parameters can be, with 1 and 2 thr
 	        > docs/limits-$$profile-$$threads.log 2> docs/limits.err \
 	        || { grep -h panicked -A3 docs/limits-$$profile-$$threads.log docs/limits.err; exit 1; }; \
 	done; done
-	CD_TESTS_LONG=1 $(CARGO) test --release --package cd-solve --test cases -- --nocapture a_wall_stands > docs/limits-once.log 2> docs/limits.err \
-	    || { grep -h panicked -A3 docs/limits-once.log docs/limits.err; exit 1; }
 	awk -f docs/limits/limits.awk docs/limits-*.log docs/limits/limits.md.in > docs/limits.md.part
 	mv docs/limits.md.part docs/limits.md
 	rm docs/limits-*.log docs/limits.err

@@ -138,14 +138,14 @@ function knobs(of, shown, groups,    s, file, g, k, cell) {
 }
 
 # Of many realisations: by how much the means of a setting are off those of `fine`, and by how much that could be chance.
-function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squares, base, sd, column, alone) {
+function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squares, base, sd, column, alone, setting, shown) {
     split("collapse heap", scene_of, " ")
     of["collapse"] = "Z_interval nu pressure_interval"; of["heap"] = "Z_interval bed_nu bed_pressure_interval"
     print "| scene | run | Z | ν | pressure | of one run |\n|---|---|---|---|---|---|"
-    for (s = 1; s <= 2; s++) for (k = 1; k <= 5; k++) {
-        name = preset[k]
-        if (name == "fine" || name == "reference") continue
-        printf "| %s | %s |", k == 1 ? scene_of[s] : "", name == "lmgc90" ? "LMGC90's" : name
+    split("draft standard loose lmgc90", setting, " "); shown["loose"] = "`standard` with `tol` 1e-2"; shown["lmgc90"] = "LMGC90's"
+    for (s = 1; s <= 2; s++) for (k = 1; k <= 4; k++) {
+        name = setting[k]
+        printf "| %s | %s |", k == 1 ? scene_of[s] : "", name in shown ? shown[name] : name
         alone = ""
         for (c = 1; c <= split(of[scene_of[s]], column, " "); c++) {
             n = sum = squares = base = 0

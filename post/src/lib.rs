@@ -260,17 +260,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
                 notes
             }),
         Some(Command::Trade { dirs, output, groups, values, from, early, title }) => {
-            let written = if dirs.iter().any(|dir| trade::table_of(dir).exists()) {
-                let of_runs = !groups.is_empty() || !values.is_empty() || from.is_some() || early.is_some();
-                let found = "--groups, --values, --from or --early with folders that this command has written";
-                let refused = || {
-                    Err(Fault::new(Path::new("options"), None, "trade", found, "expected --title and -o alone").into())
-                };
-                if of_runs { refused() } else { trade::write_realisations(dirs, title, output) }
-            } else {
-                trade::write(dirs, groups, values, *from, *early, title, output)
-            };
-            written.map(|(table, notes)| {
+            let asked = trade::Asked { groups, values, from: *from, early: *early };
+            trade::write(dirs, &asked, title, output).map(|(table, notes)| {
                 tell(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
                 notes
             })

@@ -78,22 +78,42 @@ impl Compared {
     }
 }
 
-/// Measures each case from its series.csv, TIMER.csv, ERRORS.csv and snapshots, compares it with the finest - that of
-/// `accuracy: reference`, else the last - and writes trade.csv, orders.csv and trade.svg. Returns the table as text, and
-/// what is worth a report.
-///
-/// `groups`: one name a case, of the option that it is about; `values`: what that option is there, both in the order of the
-/// cases or empty. `from`: errors are of means over the snapshots from this time on, s; without it, of the last alone. `early`:
-/// positions are compared at the first snapshot from this time on, s; without it, at the first after the start.
-pub fn write(
-    cases: &[PathBuf],
-    groups: &[String],
-    values: &[f64],
-    from: Option<f64>,
-    early: Option<f64>,
-    title: &str,
-    output: &Path,
-) -> Result<(String, Vec<String>), Faults> {
+/// What is asked of the runs of a scene.
+#[derive(Debug, Default)]
+pub struct Asked<'a> {
+    /// One name a case, of the option that it is about; in the order of the cases, or empty.
+    pub groups: &'a [String],
+    /// What that option is there, likewise.
+    pub values: &'a [f64],
+    /// Errors are of means over the snapshots from this time on, s; without it, of the last alone.
+    pub from: Option<f64>,
+    /// Positions are compared at the first snapshot from this time on, s; without it, at the first after the start.
+    pub early: Option<f64>,
+}
+
+/// Compares cases, or what this has written of several realisations of a scene, and writes trade.csv, orders.csv and trade.svg with
+/// this title. Returns the table as text, and what is worth a report.
+pub fn write(folders: &[PathBuf], asked: &Asked, title: &str, output: &Path) -> Result<(String, Vec<String>), Faults> {
+    let realisations = folders.iter().any(|folder| table_of(folder).exists());
+    let (compared, errors) = if realisations { of_realisations(folders, asked)? } else { of_runs(folders, asked)? };
+    // The finest has no error.
+    let errs = |run: &&Compared| run.of("positions") != 0.0 || run.of("worst") != 0.0;
+    let others: Vec<Compared> = compared.iter().filter(errs).cloned().collect();
+    atomic::write(&table_of(output), table(&compared).as_bytes())?;
+    atomic::write(&output.join("orders.csv"), orders(&others).as_bytes())?;
+    let figure = figure(&others, title);
+    atomic::write(&output.join("trade.svg"), figure.svg().as_bytes())?;
+    Ok((text(&compared, &errors), figure.alike().into_iter().collect()))
+}
+
+fn table_of(folder: &Path) -> PathBuf {
+    folder.join("trade.csv")
+}
+
+/// Each case as measured from its series.csv, TIMER.csv, ERRORS.csv and snapshots, against the finest - that of `accuracy:
+/// reference`, else the last; and what the errors are.
+fn of_runs(cases: &[PathBuf], asked: &Asked) -> Result<(Vec<Compared>, String), Faults> {
+    let &Asked { groups, values, from, early } = asked;
     let mut faults = Faults::default();
     for (name, count) in [("groups", groups.len()), ("values", values.len())] {
         if count != 0 && count != cases.len() {
@@ -113,36 +133,21 @@ pub fn write(
     let mut faults = Faults::default();
     let compared: Vec<Compared> = runs.iter().filter_map(|run| faults.gather(exact.compared(run))).collect();
     faults.into_result(())?;
-    let notes = write_all(&compared, title, output)?;
-    Ok((text(&compared, &format!("errors against {}", runs[finest].name)), notes))
+    Ok((compared, format!("errors against {}", runs[finest].name)))
 }
 
-/// The same of what [`write()`] has written of several realisations of a scene into `folders`, with the same runs in each: errors
-/// become root mean squares, seconds means.
-pub fn write_realisations(folders: &[PathBuf], title: &str, output: &Path) -> Result<(String, Vec<String>), Faults> {
+/// The same of realisations, with the same runs in each: errors become root mean squares, seconds means.
+fn of_realisations(folders: &[PathBuf], asked: &Asked) -> Result<(Vec<Compared>, String), Faults> {
     let mut faults = Faults::default();
+    let Asked { groups, values, from, early } = asked;
+    if !groups.is_empty() || !values.is_empty() || from.is_some() || early.is_some() {
+        let found = "--groups, --values, --from or --early with folders that this command has written";
+        faults.push(Fault::new(Path::new("options"), None, "trade", found, "expected --title and -o alone"));
+    }
     let all: Vec<Vec<Compared>> = folders.iter().filter_map(|folder| faults.gather(read(&table_of(folder)))).collect();
     faults.into_result(())?;
     let compared = realised(folders, &all)?;
-    let notes = write_all(&compared, title, output)?;
-    Ok((text(&compared, &format!("root mean squares of the errors of {} realisations", all.len())), notes))
-}
-
-/// Where [`write()`] has written its table.
-pub fn table_of(folder: &Path) -> PathBuf {
-    folder.join("trade.csv")
-}
-
-/// Writes the files; what is worth a report.
-fn write_all(compared: &[Compared], title: &str, output: &Path) -> Result<Vec<String>, Faults> {
-    // The finest has no error.
-    let errs = |run: &&Compared| run.of("positions") != 0.0 || run.of("worst") != 0.0;
-    let others: Vec<Compared> = compared.iter().filter(errs).cloned().collect();
-    atomic::write(&table_of(output), table(compared).as_bytes())?;
-    atomic::write(&output.join("orders.csv"), orders(&others).as_bytes())?;
-    let figure = figure(&others, title);
-    atomic::write(&output.join("trade.svg"), figure.svg().as_bytes())?;
-    Ok(figure.alike().into_iter().collect())
+    Ok((compared, format!("root mean squares of the errors of {} realisations", all.len())))
 }
 
 /// The runs of a table that [`table`] has made.

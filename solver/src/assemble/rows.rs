@@ -187,7 +187,6 @@ pub fn contact_problem(
     let speeds = v_free.par_iter().zip(w_free).with_min_len(MANY);
     let speeds = speeds.map(|(v, w)| [(v - q_c.drift).norm(), w.norm()]).collect();
     let is_sphere = scene.bodies.iter().map(Body::is_sphere).collect();
-    let full_blocks = full.is_some();
     let setting = Setting {
         scene,
         state,
@@ -197,7 +196,7 @@ pub fn contact_problem(
         speeds,
         is_sphere,
         records: &records,
-        full: full_blocks,
+        full: full.is_some(),
         width: Width::detect(),
     };
     let history = setting.history(contacts);

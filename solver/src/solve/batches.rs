@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use crate::assemble::{Record, System};
 use crate::math::lanes::{Arithmetic, Half, Lanes, Line, Number, ShortHalf, ShortLine, Width};
 use crate::math::{MANY, Vec3, group};
+use crate::solve::local::{dot, triple};
 use crate::solve::nlgs::Reactions;
 use crate::solve::rolling::Rolls;
 
@@ -301,13 +302,11 @@ impl<L: Lanes> NullaryFnOnce for OntoCones<'_, L> {
     fn call(self) {
         let OntoCones { l, cones, r } = self;
         for from in (0..BATCH).step_by(L::WIDTH) {
-            let n = [0, 1, 2].map(|k| l.load(&cones.n[k][from..]));
-            let whole = [0, 1, 2].map(|k| l.load(&r[k][from..]));
-            let product =
-                |a: [L::V; 3], b: [L::V; 3]| l.add(l.add(l.mul(a[0], b[0]), l.mul(a[1], b[1])), l.mul(a[2], b[2]));
-            let normal = product(n, whole);
-            let tangential = [0, 1, 2].map(|k| l.sub(whole[k], l.mul(n[k], normal)));
-            let size = l.sqrt(product(tangential, tangential));
+            let n = triple!(k => l.load(&cones.n[k][from..]));
+            let whole = triple!(k => l.load(&r[k][from..]));
+            let normal = dot(l, n, whole);
+            let tangential = triple!(k => l.sub(whole[k], l.mul(n[k], normal)));
+            let size = l.sqrt(dot(l, tangential, tangential));
             let bound = l.mul(l.load(&cones.friction[from..]), normal);
             let least = l.sub(bound, l.mul(l.splat(ROUNDING), l.abs(normal)));
             let (zero, share) = (l.splat(0.0), l.div(bound, size));

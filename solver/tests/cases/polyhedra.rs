@@ -639,14 +639,10 @@ fn a_minute_on_their_feet() {
     BUILDINGS.into_iter().filter(|building| !building.0.starts_with("wall")).for_each(a_minute);
 }
 
-/// Its thousand contacts are solved by what comes after the sweeps. A minute of it, of `make extremes`, takes eleven.
+/// Its thousand contacts are solved by what comes after the sweeps.
 #[test]
 fn a_wall_stands() {
-    if std::env::var_os("CD_TESTS_LONG").is_some() {
-        return a_minute(BUILDINGS[1]);
-    }
-    let (moved, _) = stands(BUILDINGS[1], 200, 100, 10_000);
-    assert!(moved[1] < 1e-6, "{moved:?}");
+    a_minute(BUILDINGS[1]);
 }
 
 fn a_minute(building: Building) {
