@@ -84,6 +84,11 @@ pub trait Arithmetic: Copy + Send + Sync {
     /// Runs `op` compiled for this instruction set; what it calls must be inlined into it.
     fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output;
 
+    /// Asks for what `x` occupies, so that it is in the second cache when it is read: the wait for far memory passes with
+    /// other work. A little at a time is best, as no more than some tens of lines can be on their way. Into the first cache
+    /// it would drive out what is being worked on.
+    fn fetch<X: ?Sized>(self, x: &X);
+
     /// The number nearest to `x`.
     fn splat(self, x: f64) -> Self::V;
     /// The first `WIDTH` numbers of `x`.
@@ -175,6 +180,11 @@ impl<L: Singles> Arithmetic for Single<L> {
 
     fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output {
         self.0.run(op)
+    }
+
+    #[inline(always)]
+    fn fetch<X: ?Sized>(self, x: &X) {
+        self.0.fetch(x);
     }
 
     #[inline(always)]
@@ -278,6 +288,11 @@ impl<L: Lanes> Arithmetic for Twice<L> {
 
     fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output {
         self.0.run(op)
+    }
+
+    #[inline(always)]
+    fn fetch<X: ?Sized>(self, x: &X) {
+        self.0.fetch(x);
     }
 
     #[inline(always)]
@@ -427,27 +442,16 @@ impl Width {
         all
     }
 
-    /// Asks for what `x` occupies, so that it is in the nearest cache when it is read: the wait for far memory passes with
-    /// other work.
+    /// See [`Arithmetic::fetch`].
     #[inline(always)]
-    pub fn fetch<T: ?Sized>(self, x: &T) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            let sse = match self {
-                Width::One(_) => return,
-                Width::Four(l) => l.sse,
-                Width::Eight(l) => l.sse,
-            };
-            let (start, size) = (std::ptr::from_ref(x).cast::<i8>(), size_of_val(x));
-            let ask = |byte: usize| sse._mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(start.wrapping_add(byte));
-            (0..size).step_by(size_of::<Line>()).for_each(ask);
-            // What does not begin with a line may end in one more.
-            if align_of_val(x) < align_of::<Line>() {
-                ask(size.saturating_sub(1));
-            }
+    pub fn fetch<X: ?Sized>(self, x: &X) {
+        match self {
+            Width::One(l) => l.fetch(x),
+            #[cfg(target_arch = "x86_64")]
+            Width::Four(l) => l.fetch(x),
+            #[cfg(target_arch = "x86_64")]
+            Width::Eight(l) => l.fetch(x),
         }
-        #[cfg(not(target_arch = "x86_64"))]
-        let _ = x;
     }
 }
 
@@ -498,6 +502,9 @@ impl Arithmetic for Scalar {
     fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output {
         op.call()
     }
+
+    #[inline(always)]
+    fn fetch<X: ?Sized>(self, _: &X) {}
 
     #[inline(always)]
     fn splat(self, x: f64) -> f64 {
@@ -630,8 +637,9 @@ impl Singles for Scalar {
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use std::arch::x86_64::{__m128, __m256, __m256d, __m256i, __m512, __m512d, __m512i};
+    use std::arch::x86_64::{__m128, __m256, __m256d, __m256i, __m512, __m512d, __m512i, _MM_HINT_T1};
 
+    use pulp::core_arch::x86::Sse;
     use pulp::x86::{V3, V4};
     use pulp::{NullaryFnOnce, cast};
 
@@ -665,6 +673,20 @@ mod x86 {
         *x
     }
 
+    #[inline(always)]
+    fn ask_for<X: ?Sized>(sse: Sse, x: &X) {
+        let (start, size) = (std::ptr::from_ref(x).cast::<i8>(), size_of_val(x));
+        let mut byte = 0;
+        while byte < size {
+            sse._mm_prefetch::<_MM_HINT_T1>(start.wrapping_add(byte));
+            byte += size_of::<Line>();
+        }
+        // What does not begin with a line may end in one more.
+        if align_of_val(x) < align_of::<Line>() {
+            sse._mm_prefetch::<_MM_HINT_T1>(start.wrapping_add(size.saturating_sub(1)));
+        }
+    }
+
     /// Eight at a time, AVX-512.
     impl Arithmetic for V4 {
         type T = f64;
@@ -674,6 +696,11 @@ mod x86 {
         #[inline(always)]
         fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output {
             self.vectorize(op)
+        }
+
+        #[inline(always)]
+        fn fetch<X: ?Sized>(self, x: &X) {
+            ask_for(self.sse, x);
         }
 
         #[inline(always)]
@@ -1007,6 +1034,11 @@ mod x86 {
         #[inline(always)]
         fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output {
             self.vectorize(op)
+        }
+
+        #[inline(always)]
+        fn fetch<X: ?Sized>(self, x: &X) {
+            ask_for(self.sse, x);
         }
 
         #[inline(always)]

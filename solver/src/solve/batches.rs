@@ -20,6 +20,9 @@ use crate::solve::rolling::Rolls;
 /// Contacts in a batch.
 pub const BATCH: usize = 16;
 
+/// Bytes that stay in the second cache from one sweep to the next, about; what is of more contacts is asked for ahead.
+pub const NEAR: usize = 1 << 20;
+
 /// A range holds at least this many bodies: fewer would wait for each other more than they work.
 const RANGE: usize = 1024;
 

@@ -4,15 +4,12 @@ use bytemuck::{cast_slice, cast_slice_mut};
 use pulp::NullaryFnOnce;
 
 use crate::math::lanes::{Arithmetic, Half, Line, Number, ShortHalf, ShortLine, Single, Width};
-use crate::solve::batches::{BATCH, Batch, Block, Body, Column3, Problem, Sums};
+use crate::solve::batches::{BATCH, Batch, Block, Body, Column3, NEAR, Problem, Sums};
 use crate::solve::local::{Triple, coulomb, cross, cross_add, dot, signorini, stopping, triple};
 use crate::solve::rolling::Rolls;
 
 /// Batches that go through the stages of a sweep together, so that no stage waits for the one before.
 const CHUNK: usize = 8;
-
-/// Bytes that the caches hold between two sweeps, about.
-const CACHES: usize = 24 << 20;
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
 pub fn sweep<B: Swept<T = f64>>(problem: &mut Problem<B>, width: Width, beta: f64) -> Sums<f64> {
@@ -39,7 +36,7 @@ pub fn sweep_single<B: Swept<T = f32>>(problem: &mut Problem<B>, width: Width, b
 fn sweep_with<L: Arithmetic, B: Swept<T = L::T>>(problem: &mut Problem<B>, lanes: L, beta: f64) -> Sums<L::T> {
     let Problem { lines, previous, blocks, .. } = problem;
     let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
-    let far = batches * size_of::<(Batch<L::T>, [Column3<L::T>; 2])>() > CACHES;
+    let far = batches * size_of::<(Batch<L::T>, [Column3<L::T>; 2])>() > NEAR;
     std::mem::swap(lines, previous);
     Sweep { lanes, beta, far }.subtree(blocks, lines, previous);
     let mut sums = Sums::default();
@@ -51,7 +48,7 @@ fn sweep_with<L: Arithmetic, B: Swept<T = L::T>>(problem: &mut Problem<B>, lanes
 struct Sweep<L> {
     lanes: L,
     beta: f64,
-    /// Whether the problem is far larger than the caches.
+    /// Whether the problem does not fit near by.
     far: bool,
 }
 
@@ -72,27 +69,9 @@ impl<L: Arithmetic> Sweep<L> {
                 || self.subtree(right, lines_right, previous_right),
             );
         }
-        if self.far {
-            fetch(block);
-        }
-        self.lanes.run(SweepBlock { lanes: self.lanes, lines, block, beta: self.beta });
+        self.lanes.run(SweepBlock { lanes: self.lanes, lines, block, beta: self.beta, far: self.far });
         std::mem::swap(&mut block.r, &mut block.previous);
     }
-}
-
-/// Reads a block before it is swept: memory is faster when it need not wait for arithmetic.
-fn fetch<T: Number>(block: &Block<T>) {
-    let mut seen = 0;
-    for batch in &block.batches {
-        let Batch { n: [x, y, z], shift, arm, friction, bodies } = batch;
-        let columns = [x, y, z, shift, arm, friction];
-        seen =
-            columns.into_iter().fold(seen ^ u64::from(bodies[0][0]), |seen, column| seen ^ column[0].wide().to_bits());
-    }
-    for column in block.r.iter().chain(&block.previous).flat_map(|r| &r.0) {
-        seen ^= column[0].wide().to_bits();
-    }
-    std::hint::black_box(seen);
 }
 
 /// Velocities are linear in the impulses, so momentum takes one pass over the bodies.
@@ -147,13 +126,14 @@ struct SweepBlock<'a, L, B: Body> {
     lines: &'a mut [B],
     block: &'a mut Block<B::T>,
     beta: f64,
+    far: bool,
 }
 
 impl<L: Arithmetic, B: Swept<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let SweepBlock { lanes: l, lines, block, beta } = self;
+        let SweepBlock { lanes: l, lines, block, beta, far } = self;
         let Block { batches, colours, r, previous, drift, rolls, curvatures, sums, .. } = block;
         *sums = Sums::default();
         let zero = l.splat(0.0);
@@ -165,10 +145,18 @@ impl<L: Arithmetic, B: Swept<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
         for &end in &*colours {
             while first < end {
                 let next = end.min(first + CHUNK);
+                let (previous, previous_later) = previous.split_at_mut(next);
+                let later = Later {
+                    batches: if far { &batches[next..] } else { &[] },
+                    r: &r[next..],
+                    previous: previous_later,
+                    drift: drift.get(next..).filter(|_| far).unwrap_or_default(),
+                };
                 let mut chunk = Chunk {
                     batches: &batches[first..next],
+                    later,
                     r: &r[first..next],
-                    previous: &mut previous[first..next],
+                    previous: &mut previous[first..],
                     drift: drift.get(first..next).unwrap_or_default(),
                     rolls: rolls.get_mut(first..next).unwrap_or_default(),
                     curvatures: curvatures.get(first..next).unwrap_or_default(),
@@ -191,12 +179,42 @@ impl<L: Arithmetic, B: Swept<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
 /// Batches that go through the stages together.
 pub struct Chunk<'a, T> {
     batches: &'a [Batch<T>],
+    later: Later<'a, T>,
     r: &'a [Column3<T>],
     previous: &'a mut [Column3<T>],
     drift: &'a [Column3<T>],
     rolls: &'a mut [Rolls],
     curvatures: &'a [[[f64; BATCH]; 2]],
     beta: f64,
+}
+
+/// What comes after a chunk: of many contacts it is far, and memory is faster when it need not wait for arithmetic.
+struct Later<'a, T> {
+    batches: &'a [Batch<T>],
+    r: &'a [Column3<T>],
+    previous: &'a [Column3<T>],
+    drift: &'a [Column3<T>],
+}
+
+/// Asked for is with each batch what is in its place in the next chunk: of many at once, most would wait for each other.
+impl<T: Number> Later<'_, T> {
+    #[inline(always)]
+    fn fetch_constants<L: Arithmetic<T = T>>(&self, l: L, i: usize) {
+        if i < self.batches.len() {
+            l.fetch(&self.batches[i]);
+        }
+        if i < self.drift.len() {
+            l.fetch(&self.drift[i]);
+        }
+    }
+
+    #[inline(always)]
+    fn fetch_impulses<L: Arithmetic<T = T>>(&self, l: L, i: usize, components: usize) {
+        if i < self.batches.len() {
+            l.fetch(&self.r[i].0[..components]);
+            l.fetch(&self.previous[i].0[..components]);
+        }
+    }
 }
 
 /// What one stage leaves for the next, a vector of each batch.
@@ -340,6 +358,9 @@ fn try_each<L: Arithmetic>(
     let beta = l.splat(chunk.beta);
     let columns = chunk.batches.iter().zip(chunk.r).zip(&*chunk.previous).zip(trials);
     for (i, (((batch, r), previous), trial)) in columns.enumerate() {
+        if from == 0 {
+            chunk.later.fetch_constants(l, i);
+        }
         let (a, b) = pair!(from, batch);
         let [dx, dy, dz, w_n, sx, sy, sz, k] = l.relative(lines, a, b);
         let n = load3!(l, from, batch.n);
@@ -370,12 +391,15 @@ fn close_each<L: Arithmetic>(
     between: &mut Between<L::V>,
     sums: &mut Sums<L::T>,
 ) {
-    let Chunk { batches, r, previous, .. } = chunk;
+    let Chunk { batches, later, r, previous, .. } = chunk;
     let Between { trials, changes } = between;
     let mut uphill = load!(l, from, sums.uphill);
     let mut change2 = load!(l, from, sums.change2);
-    for ((((batch, r), previous), trial), out) in batches.iter().zip(*r).zip(&mut **previous).zip(&*trials).zip(changes)
-    {
+    let columns = batches.iter().zip(*r).zip(&mut **previous).zip(&*trials).zip(changes);
+    for (i, ((((batch, r), previous), trial), out)) in columns.enumerate() {
+        if from == 0 {
+            later.fetch_impulses(l, i, 3);
+        }
         let n = load3!(l, from, batch.n);
         let new = coulomb(l, n, trial.normal, trial.tangential, load!(l, from, batch.friction));
         let change = triple!(k => l.sub(new[k], trial.y[k]));
@@ -405,11 +429,15 @@ fn close_normals<L: Arithmetic>(
     changes: &mut [Change<L::V>; CHUNK],
     sums: &mut Sums<L::T>,
 ) {
-    let Chunk { batches, r, previous, beta, .. } = chunk;
+    let Chunk { batches, later, r, previous, beta, .. } = chunk;
     let beta = l.splat(*beta);
     let mut uphill = load!(l, from, sums.uphill);
     let mut change2 = load!(l, from, sums.change2);
-    for (((batch, r), previous), out) in batches.iter().zip(*r).zip(&mut **previous).zip(changes) {
+    for (i, (((batch, r), previous), out)) in batches.iter().zip(*r).zip(&mut **previous).zip(changes).enumerate() {
+        if from == 0 {
+            later.fetch_constants(l, i);
+            later.fetch_impulses(l, i, 1);
+        }
         let (a, b) = pair!(from, batch);
         let [dx, dy, dz, w_n] = l.relative_half(halves, a, b);
         let n = load3!(l, from, batch.n);

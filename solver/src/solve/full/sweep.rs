@@ -3,7 +3,7 @@
 use pulp::NullaryFnOnce;
 
 use crate::math::lanes::{Lanes, Twice, Width};
-use crate::solve::batches::{BATCH, Sums};
+use crate::solve::batches::{BATCH, NEAR, Sums};
 use crate::solve::full::batches::{Batch, Batches, Contacts, Impulses, Line, Normal, Point, Problem, Push, Range};
 use crate::solve::full::local::{Block, signorini_coulomb};
 use crate::solve::local::{cross_add, dot, triple};
@@ -22,11 +22,13 @@ pub fn sweep<C: Swept>(problem: &mut Problem<C>, width: Width, beta: f64) -> Sum
 
 fn sweep_with<L: Lanes, C: Swept>(problem: &mut Problem<C>, lanes: L, beta: f64) -> Sums {
     let Problem { lines, previous, inertia, ranges, between } = problem;
-    side_by_side(ranges, lines, previous, inertia, lanes, beta);
+    let points = between.points.len() + ranges.iter().map(|range| range.inside.points.len()).sum::<usize>();
+    let far = points * size_of::<(C, C::Impulses)>() > NEAR;
+    side_by_side(ranges, lines, previous, inertia, lanes, (beta, far));
     let mut sums = Sums::default();
     ranges.iter().for_each(|range| sums.add(&range.sums));
     let mut last = Sums::default();
-    lanes.run(Run { lanes: Twice(lanes), lines, inertia, batches: between, beta, sums: &mut last });
+    lanes.run(Run { lanes: Twice(lanes), lines, inertia, batches: between, beta, far, sums: &mut last });
     sums.add(&last);
     sums
 }
@@ -38,12 +40,13 @@ fn side_by_side<L: Lanes, C: Swept>(
     previous: &mut [Line],
     inertia: &[Line],
     lanes: L,
-    beta: f64,
+    (beta, far): (f64, bool),
 ) {
     if let [range] = ranges {
         lanes.run(CarryOn { lanes, lines, previous, beta });
         range.sums = Sums::default();
-        lanes.run(Run { lanes: Twice(lanes), lines, inertia, batches: &mut range.inside, beta, sums: &mut range.sums });
+        let batches = &mut range.inside;
+        lanes.run(Run { lanes: Twice(lanes), lines, inertia, batches, beta, far, sums: &mut range.sums });
         return;
     }
     let (left, right) = ranges.split_at_mut(ranges.len() / 2);
@@ -52,8 +55,8 @@ fn side_by_side<L: Lanes, C: Swept>(
     let (previous_left, previous_right) = previous.split_at_mut(cut);
     let (inertia_left, inertia_right) = inertia.split_at(cut);
     rayon::join(
-        || side_by_side(left, lines_left, previous_left, inertia_left, lanes, beta),
-        || side_by_side(right, lines_right, previous_right, inertia_right, lanes, beta),
+        || side_by_side(left, lines_left, previous_left, inertia_left, lanes, (beta, far)),
+        || side_by_side(right, lines_right, previous_right, inertia_right, lanes, (beta, far)),
     );
 }
 
@@ -88,6 +91,8 @@ struct Run<'a, L, C: Contacts> {
     inertia: &'a [Line],
     batches: &'a mut Batches<C>,
     beta: f64,
+    /// Whether the problem does not fit near by.
+    far: bool,
     sums: &'a mut Sums,
 }
 
@@ -95,17 +100,21 @@ impl<L: Lanes, C: Swept> NullaryFnOnce for Run<'_, L, C> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Run { lanes, lines, inertia, batches, beta, sums } = self;
+        let Run { lanes, lines, inertia, batches, beta, far, sums } = self;
         let Batches { batches, points, impulses, rolls, .. } = batches;
         for batch in batches.iter() {
             let [first, end] = batch.points;
             for from in (0..BATCH).step_by(L::WIDTH) {
-                let (points, impulses) = (&points[first..end], &mut impulses[first..end]);
+                let (impulses, later) = impulses[first..].split_at_mut(end - first);
+                let later = (&points[end..], &*later);
+                let points = &points[first..end];
                 let rolls = rolls.get_mut(first..end).unwrap_or_default();
-                if batch.held {
-                    solve_batch::<true, _, _>(lanes, lines, inertia, batch, points, impulses, rolls, beta, sums, from);
-                } else {
-                    solve_batch::<false, _, _>(lanes, lines, inertia, batch, points, impulses, rolls, beta, sums, from);
+                let pairs = Pairs { batch, points, impulses, later, rolls, from };
+                match (batch.held, far) {
+                    (true, true) => solve_pairs::<true, true, _, _>(lanes, lines, inertia, pairs, beta, sums),
+                    (true, false) => solve_pairs::<true, false, _, _>(lanes, lines, inertia, pairs, beta, sums),
+                    (false, true) => solve_pairs::<false, true, _, _>(lanes, lines, inertia, pairs, beta, sums),
+                    (false, false) => solve_pairs::<false, false, _, _>(lanes, lines, inertia, pairs, beta, sums),
                 }
             }
         }
@@ -270,21 +279,31 @@ impl Swept for Normal {
     }
 }
 
-/// Solves the contacts of the `WIDTH` pairs of a batch that start at place `from`.
-#[allow(clippy::too_many_arguments)]
+/// The `WIDTH` pairs of a batch that start at place `from`, with their contacts.
+struct Pairs<'a, C: Contacts> {
+    batch: &'a Batch,
+    points: &'a [C],
+    impulses: &'a mut [C::Impulses],
+    /// What is swept after them.
+    later: (&'a [C], &'a [C::Impulses]),
+    rolls: &'a mut [Rolls],
+    from: usize,
+}
+
+/// Solves the contacts of pairs, of which some bodies are pushed along some axes alone if `HELD`.
+///
+/// Of a problem that is `FAR` the next points are asked for, a little at a time: memory is faster when it need not wait for
+/// arithmetic.
 #[inline(always)]
-fn solve_batch<const HELD: bool, L: Lanes, C: Swept>(
+fn solve_pairs<const HELD: bool, const FAR: bool, L: Lanes, C: Swept>(
     l: L,
     lines: &mut [Line],
     inertia: &[Line],
-    batch: &Batch,
-    points: &[C],
-    impulses: &mut [C::Impulses],
-    rolls: &mut [Rolls],
+    pairs: Pairs<C>,
     beta: f64,
     sums: &mut Sums,
-    from: usize,
 ) {
+    let Pairs { batch, points, impulses, later, rolls, from } = pairs;
     let at = from..from + L::WIDTH;
     let beta = l.splat(beta);
     let index = [&batch.bodies[0][at.clone()], &batch.bodies[1][at.clone()]];
@@ -303,7 +322,11 @@ fn solve_batch<const HELD: bool, L: Lanes, C: Swept>(
     };
     let mut moved = Moved { uphill: load!(l, at, sums.uphill), change2: load!(l, at, sums.change2) };
     let mut rolls = rolls.iter_mut();
-    for (point, values) in points.iter().zip(impulses) {
+    for (i, (point, values)) in points.iter().zip(impulses).enumerate() {
+        if FAR && from == 0 && i < later.0.len() {
+            l.fetch(&later.0[i]);
+            l.fetch(&later.1[i]);
+        }
         point.solve::<HELD, L>(l, values, at.clone(), beta, &mut pair, &mut moved);
         if let Some(rolls) = rolls.next() {
             let (n, pressing) = point.pressing(l, values, at.clone());
