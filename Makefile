@@ -51,7 +51,7 @@ extremes: ## runs scenes at the ends of what parameters can be, with 1 and 2 thr
 	        > docs/limits-$$profile-$$threads.log 2> docs/limits.err \
 	        || { grep -h panicked -A3 docs/limits-$$profile-$$threads.log docs/limits.err; exit 1; }; \
 	done; done
-	awk -f docs/limits/limits.awk docs/limits-*.log docs/limits/limits.md.in > docs/limits.md.part
+	LC_ALL=C awk -f docs/limits/limits.awk docs/limits-*.log docs/limits/limits.md.in > docs/limits.md.part
 	mv docs/limits.md.part docs/limits.md
 	rm docs/limits-*.log docs/limits.err
 
