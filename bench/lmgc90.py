@@ -36,15 +36,15 @@ LOOKS, SWEEPS = 500, 50
 KINDS = ["spspx", "spplx", "prprx", "prplx"]
 
 
-class Library:
+class Fortran:
     """Procedures of Fortran modules: everything goes by reference, lengths of words come last."""
 
     def __init__(self):
         folders = importlib.util.find_spec("compas_lmgc90").submodule_search_locations
-        self.library = ctypes.CDLL(glob.glob(os.path.join(folders[0], "_lmgc90*.so"))[0])
+        self.object = ctypes.CDLL(glob.glob(os.path.join(folders[0], "_lmgc90*.so"))[0])
 
     def procedure(self, module, name):
-        return getattr(self.library, f"__{module}_MOD_{name}")
+        return getattr(self.object, f"__{module}_MOD_{name}")
 
     def call(self, module, name, *arguments, gives=ctypes.c_int):
         procedure = self.procedure(module, name)
@@ -61,8 +61,8 @@ class Library:
 
 class Lmgc90:
     def __init__(self, case, h):
-        self.library = Library()
-        call = self.library.call
+        self.fortran = Fortran()
+        call = self.fortran.call
         os.chdir(case)
         os.makedirs("OUTBOX", exist_ok=True)
         call("utilities", "disable_logmes")
@@ -95,12 +95,13 @@ class Lmgc90:
         for kind in self.kinds:
             call(kind, f"read_ini_vloc_rloc_{kind}", 0)
         call("rbdy3", "comp_mass_rbdy3")
-        for kind in {"spspx", "spplx", "prprx"} & set(self.kinds):
-            call(kind, f"compute_box_{kind}")
+        for kind in self.kinds:
+            if kind != "prplx":  # which looks at every pair
+                call(kind, f"compute_box_{kind}")
         self.forces = None
 
     def attract(self):
-        call, vector = self.library.call, (ctypes.c_double * 6)()
+        call, vector = self.fortran.call, (ctypes.c_double * 6)()
         bodies = range(1, call("rbdy3", "get_nb_rbdy3") + 1)
         x, m = np.empty((len(bodies), 3)), np.empty(len(bodies))
         for i in bodies:
@@ -117,7 +118,7 @@ class Lmgc90:
 
     def step(self):
         """Seconds by room, contacts, sweeps, whether they converged."""
-        call, clock = self.library.call, time.perf_counter
+        call, clock = self.fortran.call, time.perf_counter
         begin = clock()
         call("overall", "clean_writing_flags")
         call("overall", "time_increment")
@@ -154,8 +155,8 @@ class Lmgc90:
         return rooms, contacts, sweeps, converged
 
     def sweep(self):
-        call, left = self.library.call, ctypes.c_int(0)
-        solve = self.library.procedure("nlgs_3d", "solve_nlgs")
+        call, left = self.fortran.call, ctypes.c_int(0)
+        solve = self.fortran.procedure("nlgs_3d", "solve_nlgs")
         sweep, compare, end = [ctypes.byref(ctypes.c_int(k)) for k in (1, 2, 3)]
         sweeps = 0
         for _ in range(LOOKS):
