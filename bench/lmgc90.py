@@ -96,7 +96,7 @@ class Lmgc90:
             call(kind, f"read_ini_vloc_rloc_{kind}", 0)
         call("rbdy3", "comp_mass_rbdy3")
         for kind in self.kinds:
-            if kind != "prplx":  # which looks at every pair
+            if kind != "prplx":  # which has no boxes
                 call(kind, f"compute_box_{kind}")
         self.forces = None
 

@@ -150,7 +150,7 @@ impl<L: Arithmetic, B: Swept<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
                     batches: if far { &batches[next..] } else { &[] },
                     r: &r[next..],
                     previous: previous_later,
-                    drift: drift.get(next..).filter(|_| far).unwrap_or_default(),
+                    drift: drift.get(next..).unwrap_or_default(),
                 };
                 let mut chunk = Chunk {
                     batches: &batches[first..next],
@@ -190,6 +190,7 @@ pub struct Chunk<'a, T> {
 
 /// What comes after a chunk: of many contacts it is far, and memory is faster when it need not wait for arithmetic.
 struct Later<'a, T> {
+    /// Empty where nothing is to be asked for.
     batches: &'a [Batch<T>],
     r: &'a [Column3<T>],
     previous: &'a [Column3<T>],
@@ -202,9 +203,9 @@ impl<T: Number> Later<'_, T> {
     fn fetch_constants<L: Arithmetic<T = T>>(&self, l: L, i: usize) {
         if i < self.batches.len() {
             l.fetch(&self.batches[i]);
-        }
-        if i < self.drift.len() {
-            l.fetch(&self.drift[i]);
+            if i < self.drift.len() {
+                l.fetch(&self.drift[i]);
+            }
         }
     }
 
