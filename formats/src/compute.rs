@@ -243,7 +243,7 @@ options! {
     accuracy: Option<Accuracy> = None, Accuracy, [value_enum, value_name = "PRESET"];
     /// Steps of up to `most` times dt where little happens: (most: 16, travel: 0.1, penetration: 1e-3), the ways that neighbours may pass or overlap in a step over their radius; without it, as accuracy asks.
     adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];
-    /// Residual |F(r)|/|F(r_0)| at which the contact solver stops; without it, as accuracy asks.
+    /// Residual |F(r)|/|F(r_0)| at which the contact solver stops, in longer steps an n-th of it for n times dt; without it, as accuracy asks.
     tol: Option<f64> = None, f64, [value_name = "X"];
     /// Mean penetration over the mean radius that unfinished solutions may leave: beyond it, at p, the residual sought is tol times (penetration_tol/p)²; without it, as accuracy asks.
     penetration_tol: Option<f64> = None, f64, [value_name = "X"];

@@ -105,7 +105,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     lap.stop(&mut clock.detection);
     let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
     lap.stop(&mut clock.assembly);
-    let task = task(scene, state);
+    let task = task(scene, state, units);
     let solution = solve::contact_problem(&system, task, |s| assemble::stored_problem(s, &contacts)); // M5  r
     solve::learn(&mut state.fallback, task, state.step, units, &solution);
     lap.stop(&mut clock.solve);
@@ -134,12 +134,14 @@ fn looked_at(
     looks.then(|| detect::missed(scene, q_c, v_free, &state.known, contacts))
 }
 
-fn task(scene: &Scene, state: &State) -> Task {
+fn task(scene: &Scene, state: &State, units: u64) -> Task {
     let options = &scene.options;
     let tol = options.tol();
     // No later step makes good what a shock has given or taken.
     let shock = if state.laws.iter().any(Law::rebounds) { SHARPEST } else { 1.0 };
-    let aim = tol * shock.min(sharpening(options.penetration_tol(), state.ledger.penetration_left));
+    // What a residual leaves in velocities goes with what the step would change them by alone, and that with its length.
+    let long = 1.0 / units as f64;
+    let aim = tol * shock.min(sharpening(options.penetration_tol(), state.ledger.penetration_left)).min(long);
     let (check_every, precision) = (options.check_every, options.sweep_precision);
     let until = Until { aim, check_every, precision, ..Until::new(tol, options.max_sweeps()) };
     Task { solver: options.solver, until, width: Width::detect(), spared: state.step < state.fallback.due }
