@@ -138,15 +138,22 @@ function knobs(of, shown, groups,    s, file, g, k, cell) {
 }
 
 # Of many realisations: by how much the means of a setting are off those of `fine`, and by how much that could be chance.
-function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squares, base, sd, column, alone, setting, shown, last) {
+function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squares, base, sd, column, alone, setting, shown, last, times) {
     split("collapse heap", scene_of, " ")
     of["collapse"] = "Z_interval nu pressure_interval"; of["heap"] = "Z_interval bed_nu bed_pressure_interval"
     last["collapse"] = 131; last["heap"] = 221 # the seeds of the Makefile
-    print "| scene | run | Z | ν | pressure | of one run |\n|---|---|---|---|---|---|"
+    print "| scene | run | LMGC90's time over it | Z | ν | pressure | of one run |\n|---|---|---|---|---|---|---|"
     split("draft standard loose lmgc90", setting, " "); shown["loose"] = "`standard` with `tol` 1e-2"; shown["lmgc90"] = "LMGC90's"
     for (s = 1; s <= 2; s++) for (k = 1; k <= 4; k++) {
         name = setting[k]
-        printf "| %s | %s |", k == 1 ? scene_of[s] : "", name in shown ? shown[name] : name
+        delete times
+        for (seed = 101; seed <= last[scene_of[s]]; seed++) {
+            if (seed == 104) continue
+            file = "examples/trade/many/" scene_of[s] "-" seed "/times.csv"
+            load(file)
+            times["it"] += value(file, row_of(file, name), "seconds"); times["lmgc90"] += value(file, row_of(file, "lmgc90"), "seconds")
+        }
+        printf "| %s | %s | %.1f |", k == 1 ? scene_of[s] : "", name in shown ? shown[name] : name, times["lmgc90"] / times["it"]
         alone = ""
         for (c = 1; c <= split(of[scene_of[s]], column, " "); c++) {
             n = sum = squares = base = 0
