@@ -138,7 +138,7 @@ function knobs(of, shown, groups,    s, file, g, k, cell) {
 }
 
 # Of many realisations: by how much the means of a setting are off those of `fine`, and by how much that could be chance.
-function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squares, base, sd, column, alone, setting, shown, last, times) {
+function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squares, base, sd, column, alone, means, setting, shown, last, time, lmgc) {
     split("collapse heap", scene_of, " ")
     of["collapse"] = "Z_interval nu pressure_interval"; of["heap"] = "Z_interval bed_nu bed_pressure_interval"
     last["collapse"] = 131; last["heap"] = 221 # the seeds of the Makefile
@@ -146,15 +146,7 @@ function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squa
     split("draft standard loose lmgc90", setting, " "); shown["loose"] = "`standard` with `tol` 1e-2"; shown["lmgc90"] = "LMGC90's"
     for (s = 1; s <= 2; s++) for (k = 1; k <= 4; k++) {
         name = setting[k]
-        delete times
-        for (seed = 101; seed <= last[scene_of[s]]; seed++) {
-            if (seed == 104) continue
-            file = "examples/trade/many/" scene_of[s] "-" seed "/times.csv"
-            load(file)
-            times["it"] += value(file, row_of(file, name), "seconds"); times["lmgc90"] += value(file, row_of(file, "lmgc90"), "seconds")
-        }
-        printf "| %s | %s | %.1f |", k == 1 ? scene_of[s] : "", name in shown ? shown[name] : name, times["lmgc90"] / times["it"]
-        alone = ""
+        alone = means = ""; time = lmgc = 0
         for (c = 1; c <= split(of[scene_of[s]], column, " "); c++) {
             n = sum = squares = base = 0
             for (seed = 101; seed <= last[scene_of[s]]; seed++) {
@@ -164,13 +156,17 @@ function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squa
                 y = value(file, row_of(file, "fine"), column[c]); x = value(file, row_of(file, name), column[c])
                 if (x == "" || y == "") fault(file ": no " column[c])
                 d = x - y; n++; sum += d; squares += d * d; base += y
+                if (c > 1) continue
+                file = "examples/trade/many/" scene_of[s] "-" seed "/times.csv"
+                if (!(file in rows)) load(file)
+                time += value(file, row_of(file, name), "seconds"); lmgc += value(file, row_of(file, "lmgc90"), "seconds")
             }
             base /= n
             sd = sqrt((squares - sum * sum / n) / (n - 1))
-            printf " %+.2f ± %.2f %% |", 100 * sum / n / base, 100 * sd / sqrt(n) / base
+            means = means sprintf(" %+.2f ± %.2f %% |", 100 * sum / n / base, 100 * sd / sqrt(n) / base)
             alone = alone sprintf("%s%s", c == 1 ? "" : ", ", percent(sqrt(squares / n) / base))
         }
-        print " " alone " |"
+        printf "| %s | %s | %.1f |%s %s |\n", k == 1 ? scene_of[s] : "", name in shown ? shown[name] : name, lmgc / time, means, alone
     }
 }
 
