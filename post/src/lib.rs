@@ -74,7 +74,7 @@ enum Command {
     /// Reads the POSTPRO/series.csv of each, which cd-post writes.
     Compare {
         /// The case directories
-        #[arg(required = true, num_args = 2..)]
+        #[arg(required = true, num_args = 1..)]
         dirs: Vec<PathBuf>,
         /// Folder in which NAME.svg and NAME.csv are written
         #[arg(short, long, default_value = "compare")]

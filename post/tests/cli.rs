@@ -469,6 +469,13 @@ fn runs_are_compared_in_one_figure() {
     assert_eq!(lines[0], "time,first,second");
     assert!(lines[2].starts_with("2.5,1.0,") && lines[2].ends_with(','), "{table}"); // the second has no such time
     assert!(fs::read_to_string(output.path().join("Z.svg")).unwrap().contains("second"));
+    // A run alone has its figures too: a row of runs may be one run long.
+    let folder = output.path().join("alone");
+    let mut alone = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+    alone.arg("compare").arg(one.path()).arg("-o").arg(&folder).args(["--columns", "Z"]);
+    assert_eq!(alone.output().unwrap().status.code(), Some(0));
+    assert_eq!(fs::read_to_string(folder.join("Z.csv")).unwrap().lines().next().unwrap().split(',').count(), 2);
+    fs::remove_dir_all(folder).unwrap();
     for (option, wrong) in [
         ("columns", "no_such"),
         ("labels", "one"),
