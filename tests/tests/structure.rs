@@ -156,6 +156,15 @@ fn the_solver_keeps_its_table_of_imports() {
 }
 
 #[test]
+fn the_step_in_the_docs_is_that_of_the_source() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let read = |path: &str| fs::read_to_string(root.join(path)).unwrap();
+    let (docs, source) = (read("docs/architecture.md"), read("solver/src/step/mod.rs"));
+    let quote = docs.split("```rust\n").nth(1).unwrap().split("```").next().unwrap();
+    assert!(quote.contains("pub fn step(") && source.contains(quote), "docs/architecture.md: {quote}");
+}
+
+#[test]
 fn programs_import_formats_and_never_each_other() {
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     for (krate, may) in [("formats", ""), ("pre", "cd-formats"), ("solver", "cd-formats"), ("post", "cd-formats")] {

@@ -1,0 +1,199 @@
+//! Contacts at the end of a step, and what they have done in it: the same numbers, gone through once.
+
+use std::ops::Add;
+
+use rayon::prelude::*;
+
+use super::PART;
+use crate::assemble::{self, Free, Record, Row, System, relative_velocity};
+use crate::integrate::Configuration;
+use crate::math::{MANY, Vec3, to_local, to_world};
+use crate::scene::Scene;
+use crate::solve::Solution;
+use crate::state::{Contact, Exchange, SolvedContact, State, Status};
+
+/// Velocities and contacts at the step's end, and what contacts have done.
+pub struct Solved {
+    pub v: Vec<Vec3>,
+    pub w: Vec<Vec3>,
+    pub contacts: Vec<SolvedContact>,
+    pub given: Given,
+    pub exchanges: Vec<Vec<Exchange>>,
+}
+
+/// Takes the place that the contacts of the last step have in memory.
+pub fn end_of_contacts(
+    scene: &Scene,
+    state: &mut State,
+    q_c: &Configuration,
+    contacts: &[Contact],
+    free: &Free,
+    system: &System,
+    solution: &Solution,
+) -> Solved {
+    // What is imposed stays as it was.
+    let motion = |((record, v), w): ((&Record, &Vec3), &Vec3)| {
+        if record.inverse_mass > 0.0 { (record.v, record.w) } else { (*v, *w) }
+    };
+    let bodies = solution.records.par_iter().zip(&free.v).zip(&free.w);
+    let (v, w): (Vec<Vec3>, Vec<Vec3>) = bodies.with_min_len(MANY).map(motion).unzip();
+    let mut ends = std::mem::take(&mut state.contacts);
+    ends.resize(contacts.len(), SolvedContact::default());
+    let driven: Vec<bool> = scene.bodies.iter().map(|body| body.driven).collect();
+    let end = End { scene, state, q_c, system, solution, v: &v, w: &w, driven: &driven };
+    // In parts that the number of rows alone decides.
+    let parts = ends.par_chunks_mut(PART).zip(contacts.par_chunks(PART)).enumerate();
+    let parts: Vec<(Given, Vec<Exchange>)> =
+        parts.map(|(part, (ends, contacts))| end.of_some(part * PART, contacts, ends)).collect();
+    let given = parts.iter().fold(Given::default(), |sum, (given, _)| sum + *given);
+    let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
+    Solved { v, w, contacts: ends, given, exchanges }
+}
+
+/// What the ends of contacts are made from.
+struct End<'a> {
+    scene: &'a Scene,
+    state: &'a State,
+    q_c: &'a Configuration,
+    system: &'a System,
+    solution: &'a Solution,
+    /// At the step's end, m/s and rad/s.
+    v: &'a [Vec3],
+    w: &'a [Vec3],
+    /// Of each body; together, as contacts ask for it in any order.
+    driven: &'a [bool],
+}
+
+impl End<'_> {
+    /// Fills `ends` with those of contacts of which the first has the number `first`; what they do in the step.
+    fn of_some(&self, first: usize, contacts: &[Contact], ends: &mut [SolvedContact]) -> (Given, Vec<Exchange>) {
+        let End { q_c, system, solution, .. } = self;
+        let (mut given, mut exchanges) = (Given::default(), Vec::with_capacity(contacts.len()));
+        let roll = system.rolls.partition_point(|roll| (roll.row as usize) < first);
+        let mut rolls = system.rolls[roll..].iter().zip(&solution.moments[roll..]).peekable();
+        for ((k, contact), end) in (first..).zip(contacts).zip(ends) {
+            let (row, r) = (&system.rows[k], &solution.impulses[k]);
+            let moment = rolls.next_if(|(roll, _)| roll.row as usize == k).map(|(_, m)| m);
+            *end = self.of_one(k, contact, moment);
+            let depth = (-contact.gap).max(0.0);
+            given.penetration_largest = given.penetration_largest.max(depth);
+            given.penetration_sum += depth;
+            if end.impulse != Vec3::zeros() {
+                given.contacts_active += 1;
+                let may_close = self.state.laws[contact.law as usize].closing(row.u_before.x);
+                given.penetration_added += (-contact.gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
+                let virial = self.gives(row, r, end, &mut given);
+                given.virial += virial;
+                exchanges.push(Exchange { bodies: row.bodies, virial });
+            }
+        }
+        (given, exchanges)
+    }
+
+    /// Contact `k`, on which a moment (N m s, world frame) acts that resists rolling, if there is one.
+    fn of_one(&self, k: usize, contact: &Contact, moment: Option<&Vec3>) -> SolvedContact {
+        let &End { scene, state, q_c, system, solution, v, w, .. } = self;
+        let (row, r) = (&system.rows[k], &solution.impulses[k]);
+        let frame = contact.frame();
+        let local = to_local(&frame, r);
+        // On the cone's side to rounding.
+        let bound = row.friction * local.x * (1.0 - 1e-12);
+        let status = match local.x > 0.0 {
+            false => Status::NoContact,
+            true if local.yz().norm() >= bound => Status::Slide,
+            true => Status::Stick,
+        };
+        let law = &state.laws[contact.law as usize];
+        // Points of one face share its load as sweeps happen to find it: one that gives its all where nothing moves holds.
+        let moved = || {
+            let u = system.velocity(k, &solution.records);
+            let opening = row.normal.dot(&u);
+            let still = scene.options.tol() * row.w_n * row.impulse_shift.abs();
+            (opening > still, (u - row.normal * opening).norm() > still)
+        };
+        let bond = row.bond.filter(|_| {
+            let (opens, slides) = moved();
+            law.keeps_bond(contact.gap, status == Status::NoContact && opens, status == Status::Slide && slides)
+        });
+        SolvedContact {
+            contact: *contact,
+            impulse: Vec3::new(local.x + row.impulse_shift, local.y, local.z),
+            moment: moment.map_or(Vec3::zeros(), |m| to_local(&frame, m)),
+            velocity: to_local(&frame, &relative_velocity(contact, &q_c.x, v, w)),
+            status,
+            bond,
+        }
+    }
+
+    /// Adds what one contact with the impulse `r` of its row does; returns its impulse times its branch, N m s.
+    fn gives(&self, row: &Row, r: &Vec3, contact: &SolvedContact, given: &mut Given) -> f64 {
+        let &End { state, q_c, v, w, driven, .. } = self;
+        let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
+        let mean = 0.5 * (velocity + row.u_before);
+        let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
+        let force = r + contact.normal * row.impulse_shift;
+        let arms = assemble::arms(contact, &q_c.x);
+        let turned = |body: usize| w[body] + q_c.w[body];
+        let rolls = *moment != Vec3::zeros();
+        let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
+        let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };
+        // A wall's centre has no meaning for the stress of the grains: there the branch ends at the point.
+        let to_point = |body: usize, arm: Vec3| if driven[body] { Vec3::zeros() } else { arm };
+        let branch = to_point(antagonist, arms[1]) - to_point(candidate, arms[0]);
+        given.contact_work += impulse.dot(&mean) + turning_work;
+        given.friction_work += impulse.y * mean.y + impulse.z * mean.z + turning_work;
+        if !driven[antagonist] {
+            // What it takes acts at its own place, not at that of the image.
+            given.angular_momentum += contact.image.cross(&force);
+        }
+        let sides = [(candidate, 1.0), (antagonist, -1.0)].into_iter().zip(arms);
+        for ((body, sign), arm) in sides.filter(|((body, _), _)| driven[*body]) {
+            // What a driven body gives the free one: minus the impulse that it takes itself.
+            let force = force * -sign;
+            let moved = (v[body] + state.v[body]) + turned(body).cross(&arm);
+            given.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
+            given.momentum += force;
+            given.angular_momentum += contact.point.cross(&force) - moment * sign;
+        }
+        force.dot(&branch)
+    }
+}
+
+/// What contacts do in a step.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Given {
+    pub contacts_active: usize,
+    /// m, of the listed contacts.
+    pub penetration_largest: f64,
+    pub penetration_sum: f64,
+    /// By which contacts that carry force overlap more at the end: nothing, had the problem been solved exactly.
+    pub penetration_added: f64,
+    /// J
+    pub contact_work: f64,
+    pub friction_work: f64,
+    /// Of impulses and branches, N m s.
+    pub virial: f64,
+    /// Of driven bodies on free ones: work, impulse and its moment about the origin.
+    pub outside_work: f64,
+    pub momentum: Vec3,
+    pub angular_momentum: Vec3,
+}
+
+impl Add for Given {
+    type Output = Given;
+
+    fn add(self, other: Given) -> Given {
+        Given {
+            contacts_active: self.contacts_active + other.contacts_active,
+            penetration_largest: self.penetration_largest.max(other.penetration_largest),
+            penetration_sum: self.penetration_sum + other.penetration_sum,
+            penetration_added: self.penetration_added + other.penetration_added,
+            contact_work: self.contact_work + other.contact_work,
+            friction_work: self.friction_work + other.friction_work,
+            virial: self.virial + other.virial,
+            outside_work: self.outside_work + other.outside_work,
+            momentum: self.momentum + other.momentum,
+            angular_momentum: self.angular_momentum + other.angular_momentum,
+        }
+    }
+}

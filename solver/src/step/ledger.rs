@@ -1,0 +1,201 @@
+//! The step in the books: momentum and energy as they are to be, and the report for the log.
+
+use std::ops::Add;
+
+use rayon::prelude::*;
+
+use super::PART;
+use super::ends::Solved;
+use crate::assemble::{Free, GravityReport, System};
+use crate::detect::Missed;
+use crate::integrate::Configuration;
+use crate::math::{MANY, Quat, Vec3};
+use crate::scene::Scene;
+use crate::solve::Solution;
+use crate::solve::norms::{Norms, norms};
+use crate::state::{Interval, State};
+
+/// What a step did, for the log.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StepReport {
+    /// Length of the step, s.
+    pub h: f64,
+    pub contacts_listed: usize,
+    pub contacts_solved: usize,
+    /// Contacts that carry force.
+    pub contacts_active: usize,
+    pub sweeps: u64,
+    /// Whether they began in single precision.
+    pub single: bool,
+    pub residual: f64,
+    pub converged: bool,
+    /// Whether a solver of stored problems found the solution where the sweeps had stalled.
+    pub taken_over: bool,
+    /// Whether `auto` left it unconverged after one round of sweeps, as more was in vain before.
+    pub given_up: bool,
+    /// Why sweeps took the place of the solver that was asked for.
+    pub replaced: Option<&'static str>,
+    /// LMGC90's criteria, if asked for.
+    pub norms: Option<Norms>,
+    /// The contact with the largest part in the residual.
+    pub worst: Option<WorstContact>,
+    /// Largest penetration in the contact configuration, and the sum of all over `contacts_active`, m.
+    pub penetration_largest: f64,
+    pub penetration_mean: f64,
+    /// What the fast narrow phase missed, where it was looked at.
+    pub missed: Option<Missed>,
+    /// Σ f·l, forces and branches of the contacts: pressure times three volumes, J.
+    pub virial: f64,
+    /// Σ ¼ m |h a|² over the bodies on which no contact acts, a the acceleration beyond uniform gravity: what a step that
+    /// takes it as constant errs by in their kinetic energy, J.
+    pub flight: f64,
+    /// Translation and rotation of the free bodies at the step's end, J.
+    pub kinetic: f64,
+    pub rotational: f64,
+    /// In the contact configuration, J.
+    pub potential: f64,
+    pub gravity: GravityReport,
+    /// |momentum - expected| over the largest sum of m |v| so far.
+    pub momentum_drift: f64,
+}
+
+/// A contact by its two bodies and its place in the contact configuration, m: polyhedra share several.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WorstContact {
+    pub bodies: [u32; 2],
+    pub point: Vec3,
+}
+
+/// Enters the step in the ledger and reports it; to be called before the state advances.
+pub fn book(
+    scene: &Scene,
+    state: &mut State,
+    q_c: &Configuration,
+    free: &Free,
+    system: &System,
+    solution: &Solution,
+    solved: &Solved,
+) -> StepReport {
+    let h = q_c.h;
+    let given = &solved.given;
+    if state.step.is_multiple_of(scene.options.output_every) {
+        state.interval = Interval { start: state.time, ..Interval::default() };
+    }
+    state.interval.add(solved.exchanges.iter().flatten());
+    let ledger = &mut state.ledger;
+    ledger.contact_work += given.contact_work;
+    ledger.friction_work += given.friction_work;
+    ledger.outside_work += given.outside_work;
+    for (i, force, moment) in &free.loads {
+        ledger.outside_work +=
+            0.5 * h * (force.dot(&(solved.v[*i] + state.v[*i])) + moment.dot(&(solved.w[*i] + q_c.w[*i])));
+    }
+    for k in 0..3 {
+        ledger.momentum_expected[k] += free.impulse[k] + given.momentum[k];
+        ledger.angular_momentum_expected[k] += free.angular_impulse[k] + given.angular_momentum[k];
+    }
+
+    let flight = |&i: &u32| {
+        let (i, mass) = (i as usize, scene.bodies[i as usize].mass);
+        let flies = solved.v[i] == free.v[i];
+        if flies { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
+    };
+    let flights: Vec<f64> = scene.free.par_iter().with_min_len(MANY).map(flight).collect();
+    // What rests from the start has no momentum but that which forces give in a step and contacts take.
+    let pushed = |&i: &u32| scene.bodies[i as usize].mass * (free.v[i as usize] - state.v[i as usize]).norm();
+    let pushed: Vec<f64> = scene.free.par_iter().with_min_len(MANY).map(pushed).collect();
+    let motion = Motion::of(scene, &q_c.q, &solved.v, &solved.w);
+    ledger.momentum_scale = ledger.momentum_scale.max(motion.scale).max(pushed.iter().sum());
+    let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
+    ledger.penetration_largest = ledger.penetration_largest.max(given.penetration_largest / scene.mean_radius);
+    let active = given.contacts_active.max(1) as f64;
+    let mean = |sum: f64| sum / active / scene.mean_radius.max(f64::MIN_POSITIVE); // there may be no grains
+    // Of what there is now, at the most.
+    ledger.penetration_left = ledger.penetration_left.min(mean(given.penetration_sum)) + mean(given.penetration_added);
+    ledger.sweeps += solution.sweeps;
+    if !solution.converged {
+        ledger.steps_unconverged += 1;
+        ledger.last_unconverged = Some(state.step + 1);
+    }
+    let worst = |row: u32| {
+        let (bodies, solved) = (system.rows[row as usize].bodies, &solved.contacts[row as usize]);
+        WorstContact { bodies, point: solved.contact.point }
+    };
+    StepReport {
+        h,
+        contacts_listed: solved.contacts.len(),
+        contacts_solved: solution.active,
+        contacts_active: given.contacts_active,
+        sweeps: solution.sweeps,
+        single: solution.single,
+        residual: solution.residual,
+        converged: solution.converged,
+        taken_over: solution.taken_over,
+        replaced: solution.replaced,
+        norms: scene.options.lmgc90_norms.then(|| norms(system, &solution.impulses, &solution.records)),
+        worst: solution.worst.map(worst),
+        penetration_largest: given.penetration_largest,
+        penetration_mean: given.penetration_sum / active,
+        missed: None,
+        given_up: false,
+        virial: given.virial / h,
+        flight: flights.iter().sum(),
+        kinetic: motion.kinetic,
+        rotational: motion.rotational,
+        potential: free.potential,
+        gravity: free.gravity,
+        momentum_drift: if ledger.momentum_scale > 0.0 { drift / ledger.momentum_scale } else { 0.0 },
+    }
+}
+
+/// Sums over the free bodies.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Motion {
+    /// kg m/s
+    pub momentum: Vec3,
+    /// Sum of m |v|, kg m/s.
+    pub scale: f64,
+    /// J
+    pub kinetic: f64,
+    pub rotational: f64,
+}
+
+impl Motion {
+    pub fn of(scene: &Scene, q: &[Quat], v: &[Vec3], w: &[Vec3]) -> Self {
+        let of_some = |bodies: &[u32]| {
+            bodies.iter().map(|&i| i as usize).fold(Motion::default(), |sum, i| {
+                let body = &scene.bodies[i];
+                sum + Motion {
+                    momentum: v[i] * body.mass,
+                    scale: v[i].norm() * body.mass,
+                    kinetic: 0.5 * body.mass * v[i].norm_squared(),
+                    rotational: 0.5 * body.angular_momentum(&q[i], &w[i]).dot(&w[i]),
+                }
+            })
+        };
+        let parts: Vec<Motion> = scene.free.par_chunks(PART).map(of_some).collect();
+        parts.into_iter().fold(Motion::default(), Motion::add)
+    }
+
+    /// Angular momentum of the free bodies about the origin, kg m^2/s.
+    pub fn angular(scene: &Scene, state: &State) -> Vec3 {
+        let of = |&i: &u32| {
+            let (i, body) = (i as usize, &scene.bodies[i as usize]);
+            state.x[i].cross(&state.v[i]) * body.mass + body.angular_momentum(&state.q[i], &state.w[i])
+        };
+        scene.free.iter().map(of).sum()
+    }
+}
+
+impl Add for Motion {
+    type Output = Motion;
+
+    fn add(self, other: Motion) -> Motion {
+        Motion {
+            momentum: self.momentum + other.momentum,
+            scale: self.scale + other.scale,
+            kinetic: self.kinetic + other.kinetic,
+            rotational: self.rotational + other.rotational,
+        }
+    }
+}
