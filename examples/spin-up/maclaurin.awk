@@ -50,6 +50,7 @@ $column["largest_fraction"] > 0.95 && !over {
 function close_window(    s, r, n) {
     if (!states) return
     s = spins / states; r = ratios / states
+    if (s > reached[runs]) reached[runs] = s # the first point beyond counts in this alone
     if (s > BIFURCATION) over = 1
     else {
         n = ++points[runs]; x[runs, n] = s; y[runs, n] = r
@@ -69,7 +70,7 @@ function larger(most, away) { if (away < 0) away = -away; return away > most ? a
 END {
     close_window()
     table = svg; sub(/svg$/, "csv", table)
-    print "run,points,fastest,largest_difference,of_single_states,from_limit,friction_angle" > table
+    print "run,points,fastest,reached,largest_difference,of_single_states,from_limit,friction_angle" > table
     for (r = 1; r <= runs; r++) {
         if (!yielding[r]) { print name[r] ": ends below the limit of a sphere" > "/dev/stderr"; exit 1 }
         angle[r] /= yielding[r]
@@ -79,7 +80,7 @@ END {
         printf "Largest difference from 0.02 to %.3f: %.1f %%; from the limit, once a sphere is beyond it: %.1f %%\n", fastest[r], 100 * most[r], 100 * beyond[r]
         printf "Of single states: %.1f %%\n", 100 * single[r]
         printf "Friction angle then, mean of %d: %.1f degrees\n", yielding[r], angle[r]
-        print name[r] "," points[r] "," fastest[r] "," most[r] "," single[r] "," beyond[r] "," angle[r] > table
+        print name[r] "," points[r] "," fastest[r] "," reached[r] "," most[r] "," single[r] "," beyond[r] "," angle[r] > table
     }
     draw()
 }
