@@ -38,8 +38,8 @@ FIGURES = $(CD_BIN)/cd-post study $(RUNS) -o study/figures --from $(FROM) --unti
 	$(CD_BIN)/cd-post study $(RUNS) -o study/figures/rest --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \
 	$(if $(STILLED),$(CD_BIN)/cd-post study $(STILLED) -o study/figures/still;) \
 	$(if $(BESIDE),$(CD_BIN)/cd-post study $(RUNS) $(BESIDE) -o study/figures/beside --groups $(call listed,$(RUNS:%=$(OWN_NAME)) $(BESIDE:%=$(BESIDE_NAME)));) \
-	$(if $(word 2,$(BY_NUMBER)),$(CD_BIN)/cd-post compare $(BY_NUMBER) -o study/figures/by-number --columns $(TIMES);) \
-	$(if $(word 2,$(BY_LAW)),$(CD_BIN)/cd-post compare $(BY_LAW) -o study/figures/by-law --columns $(TIMES))
+	$(if $(BY_NUMBER),$(CD_BIN)/cd-post compare $(BY_NUMBER) -o study/figures/by-number --columns $(TIMES);) \
+	$(if $(BY_LAW),$(CD_BIN)/cd-post compare $(BY_LAW) -o study/figures/by-law --columns $(TIMES))
 endif
 $(foreach run,$(RUNS),$(eval INPUT_$(run) := scene.ron))
 $(foreach run,$(RUNS),$(eval PRE_$(run) = $$(CD_BIN)/cd-pre scene.ron -o $(run) --set grains.1.number=$(call part,$(run),N) \
