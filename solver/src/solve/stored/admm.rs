@@ -12,8 +12,6 @@
 //! Sources: S. Boyd et al., Found. Trends Mach. Learn. 3 (2011) 1-122; for contact problems V. Acary, M. Bremond, O.
 //! Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018).
 
-use faer::Mat;
-
 use super::anderson::Anderson;
 use super::factors::{Entry, Factors, solution_cost};
 use super::scaled::Scaled;
@@ -30,20 +28,19 @@ pub fn admm(run: &mut Run, steps: u64) {
     if run.is_over() {
         return;
     }
-    let mut matrix = Vec::new();
+    let mut matrix: Vec<Entry> = Vec::new();
     for i in 0..n {
         for (j, w) in scaled.row(i) {
-            for (k, w) in w.iter().enumerate() {
-                for (l, w) in w.iter().enumerate() {
-                    let penalty = if (i, k) == (j, l) { PENALTY } else { 0.0 };
-                    matrix.push(Entry::new(3 * i + k, 3 * j + l, w + penalty));
-                }
+            let mut block = *w;
+            if i == j {
+                (0..3).for_each(|k| block[k][k] += PENALTY);
             }
+            matrix.push((i, j, block));
         }
     }
     run.cost += run.problem.newton_cost();
     // Not Cholesky's: W may be slightly unsymmetric or indefinite.
-    let Some(factors) = Factors::new(3 * n, &matrix) else { return };
+    let Some(factors) = Factors::new(n, &matrix) else { return };
     let z = scaled.impulses_in(&run.best.0);
     let u = scaled.velocity(&z);
     let mut v: Vec<Triple> = (0..n)
@@ -53,8 +50,8 @@ pub fn admm(run: &mut Run, steps: u64) {
         })
         .collect();
     let mut anderson = Anderson::new(DEPTH, 3 * n);
-    let solving = solution_cost(3 * n, matrix.len());
-    let mut right = Mat::<f64>::zeros(3 * n, 1);
+    let solving = solution_cost(3 * n, 9 * matrix.len());
+    let mut right = vec![[0.0; 3]; n];
     let end = run.sweeps.saturating_add(steps);
     while !run.is_over() && run.sweeps < end {
         run.pass(solving + run.problem.sweep_cost());
@@ -65,12 +62,11 @@ pub fn admm(run: &mut Run, steps: u64) {
             let slip = scaled.mu[i] * y[1].hypot(y[2]);
             for k in 0..3 {
                 let bent = if k == 0 { slip } else { 0.0 };
-                right[(3 * i + k, 0)] = PENALTY * (z[i][k] - y[k] - bent) - scaled.q(i)[k];
+                right[i][k] = PENALTY * (z[i][k] - y[k] - bent) - scaled.q(i)[k];
             }
         }
         let r = factors.solve(&right);
-        let next: Vec<Triple> =
-            (0..n).map(|i| std::array::from_fn(|k| r[(3 * i + k, 0)] + v[i][k] - z[i][k])).collect();
+        let next: Vec<Triple> = (0..n).map(|i| std::array::from_fn(|k| r[i][k] + v[i][k] - z[i][k])).collect();
         if !next.as_flattened().iter().all(|x| x.is_finite()) {
             return;
         }

@@ -1,15 +1,27 @@
-//! Factors of a square matrix: with full columns, or sparse ones where most of it is zero.
+//! L U of a matrix of 3x3 blocks, one row and column of them a contact.
+//!
+//! Contacts are eliminated in fronts: full matrices of those that go together and of those that are left and feel it. What
+//! remains of a front once its own are gone is added to the front of the first of the others. Few contacts, or such of which
+//! most touch one another, are one front. Rows are exchanged among a front's own.
+//!
+//! Every number is the same at all widths of arithmetic: terms are taken from it one by one, in the order of elimination.
+//!
+//! Sources: I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9 (1983) 302-325 (fronts); P. R. Amestoy, T. A. Davis, I. S. Duff,
+//! SIAM J. Matrix Anal. Appl. 17 (1996) 886-905 (order of elimination).
 
-use faer::Mat;
-use faer::linalg::solvers::{PartialPivLu, Solve};
-use faer::sparse::{SparseColMat, Triplet};
+use pulp::NullaryFnOnce;
 
-/// Rows below which full columns are always the faster.
+use super::{Block, Triple};
+use crate::math::lanes::{Arithmetic, Lanes, Width};
+
+/// Rows below which one front is always the faster.
 const SMALL: usize = 200;
-/// Share of a matrix that is not zero above which full columns are the faster: factors fill up.
+/// Share of a matrix that is not zero above which one front is the faster: factors fill up.
 const FULL: f64 = 0.2;
+/// Fronts are joined while this share of what they hold is zero at most.
+const ZEROS: f64 = 0.2;
 
-/// Whether sparse factors are the faster.
+/// Whether more than one front is the faster.
 fn is_sparse(size: usize, entries: usize) -> bool {
     size >= SMALL && (entries as f64) < FULL * (size as f64).powi(2)
 }
@@ -25,34 +37,337 @@ pub fn solution_cost(size: usize, entries: usize) -> f64 {
     if is_sparse(size, entries) { entries as f64 } else { 0.3 * (size as f64).powi(2) }
 }
 
-/// A value and its row and column, each place once.
-pub type Entry = Triplet<usize, usize, f64>;
+/// A block and its row and column, each place once.
+pub type Entry = (usize, usize, Block);
 
 /// L U with rows exchanged: matrices need not be symmetric or definite.
-pub enum Factors {
-    Full(PartialPivLu<f64>),
-    Sparse(faer::sparse::linalg::solvers::Lu<usize, f64>),
+pub struct Factors {
+    fronts: Vec<Front>,
+    width: Width,
+}
+
+/// Some contacts that are eliminated together.
+struct Front {
+    /// Those that are eliminated here, ...
+    own: Vec<u32>,
+    /// ... and those that are left and feel it.
+    later: Vec<u32>,
+    /// The row that was exchanged for each of the own, in their order, [`PANEL`] after `PANEL`.
+    pivots: Vec<u32>,
+    /// The columns of the own: U, and below the diagonal L, whose diagonal is 1; its rows are exchanged as far as its panel goes.
+    left: Vec<f64>,
+    /// The own rows of the other columns: U.
+    right: Vec<f64>,
 }
 
 impl Factors {
-    /// Of the matrix with these entries; none where no sparse factors are found, as where it is singular.
-    pub fn new(size: usize, entries: &[Entry]) -> Option<Self> {
-        if !is_sparse(size, entries.len()) {
-            let mut matrix = Mat::<f64>::zeros(size, size);
-            for &Triplet { row, col, val } in entries {
-                matrix[(row, col)] = val;
-            }
-            return Some(Factors::Full(matrix.partial_piv_lu()));
-        }
-        let matrix = SparseColMat::<usize, f64>::try_new_from_triplets(size, size, entries).ok()?;
-        matrix.sp_lu().ok().map(Factors::Sparse)
+    /// Of the matrix of `count` rows of blocks with these entries; none where no pivot is found, as where it is singular.
+    pub fn new(count: usize, entries: &[Entry]) -> Option<Self> {
+        Self::at_width(count, entries, Width::detect())
     }
 
-    /// x of A x = `right`; not finite where A is singular.
-    pub fn solve(&self, right: &Mat<f64>) -> Mat<f64> {
-        match self {
-            Factors::Full(factors) => factors.solve(right),
-            Factors::Sparse(factors) => factors.solve(right),
+    fn at_width(count: usize, entries: &[Entry], width: Width) -> Option<Self> {
+        let mut fronts = if is_sparse(3 * count, 9 * entries.len()) {
+            fronts(count, entries)
+        } else {
+            (count > 0).then(|| Front::of((0..count as u32).collect())).into_iter().collect()
+        };
+        // Where each contact is eliminated.
+        let mut front_of = vec![0; count];
+        for (k, front) in fronts.iter().enumerate() {
+            front.own.iter().for_each(|&i| front_of[i as usize] = k);
+        }
+        let mut entries_of = vec![Vec::new(); fronts.len()];
+        entries.iter().for_each(|entry| entries_of[front_of[entry.0].min(front_of[entry.1])].push(entry));
+        let mut remains: Vec<Vec<(usize, Vec<f64>)>> = vec![Vec::new(); fronts.len()];
+        let mut place = vec![0; count];
+        let mut a = Vec::new();
+        for k in 0..fronts.len() {
+            let front = &mut fronts[k];
+            let (own, size) = (3 * front.own.len(), 3 * (front.own.len() + front.later.len()));
+            let stride = stride(size);
+            front.own.iter().chain(&front.later).enumerate().for_each(|(at, &i)| place[i as usize] = 3 * at);
+            a.clear();
+            a.resize(stride * size, 0.0);
+            for (i, j, block) in entries_of[k].drain(..) {
+                for (row, values) in block.iter().enumerate() {
+                    for (column, value) in values.iter().enumerate() {
+                        a[(place[*j] + column) * stride + place[*i] + row] += value;
+                    }
+                }
+            }
+            for (child, left) in std::mem::take(&mut remains[k]) {
+                let later = &fronts[child].later;
+                for (column, values) in left.chunks_exact(3 * later.len()).enumerate() {
+                    let to = (place[later[column / 3] as usize] + column % 3) * stride;
+                    for (values, &i) in values.chunks_exact(3).zip(later) {
+                        let to = &mut a[to + place[i as usize]..][..3];
+                        to.iter_mut().zip(values).for_each(|(to, value)| *to += value);
+                    }
+                }
+            }
+            let front = &mut fronts[k];
+            front.pivots.resize(own, 0);
+            if !eliminate(width, &mut a, stride, size, &mut front.pivots) {
+                return None;
+            }
+            let columns = |of: usize| &a[of * stride..][..size];
+            (0..own).for_each(|c| front.left.extend_from_slice(columns(c)));
+            (own..size).for_each(|c| front.right.extend_from_slice(&columns(c)[..own]));
+            if let Some(next) = front.later.iter().map(|&i| front_of[i as usize]).min() {
+                remains[next].push((k, (own..size).flat_map(|c| columns(c)[own..].iter().copied()).collect()));
+            }
+        }
+        Some(Factors { fronts, width })
+    }
+
+    /// x of A x = `right`; may be not finite where A is nearly singular.
+    pub fn solve(&self, right: &[Triple]) -> Vec<Triple> {
+        let mut x = right.to_vec();
+        match self.width {
+            Width::One(lanes) => lanes.run(Solution { factors: self, x: &mut x }),
+            #[cfg(target_arch = "x86_64")]
+            Width::Four(lanes) => lanes.run(Solution { factors: self, x: &mut x }),
+            #[cfg(target_arch = "x86_64")]
+            Width::Eight(lanes) => lanes.run(Solution { factors: self, x: &mut x }),
+        }
+        x
+    }
+}
+
+impl Front {
+    fn of(own: Vec<u32>) -> Self {
+        Front { own, later: Vec::new(), pivots: Vec::new(), left: Vec::new(), right: Vec::new() }
+    }
+}
+
+/// Rows that a column takes: whole vectors may begin at any of them.
+fn stride(size: usize) -> usize {
+    (size + 7).next_multiple_of(8)
+}
+
+/// Fronts in which fill is little, each after those that it gets remains from.
+fn fronts(count: usize, entries: &[Entry]) -> Vec<Front> {
+    let mut pairs: Vec<[u32; 2]> = Vec::with_capacity(2 * entries.len());
+    pairs.extend(entries.iter().flat_map(|&(i, j, _)| [[i as u32, j as u32], [j as u32, i as u32]]));
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs.retain(|[i, j]| i != j);
+    let mut starts = vec![0; count + 1];
+    pairs.iter().for_each(|[i, _]| starts[*i as usize + 1] += 1);
+    (0..count).for_each(|i| starts[i + 1] += starts[i]);
+    let neighbours: Vec<usize> = pairs.iter().map(|[_, j]| *j as usize).collect();
+    let (order, rank) = match amd::order(count, &starts, &neighbours, &amd::Control::default()) {
+        Ok((order, rank, _)) => (order, rank),
+        Err(_) => ((0..count).collect(), (0..count).collect()),
+    };
+
+    // By rank: what is left and feels the elimination, where the first of it is, and the front with what of it is zero.
+    let mut later: Vec<Vec<u32>> = Vec::with_capacity(count);
+    let mut children: Vec<Vec<u32>> = vec![Vec::new(); count];
+    let mut seen = vec![usize::MAX; count];
+    let mut front_of = vec![0; count];
+    let mut fronts: Vec<(Vec<u32>, f64)> = Vec::new();
+    for k in 0..count {
+        seen[k] = k;
+        let mut felt = Vec::new();
+        let near = neighbours[starts[order[k]]..starts[order[k] + 1]].iter().map(|&j| rank[j] as u32);
+        let from = children[k].iter().flat_map(|&child| later[child as usize].iter().copied());
+        for j in near.filter(|&j| j as usize > k).chain(from) {
+            if seen[j as usize] != k {
+                seen[j as usize] = k;
+                felt.push(j);
+            }
+        }
+        if let Some(&next) = felt.iter().min() {
+            children[next as usize].push(k as u32);
+        }
+        let joined = children[k].iter().map(|&child| child as usize).max_by_key(|&child| later[child].len());
+        let front = joined.map(|child| (front_of[child], later[child].len())).and_then(|(front, before)| {
+            let (own, zeros) = &fronts[front];
+            let zeros = zeros + (own.len() * (felt.len() + 1 - before)) as f64;
+            let all = ((own.len() + 1) * (felt.len() + 1 + own.len() / 2)) as f64;
+            (zeros <= ZEROS * all).then_some((front, zeros))
+        });
+        match front {
+            Some((front, zeros)) => {
+                fronts[front].0.push(k as u32);
+                fronts[front].1 = zeros;
+                front_of[k] = front;
+            }
+            None => {
+                front_of[k] = fronts.len();
+                fronts.push((vec![k as u32], 0.0));
+            }
+        }
+        later.push(felt);
+    }
+    fronts.sort_unstable_by_key(|(own, _)| own.last().copied());
+    let contacts = |ranks: &[u32]| ranks.iter().map(|&k| order[k as usize] as u32).collect();
+    fronts
+        .iter()
+        .map(|(own, _)| Front { later: contacts(&later[own[own.len() - 1] as usize]), ..Front::of(contacts(own)) })
+        .collect()
+}
+
+/// Eliminates the first rows, as many as there are `pivots`, of the columns of `size` rows, in place. False where no pivot is
+/// found.
+fn eliminate(width: Width, a: &mut [f64], stride: usize, size: usize, pivots: &mut [u32]) -> bool {
+    match width {
+        Width::One(l) => l.run(Elimination { l, a, stride, size, pivots }),
+        #[cfg(target_arch = "x86_64")]
+        Width::Four(l) => l.run(Elimination { l, a, stride, size, pivots }),
+        #[cfg(target_arch = "x86_64")]
+        Width::Eight(l) => l.run(Elimination { l, a, stride, size, pivots }),
+    }
+}
+
+struct Elimination<'a, L> {
+    l: L,
+    a: &'a mut [f64],
+    stride: usize,
+    size: usize,
+    pivots: &'a mut [u32],
+}
+
+/// Columns that are eliminated before the others are told.
+const PANEL: usize = 24;
+
+impl<L: Lanes> NullaryFnOnce for Elimination<'_, L> {
+    type Output = bool;
+    #[inline(always)]
+    fn call(self) -> bool {
+        let Elimination { l, a, stride, size, pivots } = self;
+        let own = pivots.len();
+        for from in (0..own).step_by(PANEL) {
+            let to = (from + PANEL).min(own);
+            for j in from..to {
+                let column = &a[j * stride..][..own];
+                let mut pivot = j;
+                for i in j + 1..own {
+                    pivot = if column[i].abs() > column[pivot].abs() { i } else { pivot };
+                }
+                let inverse = 1.0 / column[pivot];
+                if !(inverse.is_finite() && inverse != 0.0) {
+                    return false;
+                }
+                pivots[j] = pivot as u32;
+                (from..to).for_each(|c| a.swap(c * stride + j, c * stride + pivot));
+                a[j * stride + j + 1..][..size - j - 1].iter_mut().for_each(|x| *x *= inverse);
+                let (before, after) = a.split_at_mut((j + 1) * stride);
+                let lower = &before[j * stride + j + 1..][..size - j - 1];
+                for column in after.chunks_exact_mut(stride).take(to - j - 1) {
+                    let u = column[j];
+                    take(&mut column[j + 1..size], lower, u);
+                }
+            }
+            let (before, after) = a.split_at_mut(to * stride);
+            let panel = Panel { columns: &before[from * stride..], stride, from, pivots: &pivots[from..to], size };
+            let mut groups = after[..(size - to) * stride].chunks_exact_mut(4 * stride);
+            groups.by_ref().for_each(|columns| panel.tell::<L, 4>(l, columns));
+            groups.into_remainder().chunks_exact_mut(stride).for_each(|column| panel.tell::<L, 1>(l, column));
+        }
+        true
+    }
+}
+
+/// Exchanges the rows from `from` on, as many as there are `pivots`, with those.
+#[inline(always)]
+fn exchange(x: &mut [f64], from: usize, pivots: &[u32]) {
+    pivots.iter().enumerate().for_each(|(k, &pivot)| x.swap(from + k, pivot as usize));
+}
+
+/// `x` less `lower` times `u`.
+#[inline(always)]
+fn take(x: &mut [f64], lower: &[f64], u: f64) {
+    x.iter_mut().zip(lower).for_each(|(x, l)| *x = (-l).mul_add(u, *x));
+}
+
+/// Columns of L, of which that of row `from` is the first, as many as there are `pivots`.
+struct Panel<'a> {
+    columns: &'a [f64],
+    stride: usize,
+    from: usize,
+    pivots: &'a [u32],
+    size: usize,
+}
+
+impl Panel<'_> {
+    /// Exchanges rows of `Q` columns further right as in these, and takes these from them, each times its number of U.
+    #[inline(always)]
+    fn tell<L: Lanes, const Q: usize>(&self, l: L, columns: &mut [f64]) {
+        let &Panel { columns: panel, stride, from, pivots, size } = self;
+        let to = from + pivots.len();
+        let mut u = [[0.0; Q]; PANEL];
+        for (q, column) in columns.chunks_exact_mut(stride).enumerate() {
+            exchange(column, from, pivots);
+            for k in from..to {
+                u[k - from][q] = column[k];
+                take(&mut column[k + 1..to], &panel[(k - from) * stride + k + 1..][..to - k - 1], u[k - from][q]);
+            }
+        }
+        for row in (to..size).step_by(2 * L::WIDTH) {
+            // The last may end among the rows that are left free.
+            let second = if row + L::WIDTH < size { row + L::WIDTH } else { row };
+            let mut sums = [[l.splat(0.0); 2]; Q];
+            for q in 0..Q {
+                sums[q] = [l.load(&columns[q * stride + row..]), l.load(&columns[q * stride + second..])];
+            }
+            for (column, u) in panel.chunks_exact(stride).zip(&u[..to - from]) {
+                let lower = [l.load(&column[row..]), l.load(&column[second..])];
+                for q in 0..Q {
+                    let u = l.splat(u[q]);
+                    sums[q] = [l.neg_mul_add(lower[0], u, sums[q][0]), l.neg_mul_add(lower[1], u, sums[q][1])];
+                }
+            }
+            for q in 0..Q {
+                l.store(&mut columns[q * stride + row..], sums[q][0]);
+                l.store(&mut columns[q * stride + second..], sums[q][1]);
+            }
+        }
+    }
+}
+
+struct Solution<'a> {
+    factors: &'a Factors,
+    x: &'a mut [Triple],
+}
+
+impl NullaryFnOnce for Solution<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let x = self.x;
+        let mut y: Vec<f64> = Vec::new();
+        for front in &self.factors.fronts {
+            let (own, size) = (3 * front.own.len(), 3 * (front.own.len() + front.later.len()));
+            y.clear();
+            front.own.iter().for_each(|&i| y.extend(x[i as usize]));
+            y.resize(size, 0.0);
+            for (j, column) in front.left.chunks_exact(size).enumerate() {
+                if j % PANEL == 0 {
+                    exchange(&mut y, j, &front.pivots[j..own.min(j + PANEL)]);
+                }
+                let (before, after) = y.split_at_mut(j + 1);
+                take(after, &column[j + 1..], before[j]);
+            }
+            front.own.iter().zip(y.chunks_exact(3)).for_each(|(&i, y)| x[i as usize].copy_from_slice(y));
+            for (&i, y) in front.later.iter().zip(y[own..].chunks_exact(3)) {
+                (0..3).for_each(|k| x[i as usize][k] += y[k]);
+            }
+        }
+        for front in self.factors.fronts.iter().rev() {
+            let (own, size) = (3 * front.own.len(), 3 * (front.own.len() + front.later.len()));
+            y.clear();
+            front.own.iter().for_each(|&i| y.extend(x[i as usize]));
+            let later = front.later.iter().flat_map(|&i| x[i as usize]);
+            front.right.chunks_exact(own).zip(later).for_each(|(column, x)| take(&mut y, column, x));
+            for (j, column) in front.left.chunks_exact(size).enumerate().rev() {
+                y[j] /= column[j];
+                let (before, after) = y.split_at_mut(j);
+                take(before, &column[..j], after[0]);
+            }
+            front.own.iter().zip(y.chunks_exact(3)).for_each(|(&i, y)| x[i as usize].copy_from_slice(y));
         }
     }
 }
@@ -61,29 +376,71 @@ impl Factors {
 mod tests {
     use super::*;
 
-    /// A chain, unsymmetric: A x = b for the x that b was made from; singular matrices give no finite x.
+    /// An unsymmetric matrix in which contacts k apart for all of `near` touch each other, twice coupled at most.
+    fn net(count: usize, near: &[usize]) -> Vec<Entry> {
+        let value = |i: usize, j: usize| (1.3 * i as f64 + 2.9 * j as f64).sin();
+        let block = |i: usize, j: usize| -> Block {
+            let one = if i == j { 4.0 } else { 0.0 };
+            std::array::from_fn(|k| {
+                std::array::from_fn(|l| 0.5 * value(3 * i + k, 3 * j + l) + if k == l { one } else { 0.0 })
+            })
+        };
+        let touch = |i: usize, j: usize| i == j || near.contains(&i.abs_diff(j));
+        let pairs = (0..count).flat_map(|i| (0..count).map(move |j| (i, j)));
+        pairs.filter(|&(i, j)| touch(i, j)).map(|(i, j)| (i, j, block(i, j))).collect()
+    }
+
+    fn product(entries: &[Entry], x: &[Triple]) -> Vec<Triple> {
+        let mut sum = vec![[0.0; 3]; x.len()];
+        for (i, j, block) in entries {
+            for k in 0..3 {
+                sum[*i][k] += (0..3).map(|l| block[k][l] * x[*j][l]).sum::<f64>();
+            }
+        }
+        sum
+    }
+
+    /// A x = b for the x that b was made from, with one front and with many, to the same bits at all widths.
     #[test]
     fn full_and_sparse_factors() {
-        for size in [SMALL / 2, 3 * SMALL] {
-            let entry = |i: usize, j: usize| match j as isize - i as isize {
-                0 => 3.0 + (i as f64).sin(),
-                1 => -1.0,
-                -1 => 0.5,
-                _ => 0.0,
-            };
-            let near = |i: usize| i.saturating_sub(1)..(i + 2).min(size);
-            let entries: Vec<Entry> =
-                (0..size).flat_map(|i| near(i).map(move |j| Entry::new(i, j, entry(i, j)))).collect();
-            assert_eq!(is_sparse(size, entries.len()), size > SMALL);
-            let x = Mat::from_fn(size, 1, |i, _| (1.3 * i as f64).cos());
-            let right = Mat::from_fn(size, 1, |i, _| near(i).map(|j| entry(i, j) * x[(j, 0)]).sum::<f64>());
-            let found = Factors::new(size, &entries).unwrap().solve(&right);
+        for (count, near, sparse) in [
+            (1, &[][..], false),
+            (2, &[1], false),
+            (40, &[1, 7], false),
+            (90, &[1, 10], true),
+            (200, &[1, 3, 29], true),
+        ] {
+            let entries = net(count, near);
+            assert_eq!(is_sparse(3 * count, 9 * entries.len()), sparse);
+            let x: Vec<Triple> =
+                (0..count).map(|i| std::array::from_fn(|k| (1.7 * (3 * i + k) as f64).cos())).collect();
+            let right = product(&entries, &x);
+            let found = Factors::new(count, &entries).unwrap().solve(&right);
+            let error =
+                found.as_flattened().iter().zip(x.as_flattened()).fold(0.0, |e: f64, (a, b)| e.max((a - b).abs()));
             // Rounding: the matrix is well conditioned.
-            assert!((0..size).all(|i| (found[(i, 0)] - x[(i, 0)]).abs() < 1e-13));
-
-            let zeros: Vec<Entry> = entries.iter().map(|e| Entry::new(e.row, e.col, 0.0)).collect();
-            let none = Factors::new(size, &zeros).map(|factors| factors.solve(&right));
-            assert!(none.is_none_or(|x| (0..size).any(|i| !x[(i, 0)].is_finite())));
+            assert!(error < 1e-13, "{count}: {error:e}");
+            for width in Width::all() {
+                assert_eq!(Factors::at_width(count, &entries, width).unwrap().solve(&right), found, "{width:?}");
+            }
+            let zeros: Vec<Entry> = entries.iter().map(|e| (e.0, e.1, [[0.0; 3]; 3])).collect();
+            assert!(Factors::new(count, &zeros).is_none());
+            let bad: Vec<Entry> = entries.iter().map(|e| (e.0, e.1, [[f64::NAN; 3]; 3])).collect();
+            assert!(Factors::new(count, &bad).is_none());
         }
+        assert!(Factors::new(0, &[]).is_some_and(|factors| factors.solve(&[]).is_empty()));
+    }
+
+    /// Fronts hold every contact once, and the others that are left; joined ones hold few zeros.
+    #[test]
+    fn fronts_hold_all_once() {
+        let entries = net(200, &[1, 3, 29]);
+        let fronts = fronts(200, &entries);
+        let mut all: Vec<u32> = fronts.iter().flat_map(|front| front.own.iter().copied()).collect();
+        for (k, front) in fronts.iter().enumerate() {
+            assert!(front.later.iter().all(|i| fronts[k + 1..].iter().any(|later| later.own.contains(i))));
+        }
+        all.sort_unstable();
+        assert!(all.iter().copied().eq(0..200) && fronts.len() > 20 && fronts.len() < 150, "{}", fronts.len());
     }
 }

@@ -15,8 +15,6 @@
 //! Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010) (scaling, predictor, steps). That |y_T| is among
 //! the unknowns, not fixed from one solution to the next, is our own choice.
 
-use faer::Mat;
-
 use super::factors::{Entry, Factors};
 use super::newton::prox_newton;
 use super::scaled::Scaled;
@@ -87,30 +85,25 @@ fn direction(scaled: &Scaled, sizes: &[[f64; 2]], x: &[Triple], y: &[Triple]) ->
         let along = if slip > 0.0 { (y[i][1] * v[1] + y[i][2] * v[2]) / slip } else { 0.0 };
         [v[0] - along, v[1], v[2]]
     };
-    let mut matrix = Vec::new();
+    let mut matrix: Vec<Entry> = Vec::new();
     for i in 0..count {
         for (j, w) in scaled.row(i) {
-            for k in 0..3 {
-                for l in 0..3 {
-                    let mut value = sizes[i][k.min(1)] * w[k][l] * sizes[j][l.min(1)];
-                    if i == j {
-                        value += lean(i, [squares[i][0][l], squares[i][1][l], squares[i][2][l]])[k];
-                    }
-                    matrix.push(Entry::new(3 * i + k, 3 * j + l, value));
-                }
-            }
+            let value = |k: usize, l: usize| {
+                let value = sizes[i][k.min(1)] * w[k][l] * sizes[j][l.min(1)];
+                let square = || lean(i, [squares[i][0][l], squares[i][1][l], squares[i][2][l]])[k];
+                if i == j { value + square() } else { value }
+            };
+            matrix.push((i, j, std::array::from_fn(|k| std::array::from_fn(|l| value(k, l)))));
         }
     }
-    let factors = Factors::new(3 * count, &matrix)?;
+    let factors = Factors::new(count, &matrix)?;
     let toward = |goals: &[Triple]| -> [Vec<Triple>; 2] {
         let pushed: Vec<Triple> = (0..count).map(|i| scalings[i].scaled(&divided(&points[i], &goals[i]))).collect();
-        let mut right = Mat::<f64>::zeros(3 * count, 1);
-        for i in 0..count {
+        let right = (0..count).map(|i| {
             let leaning = lean(i, pushed[i]);
-            (0..3).for_each(|k| right[(3 * i + k, 0)] = leaning[k] - missed[i][k]);
-        }
-        let solution = factors.solve(&right);
-        let dx: Vec<Triple> = (0..count).map(|i| std::array::from_fn(|k| solution[(3 * i + k, 0)])).collect();
+            std::array::from_fn(|k| leaning[k] - missed[i][k])
+        });
+        let dx = factors.solve(&right.collect::<Vec<Triple>>());
         let dy = (0..count).map(|i| std::array::from_fn(|k| pushed[i][k] - dot(&squares[i][k], &dx[i]))).collect();
         [dx, dy]
     };
@@ -194,7 +187,7 @@ impl Scaling {
         let double = 2.0 * (0.5 * (1.0 + dot(&x, &y))).sqrt();
         let w = [(y[0] + x[0]) / double, (y[1] - x[1]) / double, (y[2] - x[2]) / double];
         let length = (2.0 * (w[0] + 1.0)).sqrt();
-        Some(Scaling { beta: (of_y / of_x).powf(0.25), v: [(w[0] + 1.0) / length, w[1] / length, w[2] / length], w })
+        Some(Scaling { beta: (of_y / of_x).sqrt().sqrt(), v: [(w[0] + 1.0) / length, w[1] / length, w[2] / length], w })
     }
 
     /// T u

@@ -13,13 +13,11 @@
 //! Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991) 353-375 (Phi); V. Acary, M.
 //! Bremond, O. Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018) (proximal loop).
 
-use faer::Mat;
-
 use super::anderson::Anderson;
 use super::factors::{Entry, Factors};
 use super::scaled::Scaled;
 use super::sweep::DEPTH;
-use super::{Run, Triple};
+use super::{Block, Run, Triple};
 
 /// The proximal parameter a: where it starts, its limits, and its change after success and failure.
 const START: f64 = 1e-3;
@@ -104,9 +102,8 @@ impl<'a> Contacts<'a> {
         let closed: Vec<usize> = (0..self.r.len()).filter(|&i| self.tau[i][0] > 0.0).collect();
         let mut place = vec![usize::MAX; self.r.len()];
         closed.iter().enumerate().for_each(|(k, &i)| place[i] = k);
-        let size = 3 * closed.len();
-        let mut j = Vec::new();
-        let mut right = Mat::<f64>::zeros(size, 1);
+        let mut j: Vec<Entry> = Vec::new();
+        let mut right = vec![[0.0; 3]; closed.len()];
         for (row, &i) in closed.iter().enumerate() {
             let [n, t1, t2] = self.tau[i];
             let mu = self.scaled.mu[i];
@@ -125,34 +122,30 @@ impl<'a> Contacts<'a> {
                     }
                 }
             }
-            for k in 0..3 {
-                right[(3 * row + k, 0)] = -self.phi[i][k];
-            }
+            right[row] = self.phi[i].map(|phi| -phi);
             for (column, w) in self.scaled.row(i) {
                 let mut w = *w;
                 if column == i {
                     (0..3).for_each(|k| w[k][k] += self.a);
                 }
-                for k in 0..3 {
-                    for l in 0..3 {
-                        let mut value: f64 = (0..3).map(|m| to_u[k][m] * w[m][l]).sum();
-                        if place[column] == usize::MAX {
-                            right[(3 * row + k, 0)] += value * self.r[column][l];
-                        } else {
-                            if column == i {
-                                value += to_r[k][l];
-                            }
-                            j.push(Entry::new(3 * row + k, 3 * place[column] + l, value));
-                        }
-                    }
+                let mut block: Block =
+                    std::array::from_fn(|k| std::array::from_fn(|l| (0..3).map(|m| to_u[k][m] * w[m][l]).sum()));
+                if place[column] == usize::MAX {
+                    let r = self.r[column];
+                    (0..3).for_each(|k| right[row][k] += (0..3).map(|l| block[k][l] * r[l]).sum::<f64>());
+                    continue;
                 }
+                if column == i {
+                    (0..9).for_each(|k| block.as_flattened_mut()[k] += to_r.as_flattened()[k]);
+                }
+                j.push((row, place[column], block));
             }
         }
-        let solution = Factors::new(size, &j)?.solve(&right);
+        let solution = Factors::new(closed.len(), &j)?.solve(&right);
         let step: Vec<Triple> = (0..self.r.len())
             .map(|i| match place[i] {
                 usize::MAX => self.r[i].map(|x| -x),
-                k => std::array::from_fn(|l| solution[(3 * k + l, 0)]),
+                k => solution[k],
             })
             .collect();
         step.as_flattened().iter().all(|x| x.is_finite()).then_some(step)
