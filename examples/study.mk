@@ -31,8 +31,9 @@ BY_LAW := $(filter study/N$(LARGEST)-%,$(RUNS))
 TIMES := Ec_mean,Z,nu,pressure
 
 ifneq ($(filter study,$(MAKECMDGOALS)),)
-# With `make -j` what takes longest begins first.
-CASES := $(call reversed,$(LARGE)) $(SMALL) $(STILLED)
+# With `make -j` what takes longest begins first: many grains, and much friction.
+FIRST := $(call reversed,$(LARGE)) $(call reversed,$(filter %-mu$(lastword $(FRICTIONS))-f0,$(SMALL)))
+CASES := $(FIRST) $(filter-out $(FIRST),$(SMALL)) $(STILLED)
 POST_FLAGS := --no-vtk
 FIGURES = $(CD_BIN)/cd-post study $(RUNS) -o study/figures --from $(FROM) --until $(END) --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \
 	$(CD_BIN)/cd-post study $(RUNS) -o study/figures/rest --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \

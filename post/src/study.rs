@@ -302,7 +302,7 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
         Curve::line(group, points)
     };
     let curves = groups.iter().map(sweeps).collect();
-    let (x, y) = (Axis::logarithmic("N", "1"), Axis::linear("sweeps per step", "1"));
+    let (x, y) = (Axis::logarithmic("N", "1"), Axis::logarithmic("sweeps per step", "1"));
     figures.push(("sweeps".into(), Figure { title: "Sweeps of the contact solver per step".into(), x, y, curves }));
     (figures, fits)
 }
