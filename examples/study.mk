@@ -5,7 +5,6 @@
 #   COHESIONS, COHESIVE_FRICTIONS   and every one of these with NUMBERS a run with it; may be empty
 #   LARGER, LARGER_FRICTIONS        more numbers and their coefficients of friction, without cohesion; may be empty
 #   SHOWN                           the friction of the runs whose course is shown for every number, without cohesion
-#   OPTIONS_mu1 (0.4, ...)          more options of cd-pre for the runs with that friction; may be empty
 #   FROM, END, REST                 means are taken between the first two; what still moves then is brought to rest until REST, s
 #   STILL, STILL_TIME               numbers whose frictionless run goes on until true rest, for so long, s; may be empty
 #   BESIDE, BESIDE_NAME, OWN_NAME   runs of another study whose pressures are shown beside these, and what the two are called; may be empty
@@ -44,7 +43,7 @@ FIGURES = $(CD_BIN)/cd-post study $(RUNS) -o study/figures --from $(FROM) --unti
 endif
 $(foreach run,$(RUNS),$(eval INPUT_$(run) := scene.ron))
 $(foreach run,$(RUNS),$(eval PRE_$(run) = $$(CD_BIN)/cd-pre scene.ron -o $(run) --set grains.1.number=$(call part,$(run),N) \
-	--set 'laws.1.kind=$(call law,$(call part,$(run),mu),$(call part,$(run),f))' --set compute.end_time=$(REST) $(OPTIONS_mu$(call part,$(run),mu)) \
+	--set 'laws.1.kind=$(call law,$(call part,$(run),mu),$(call part,$(run),f))' --set compute.end_time=$(REST) \
 	--set 'compute.events=[(time: $(END), action: SetQuench(0.01))]'))
 # Close to critical damping of the whole, and solved so finely that what carries no force is told from what does.
 $(foreach run,$(STILLED),$(eval INPUT_$(run) := study/N$(run:study/still-N%=%)-mu0-f0/OUTBOX/.done))
