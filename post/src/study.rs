@@ -20,7 +20,7 @@ const ROOMS: [(&str, &[&str]); 3] =
 pub const TIMED: [&str; 5] = ["gravity", "detection", "assembly", "solve", "integration"];
 
 /// Columns of runs.csv beside those of series.csv: name, unit, meaning.
-pub const COLUMNS: [(&str, &str, &str); 9] = [
+pub const COLUMNS: [(&str, &str, &str); 10] = [
     (
         "pressure_homogeneous",
         "Pa",
@@ -38,6 +38,7 @@ pub const COLUMNS: [(&str, &str, &str); 9] = [
     ),
     ("sweeps", "1", "sweeps of the contact solver per step, over the whole run"),
     ("contacts", "1", "contacts that carry force per step, over the whole run"),
+    ("unconverged", "1", "share of the steps that end above their tolerance, over the whole run"),
     ("seconds_gravity", "s", "per step, over the whole run"),
     ("seconds_detection", "s", ""),
     ("seconds_contacts", "s", "assembly and solution of the contact problem"),
@@ -150,7 +151,7 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     let mut values: Vec<f64> = Row::COLUMNS.iter().map(|(name, _, _)| mean(name)).collect();
 
     let outbox = case.join("OUTBOX");
-    let steps = compare::read(&outbox.join("steps.csv"), &["sweeps", "contacts_active"])?;
+    let steps = compare::read(&outbox.join("steps.csv"), &["sweeps", "contacts_active", "converged"])?;
     let timed = [&TIMED[..], &["writing"]].concat();
     let timer = compare::read(&case.join("TIMER.csv"), &timed)?;
     let per_step = |table: &Columns, name: &str| table[name].iter().sum::<f64>() / table[name].len() as f64;
@@ -181,6 +182,7 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     values.push(isostatic(mean("n_grains")));
     values.push(per_step(&steps, "sweeps"));
     values.push(per_step(&steps, "contacts_active"));
+    values.push(1.0 - per_step(&steps, "converged"));
     values.extend(ROOMS.iter().map(|(_, names)| room(names)));
     values.push(room(&timed));
     Ok(values)

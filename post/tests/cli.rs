@@ -632,7 +632,7 @@ fn many_runs_are_points_of_one_study() {
     let cases = [case(&[0, 4]), case(&[0, 4])];
     for case in &cases {
         assert_eq!(cd_post(&["--no-plots", "--no-vtk"], case.path()).status.code(), Some(0));
-        let steps = "step,contacts_active,sweeps\n1,2,10\n2,2,20\n";
+        let steps = "step,contacts_active,sweeps,converged\n1,2,10,1\n2,2,20,0\n";
         fs::write(case.path().join("OUTBOX/steps.csv"), steps).unwrap();
         let timer = "step,gravity,detection,assembly,solve,integration,writing\n1,1,2,3,4,5,6\n2,1,2,3,4,5,6\n";
         fs::write(case.path().join("TIMER.csv"), timer).unwrap();
@@ -653,8 +653,8 @@ fn many_runs_are_points_of_one_study() {
     assert_eq!((lines.len(), lines[1].len(), lines[2][1]), (3, lines[0].len(), "two"));
     let value = |name: &str| lines[1][lines[0].iter().position(|known| *known == name).unwrap()];
     assert_eq!(
-        ["time", "sweeps", "seconds_contacts", "seconds", "Z_isostatic"].map(value),
-        ["1.0", "15.0", "7.0", "21.0", "2.0"]
+        ["time", "sweeps", "unconverged", "seconds_contacts", "seconds", "Z_isostatic"].map(value),
+        ["1.0", "15.0", "0.5", "7.0", "21.0", "2.0"]
     );
 
     let (status, told) = study(&["--from", "2"]);

@@ -134,7 +134,10 @@ fn page(
         put("<h2>In depth, at the end</h2>\n<div class=\"figures\">\n");
         let files: BTreeMap<&str, Vec<u8>> = state::files(last, newcomers).into_iter().collect();
         for (file, caption) in STATE_FIGURES {
-            if let Some(svg) = files.get(file) {
+            // Where nothing has left, there is nothing to draw.
+            let table = files.get(file.replace(".svg", ".csv").as_str());
+            let empty = table.is_some_and(|csv| csv.iter().filter(|byte| **byte == b'\n').count() < 2);
+            if let Some(svg) = files.get(file).filter(|_| !empty) {
                 put(&figure(&String::from_utf8_lossy(svg), caption));
             }
         }
