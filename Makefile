@@ -9,7 +9,6 @@ SIDE_BY_SIDE = $(MAKE) --no-print-directory --jobs=$(shell getconf _NPROCESSORS_
 TESTED = $(CARGO) test --workspace --no-run --quiet
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-# The studies of `make paper` have targets of their own, runs-of-STUDY.
 .PHONY: help build demo paper trade extremes test vtk browser golden lint fmt doc check clean
 .DEFAULT_GOAL := help
 
@@ -29,29 +28,24 @@ demo: build ## runs examples/accretion: a thousand grains fall together
 	@echo "  OUTBOX/steps.csv       cost and error of every step"
 
 paper: build ## runs the studies, a run a core, and writes docs/paper.md
-	$(SIDE_BY_SIDE) $(STUDIES:%=runs-of-%) CD_BIN=$(BIN)
-	$(SIDE_BY_SIDE) -C examples/accretion study CD_BIN=$(BIN)
-	$(SIDE_BY_SIDE) -C examples/accretion-polyhedra study CD_BIN=$(BIN)
-	$(SIDE_BY_SIDE) -C examples/triaxial FRICTIONS=0.4 CD_BIN=$(BIN)
-	$(SIDE_BY_SIDE) -C examples/spin-up CD_BIN=$(BIN)
-	$(SIDE_BY_SIDE) -C examples/spin-up fluid CD_BIN=$(BIN)
-	$(SIDE_BY_SIDE) -C examples/regolith study CD_BIN=$(BIN)
-	$(SIDE_BY_SIDE) -C examples/shape-model CD_BIN=$(BIN)
+	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN) STAGES="pre solve post"
+	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN)
 	awk -f docs/paper/paper.awk docs/paper/paper.md.in > docs/paper.md.part
 	mv docs/paper.md.part docs/paper.md
 
-# What runs longest begins first; the figures, which may show runs of two studies, come after all.
+# What runs longest begins first. Figures, which may show runs of two studies, come after all runs.
 STUDIES := accretion-polyhedra spin-up accretion regolith triaxial shape-model
-RUNS_OF = $(MAKE) --no-print-directory -C examples/$* STAGES="pre solve post"
-runs-of-accretion runs-of-accretion-polyhedra runs-of-regolith: runs-of-%:
-	+$(RUNS_OF) study
-runs-of-triaxial: runs-of-%:
-	+$(RUNS_OF) FRICTIONS=0.4
-runs-of-shape-model: runs-of-%:
-	+$(RUNS_OF)
-runs-of-spin-up: runs-of-%:
-	+$(RUNS_OF)
-	+$(RUNS_OF) fluid
+STUDY = $(MAKE) --no-print-directory -C examples/$*
+.PHONY: $(STUDIES:%=study-of-%)
+study-of-accretion study-of-accretion-polyhedra study-of-regolith: study-of-%:
+	+$(STUDY) study
+study-of-triaxial: study-of-%:
+	+$(STUDY) FRICTIONS=0.4
+study-of-shape-model: study-of-%:
+	+$(STUDY)
+study-of-spin-up: study-of-%:
+	+$(STUDY)
+	+$(STUDY) fluid
 
 trade: build ## runs examples/trade, in some minutes, and writes its figures into docs/accuracy.md
 	$(MAKE) --no-print-directory -C examples/trade CD_BIN=$(BIN)

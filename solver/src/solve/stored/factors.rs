@@ -84,7 +84,7 @@ impl Factors {
         let mut a = Vec::new();
         for k in 0..fronts.len() {
             let front = &mut fronts[k];
-            let (own, size) = (3 * front.own.len(), 3 * (front.own.len() + front.later.len()));
+            let (own, size) = front.rows();
             let stride = stride(size);
             front.own.iter().chain(&front.later).enumerate().for_each(|(at, &i)| place[i as usize] = 3 * at);
             a.clear();
@@ -138,6 +138,11 @@ impl Factors {
 impl Front {
     fn of(own: Vec<u32>) -> Self {
         Front { own, later: Vec::new(), pivots: Vec::new(), left: Vec::new(), right: Vec::new() }
+    }
+
+    /// How many are eliminated, and all.
+    fn rows(&self) -> (usize, usize) {
+        (3 * self.own.len(), 3 * (self.own.len() + self.later.len()))
     }
 }
 
@@ -340,7 +345,7 @@ impl NullaryFnOnce for Solution<'_> {
         let x = self.x;
         let mut y: Vec<f64> = Vec::new();
         for front in &self.factors.fronts {
-            let (own, size) = (3 * front.own.len(), 3 * (front.own.len() + front.later.len()));
+            let (own, size) = front.rows();
             y.clear();
             front.own.iter().for_each(|&i| y.extend(x[i as usize]));
             y.resize(size, 0.0);
@@ -357,7 +362,7 @@ impl NullaryFnOnce for Solution<'_> {
             }
         }
         for front in self.factors.fronts.iter().rev() {
-            let (own, size) = (3 * front.own.len(), 3 * (front.own.len() + front.later.len()));
+            let (own, size) = front.rows();
             y.clear();
             front.own.iter().for_each(|&i| y.extend(x[i as usize]));
             let later = front.later.iter().flat_map(|&i| x[i as usize]);
@@ -376,7 +381,7 @@ impl NullaryFnOnce for Solution<'_> {
 mod tests {
     use super::*;
 
-    /// An unsymmetric matrix in which contacts k apart for all of `near` touch each other, twice coupled at most.
+    /// An unsymmetric matrix in which two contacts feel each other that are as far apart in order as one of `near` says.
     fn net(count: usize, near: &[usize]) -> Vec<Entry> {
         let value = |i: usize, j: usize| (1.3 * i as f64 + 2.9 * j as f64).sin();
         let block = |i: usize, j: usize| -> Block {
