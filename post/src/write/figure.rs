@@ -84,8 +84,9 @@ const LEAST: i32 = 400;
 const TITLE_LETTER: i32 = 10;
 /// Of the strip beside the plot, at least; it grows with the names.
 const LEGEND_WIDTH: i32 = 150;
-/// Of a letter in the legend, at most.
-const LETTER: i32 = 7;
+/// Size of letters, and width of one, at most.
+const LETTERS: i32 = 16;
+const LETTER: i32 = 8;
 /// Rows of a column of the legend, at most, from where on, and how far they are apart at most.
 const ROWS: usize = 26;
 const FIRST_ROW: i32 = 60;
@@ -163,8 +164,8 @@ impl Figure {
         let mut chart = ChartBuilder::on(&left)
             .caption(&self.title, font(20))
             .margin(12)
-            .x_label_area_size(48)
-            .y_label_area_size(72)
+            .x_label_area_size(52)
+            .y_label_area_size(82)
             .build_cartesian_2d(x_ticks.clone(), y_ticks.clone())?;
         let label = |axis: &Axis, unit: &str, offset: f64| {
             let less = match offset {
@@ -180,8 +181,8 @@ impl Figure {
             .configure_mesh()
             .x_desc(label(&self.x, &x_unit, x_offset))
             .y_desc(label(&self.y, &y_unit, y_offset))
-            .axis_desc_style(font(15))
-            .label_style(font(13))
+            .axis_desc_style(font(18))
+            .label_style(font(LETTERS))
             .axis_style(INK)
             .bold_line_style(RGBColor(225, 225, 225))
             .light_line_style(TRANSPARENT)
@@ -229,7 +230,7 @@ impl Figure {
             let corners = [(around.left, around.upper), (around.right, around.lower)];
             let corners = corners.map(|(x, y)| (x - place.0, y - place.1));
             let ground = plotters::element::Rectangle::new(corners, WHITE.mix(0.8).filled());
-            EmptyElement::at(*point) + ground + Text::new(name.to_string(), corners[0], font(13))
+            EmptyElement::at(*point) + ground + Text::new(name.to_string(), corners[0], font(LETTERS))
         };
         let names: Vec<_> = named().map(&mut name).collect();
         chart.draw_series(names)?;
@@ -299,10 +300,10 @@ impl Figure {
                     (0..20).step_by((dash + gap) as usize).try_for_each(|from| stroke(from, (from + dash).min(20)))?;
                 }
             }
-            area.draw(&Text::new(name.as_str(), (left + 28, y - 7), font(13)))?;
+            area.draw(&Text::new(name.as_str(), (left + 28, y - 8), font(LETTERS)))?;
         }
         if listed.is_empty() && self.curves.is_empty() {
-            area.draw(&Text::new("no value", (28, FIRST_ROW - 7), font(13)))?;
+            area.draw(&Text::new("no value", (28, FIRST_ROW - 8), font(LETTERS)))?;
         }
         Ok(())
     }
@@ -334,7 +335,7 @@ impl Rectangle {
 /// Where a name of so many letters stands beside its dot: the first place in `plot` that meets nothing `taken`, right or left
 /// of it, above or below, then farther away; the first of all where there is none.
 fn beside((x, y): (i32, i32), letters: i32, plot: &Rectangle, taken: &[Rectangle]) -> Rectangle {
-    let (wide, high) = (LETTER * letters, 15);
+    let (wide, high) = (LETTER * letters, 17);
     let at = |left: i32, upper: i32| Rectangle { left, upper, right: left + wide, lower: upper + high };
     let around = |away: i32| {
         let (above, below) = (y - 3 - away - high, y + 3 + away);
@@ -400,8 +401,16 @@ fn range(values: impl Iterator<Item = f64>, logarithmic: bool) -> std::ops::Rang
         return 0.0..1.0;
     }
     if logarithmic {
-        let (low, high) = ((low - 0.05).floor(), (high + 0.05).ceil()); // whole powers, to have marks
-        return low..high;
+        // To a mark, so that no end is without one: whole powers, or what lies between where they are few.
+        let (low, high) = (low - 0.05, high + 0.05);
+        let whole = low.floor()..high.ceil();
+        if !few(&whole) {
+            return whole;
+        }
+        let marks: Vec<f64> = between(&whole).collect();
+        let below = marks.iter().rev().find(|mark| **mark <= low);
+        let above = marks.iter().find(|mark| **mark >= high);
+        return *below.unwrap_or(&whole.start)..*above.unwrap_or(&whole.end);
     }
     // Values that are equal within round-off are one value.
     // By halves: the whole may be more than a number holds.
@@ -412,6 +421,19 @@ fn range(values: impl Iterator<Item = f64>, logarithmic: bool) -> std::ops::Rang
         _ => 0.08 * half,
     };
     (low - room).max(f64::MIN)..(high + room).min(f64::MAX)
+}
+
+/// So few powers of ten that twice and five times them are marked, too.
+fn few(exponents: &std::ops::Range<f64>) -> bool {
+    exponents.end - exponents.start < 2.5
+}
+
+/// The exponents of 1, 2 and 5 times powers of ten of a range, both ends included.
+fn between(exponents: &std::ops::Range<f64>) -> impl Iterator<Item = f64> {
+    let (from, to) = (exponents.start, exponents.end);
+    let whole = from.floor() as i32..=to.ceil() as i32;
+    let marks = whole.flat_map(|power| [1f64, 2.0, 5.0].map(|m| f64::from(power) + m.log10()));
+    marks.filter(move |mark| (from..=to).contains(mark))
 }
 
 /// A linear axis; with `true`, of exponents, marked at whole ones.
@@ -444,7 +466,7 @@ impl Ticks {
 
     fn label(&self, value: f64, offset: f64) -> String {
         if self.1 {
-            return power_of_ten(value);
+            return if few(&self.0) { number(value) } else { power_of_ten(value) };
         }
         let step = self.step(MARKS);
         let value = ((value - offset) / step).round() * step;
@@ -467,6 +489,9 @@ impl Ranged for Ticks {
             let (first, last) = ((self.0.start / step).ceil() as i64, (self.0.end / step).floor() as i64);
             return (first..=last).map(|k| k as f64 * step).collect();
         }
+        if few(&self.0) {
+            return between(&self.0).collect();
+        }
         let (first, last) = (self.0.start.ceil() as i64, self.0.end.floor() as i64);
         let stride = ((last - first) / hint.max_num_points().clamp(1, 9) as i64 + 1).max(1);
         (first..=last).filter(|k| k.rem_euclid(stride) == 0).map(|k| k as f64).collect()
@@ -475,6 +500,13 @@ impl Ranged for Ticks {
     fn range(&self) -> std::ops::Range<f64> {
         self.0.clone()
     }
+}
+
+/// 10 to the exponent in one digit and zeros, though it be more than a number holds.
+fn number(exponent: f64) -> String {
+    let power = exponent.floor();
+    let digit = 10f64.powf(exponent - power).round();
+    if power < 300.0 { rounded(digit * 10f64.powf(power), 1) } else { format!("{digit}e{power}") }
 }
 
 fn power_of_ten(exponent: f64) -> String {
@@ -559,6 +591,17 @@ mod tests {
         assert_eq!(labels, ["-0.3", "-0.2", "-0.1", "0", "0.1"]);
         let (labels, _) = of([-1e308, 1e308]);
         assert!(labels.len() > 2 && labels.contains(&"5e307".to_string()), "{labels:?}");
+    }
+
+    #[test]
+    fn logarithmic_axes_are_marked_at_least_twice_and_at_their_ends() {
+        let of = |values: [f64; 2]| {
+            let text = figure(values.iter().enumerate().map(|(k, y)| (k as f64, *y)).collect(), true).svg();
+            marks(&text, "text-anchor=\"end\"")
+        };
+        assert_eq!(of([0.003, 0.014]), ["0.002", "0.005", "0.01", "0.02"]);
+        assert_eq!(of([3.0, 3.0]), ["2", "5"]);
+        assert_eq!(of([0.03, 60.0]), ["10⁻²", "10⁻¹", "10⁰", "10¹", "10²"]);
     }
 
     #[test]

@@ -16,8 +16,11 @@ use crate::write::scale::{prefixed, round_below, significant};
 
 /// Side of the square for the grains and width of the strip beside it, pixels.
 const SIDE: f64 = 800.0;
-const STRIP: f64 = 120.0;
+const STRIP: f64 = 170.0;
 const MARGIN: f64 = 30.0;
+/// Letters, and the height of a colour beside a picture, pixels.
+const LETTERS: f64 = 20.0;
+const COLOUR: f64 = 30.0;
 /// Room between the grains and the picture's border, pixels.
 const ROOM: f64 = 50.0;
 
@@ -105,15 +108,15 @@ impl Scale {
         };
         put(format!("<text x=\"{left}\" y=\"{MARGIN}\">{title}</text>"));
         if self.shade == Shade::KineticEnergy {
-            put(format!("<text x=\"{left}\" y=\"{}\">from</text>", MARGIN + 18.0));
+            put(format!("<text x=\"{left}\" y=\"{MARGIN}\" dy=\"1.2em\">from</text>"));
         }
         for (class, label) in (0..).zip(&self.labels) {
-            let y = MARGIN + 25.0 + 22.0 * f64::from(most - class);
+            let y = 2.2 * MARGIN + COLOUR * f64::from(most - class);
             let [r, g, b] = colour(class, most);
             put(format!(
-                "<rect x=\"{left}\" y=\"{y}\" width=\"18\" height=\"22\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"/>"
+                "<rect x=\"{left}\" y=\"{y}\" width=\"{COLOUR}\" height=\"{COLOUR}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"/>"
             ));
-            put(format!("<text x=\"{}\" y=\"{}\">{label}</text>", left + 26.0, y + 16.0));
+            put(format!("<text x=\"{}\" y=\"{}\">{label}</text>", left + 1.3 * COLOUR, y + 0.75 * COLOUR));
         }
     }
 }
@@ -224,8 +227,9 @@ pub fn snapshots(frames: &[&Frame]) -> String {
         let top = SMALL * row as f64;
         for (column, frame) in frames.iter().enumerate() {
             put(format!(
-                "<svg x=\"{}\" y=\"{top}\" width=\"{SMALL}\" height=\"{SMALL}\" viewBox=\"0 0 {SIDE} {SIDE}\" font-size=\"24\">",
-                SMALL * column as f64
+                "<svg x=\"{}\" y=\"{top}\" width=\"{SMALL}\" height=\"{SMALL}\" viewBox=\"0 0 {SIDE} {SIDE}\" font-size=\"{}\">",
+                SMALL * column as f64,
+                0.9 * LETTERS * SIDE / SMALL
             ));
             draw(frame, &scale, row * frames.len() + column, EDGE * SIDE / SMALL, &mut put);
             put("</svg>".into());
@@ -241,7 +245,7 @@ pub fn snapshots(frames: &[&Frame]) -> String {
 fn head(width: f64, height: f64) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-         viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"14\" fill=\"#3c3c3c\">\n\
+         viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"{LETTERS}\" fill=\"#3c3c3c\">\n\
          <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     )
 }
@@ -284,15 +288,15 @@ fn draw(frame: &Frame, scale: &Scale, number: usize, edge: f64, put: &mut impl F
         put(format!("<path d=\"M{left} {bottom}h{:.2}\" stroke=\"black\" stroke-width=\"4\"/>", length * pixels));
         put(format!("<text x=\"{left}\" y=\"{}\">{:.0} {unit}</text>", bottom - 10.0, length / factor));
     }
+    let top = 1.2 * MARGIN;
     put(format!(
-        "<text x=\"{MARGIN}\" y=\"{MARGIN}\">t = {} s, grains: {}</text>",
+        "<text x=\"{MARGIN}\" y=\"{top}\">t = {} s, grains: {}</text>",
         significant(frame.meta.time),
         frame.grains.len()
     ));
     if !outside.is_empty() {
         put(format!(
-            "<text x=\"{MARGIN}\" y=\"{}\">{} of them outside the picture</text>",
-            2.0 * MARGIN,
+            "<text x=\"{MARGIN}\" y=\"{top}\" dy=\"1.2em\">{} of them outside the picture</text>",
             outside.len()
         ));
     }
