@@ -277,7 +277,7 @@ options! {
     gravity_order: Option<usize> = None, usize, [value_name = "N"];
     /// Opening angle of fmm, 0 to 1: cells are far from each other if their radii sum up to less than this times their distance; without it, as gravity_error asks.
     gravity_opening: Option<f64> = None, f64, [value_name = "X"];
-    /// Most steps from one evaluation of self-gravity to the next; in between it is extrapolated. Evaluated sooner where that would err by more than a quarter of gravity_error, or a body may have moved as far as gravity_moved says; without it, as accuracy asks, and at every step where sums are direct.
+    /// Most steps from one evaluation of self-gravity to the next; in between it is extrapolated. Evaluated sooner where that would err by more than a quarter of gravity_error, or a body may have moved as far as gravity_moved says; without it, as accuracy asks, and at every step for fewer than 100 bodies and where gravity is direct.
     gravity_refresh: Option<u64> = None, u64, [value_name = "N"];
     /// Part of the mean radius that a body may move between two evaluations of self-gravity, against the mean motion; sooner evaluated where it may have moved more.
     gravity_moved: f64 = 0.25, f64, [value_name = "X"];

@@ -182,6 +182,9 @@ impl Visibility {
 /// Steps made when neither `steps` nor `end_time` is given.
 pub const DEFAULT_STEPS: u64 = 1000;
 
+/// Fewer bodies than these attract each other anew at every step.
+const FEW_BODIES: usize = 100;
+
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub bodies: Vec<Body>,
@@ -355,10 +358,10 @@ impl Scene {
         gravity
     }
 
-    /// Most steps from one evaluation of self-gravity to the next. Direct sums are of few bodies, which may be on
-    /// orbits: they are evaluated at every step if nothing else is asked for.
+    /// Most steps from one evaluation of self-gravity to the next. Few bodies may be on orbits, and cost little: where
+    /// nothing else is asked for, they are evaluated at every step, and so are direct sums that were asked for by name.
     pub fn gravity_refresh(&self) -> u64 {
-        let exact = self.gravity().method_for(self.free.len()) == Method::Direct;
+        let exact = self.free.len() < FEW_BODIES || self.gravity().method == Method::Direct;
         let set = self.options.gravity_refresh.is_some();
         if !self.has_self_gravity() || (exact && !set) { 1 } else { self.options.gravity_refresh() }
     }

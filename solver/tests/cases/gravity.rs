@@ -279,6 +279,19 @@ fn self_gravity_is_evaluated_as_often_as_its_error_asks() {
 }
 
 #[test]
+fn many_bodies_are_evaluated_now_and_then_and_few_or_by_direct_always() {
+    // Extrapolation shows in the column where it is tried at all.
+    let extrapolated = |side: i64, method: GravityMethod| {
+        let mut case = falling(side, 1, 0.004);
+        (case.options.gravity, case.options.gravity_error, case.options.gravity_refresh) = (method, None, None);
+        case.run(20);
+        case.column("gravity_extrapolation").iter().any(|missed| *missed > 0.0)
+    };
+    assert!(extrapolated(5, GravityMethod::Auto) && extrapolated(9, GravityMethod::Auto)); // 125 and 729
+    assert!(!extrapolated(4, GravityMethod::Auto) && !extrapolated(5, GravityMethod::Direct));
+}
+
+#[test]
 fn a_run_tells_the_error_of_its_gravity() {
     let mut case = falling(10, 1, 1e-3);
     case.run(2);
