@@ -253,7 +253,7 @@ options! {
     max_sweeps: Option<u64> = None, u64, [value_name = "N"];
     /// Sweeps from one check of convergence to the next, the first after as many; without it, when the changes that sweeps make suggest it. LMGC90's examples check every 50.
     check_every: Option<u64> = None, u64, [value_name = "N"];
-    /// Numbers in which contacts of spheres are swept: single, up to twice as fast, or double precision; auto, single from 4096 contacts on where the residual sought is 1e-4 or more. What comes of it, velocities and residual, is in double precision.
+    /// Numbers in which contacts are swept: single, about twice as fast, or double precision; auto, single from 4096 contacts on, of polyhedra from 2048, where the residual sought is 1e-4 or more. What comes of it, velocities and residual, is in double precision.
     sweep_precision: SweepPrecision = SweepPrecision::Auto, SweepPrecision, [value_enum, value_name = "PRECISION"];
     /// Also writes LMGC90's stopping criteria of each step's solution to steps.csv.
     lmgc90_norms: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];

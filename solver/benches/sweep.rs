@@ -125,6 +125,33 @@ fn polyhedra_four_wide(bencher: Bencher, side: usize) {
     }
 }
 
+#[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
+fn single_polyhedra(bencher: Bencher, side: usize) {
+    swept(bencher, blocks(side, 0.4), Width::detect(), 1, true);
+}
+
+#[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
+fn single_polyhedra_two_threads(bencher: Bencher, side: usize) {
+    swept(bencher, blocks(side, 0.4), Width::detect(), 2, true);
+}
+
+#[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
+fn single_polyhedra_eight_wide(bencher: Bencher, side: usize) {
+    if let Some(width) = Width::all().get(1) {
+        swept(bencher, blocks(side, 0.4), *width, 1, true);
+    }
+}
+
+#[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
+fn polyhedra_frictionless(bencher: Bencher, side: usize) {
+    sweeps(bencher, blocks(side, 0.0), Width::detect(), 1);
+}
+
+#[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
+fn single_polyhedra_frictionless(bencher: Bencher, side: usize) {
+    swept(bencher, blocks(side, 0.0), Width::detect(), 1, true);
+}
+
 /// Colouring and batching, once a step, on one thread.
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn layout(bencher: Bencher, side: usize) {

@@ -32,6 +32,11 @@ pub trait Number: Pod + Default + Send + Sync + Add<Output = Self> + Sub<Output 
     type Line: Pod;
     type Half: Pod;
 
+    const ZERO: Self;
+    const SINGLE: bool;
+    /// About the root of what numbers near 1 are apart.
+    const ROOT_OF_ROUNDING: f64;
+
     /// The nearest to `x`.
     fn of(x: f64) -> Self;
     fn wide(self) -> f64;
@@ -42,6 +47,10 @@ pub trait Number: Pod + Default + Send + Sync + Add<Output = Self> + Sub<Output 
 impl Number for f64 {
     type Line = Line;
     type Half = Half;
+
+    const ZERO: f64 = 0.0;
+    const SINGLE: bool = false;
+    const ROOT_OF_ROUNDING: f64 = 1e-8;
 
     #[inline(always)]
     fn of(x: f64) -> f64 {
@@ -60,6 +69,10 @@ impl Number for f64 {
 impl Number for f32 {
     type Line = ShortLine;
     type Half = ShortHalf;
+
+    const ZERO: f32 = 0.0;
+    const SINGLE: bool = true;
+    const ROOT_OF_ROUNDING: f64 = 3e-4;
 
     #[inline(always)]
     fn of(x: f64) -> f32 {
@@ -110,6 +123,8 @@ pub trait Arithmetic: Copy + Send + Sync {
     fn neg_mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// `a` where x > y, else `b`.
     fn select_greater(self, x: Self::V, y: Self::V, a: Self::V, b: Self::V) -> Self::V;
+    /// Bit k is set where x > y in lane k.
+    fn mask_greater(self, x: Self::V, y: Self::V) -> u32;
     /// The smaller; `b` where they are equal.
     fn min(self, a: Self::V, b: Self::V) -> Self::V;
     /// Component k of the `WIDTH` lines named by `index`, for each k.
@@ -128,8 +143,6 @@ pub trait Arithmetic: Copy + Send + Sync {
 
 /// Arithmetic in double precision.
 pub trait Lanes: Arithmetic<T = f64> {
-    /// Bit k is set where x > y in lane k.
-    fn mask_greater(self, x: Self::V, y: Self::V) -> u32;
     /// The smallest of all lanes.
     fn least(self, a: Self::V) -> f64;
 }
@@ -154,20 +167,20 @@ pub trait Singles: Lanes {
     fn neg_mul_add_f32(self, a: Self::S, b: Self::S, c: Self::S) -> Self::S;
     /// `a` where x > y, else `b`.
     fn select_greater_f32(self, x: Self::S, y: Self::S, a: Self::S, b: Self::S) -> Self::S;
+    fn mask_greater_f32(self, x: Self::S, y: Self::S) -> u32;
     /// `a` where a < b, else `b`.
     fn min_f32(self, a: Self::S, b: Self::S) -> Self::S;
     /// The number whose bits are those of `magic` less half those of `a`, as whole numbers: near a^(-1/2) but for a
     /// factor, and the same on every machine, as instructions that estimate a root are not.
     fn magic_f32(self, magic: u32, a: Self::S) -> Self::S;
-    /// As [`Arithmetic::relative`] and what follows it.
+    /// As [`Arithmetic::gather`] and what follows it.
+    fn gather_f32(self, lines: &[[f32; 8]], index: &[u32]) -> [Self::S; 8];
+    fn scatter_f32(self, lines: &mut [[f32; 8]], index: &[u32], columns: [Self::S; 8]);
     fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [Self::S; 8];
     fn push_f32(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [Self::S; 3], g: [Self::S; 3]);
     fn relative_half_f32(self, halves: &[ShortHalf], a: &[u32], b: &[u32]) -> [Self::S; 4];
     fn push_half_f32(self, halves: &mut [ShortHalf], a: &[u32], b: &[u32], f: [Self::S; 3]);
 }
-
-/// The largest width.
-const MOST: usize = 16;
 
 /// The single precision of these lanes by itself.
 #[derive(Debug, Clone, Copy)]
@@ -232,32 +245,20 @@ impl<L: Singles> Arithmetic for Single<L> {
         self.0.select_greater_f32(x, y, a, b)
     }
     #[inline(always)]
+    fn mask_greater(self, x: L::S, y: L::S) -> u32 {
+        self.0.mask_greater_f32(x, y)
+    }
+    #[inline(always)]
     fn min(self, a: L::S, b: L::S) -> L::S {
         self.0.min_f32(a, b)
     }
     #[inline(always)]
     fn gather(self, lines: &[[f32; 8]], index: &[u32]) -> [L::S; 8] {
-        let mut columns = [[0.0; MOST]; 8];
-        for k in 0..Self::WIDTH {
-            for c in 0..8 {
-                columns[c][k] = lines[index[k] as usize][c];
-            }
-        }
-        let mut out = [self.splat(0.0); 8];
-        for c in 0..8 {
-            out[c] = self.load(&columns[c]);
-        }
-        out
+        self.0.gather_f32(lines, index)
     }
     #[inline(always)]
     fn scatter(self, lines: &mut [[f32; 8]], index: &[u32], columns: [L::S; 8]) {
-        for c in 0..8 {
-            let mut column = [0.0; MOST];
-            self.store(&mut column, columns[c]);
-            for k in 0..Self::WIDTH {
-                lines[index[k] as usize][c] = column[k];
-            }
-        }
+        self.0.scatter_f32(lines, index, columns);
     }
     #[inline(always)]
     fn relative(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [L::S; 8] {
@@ -281,8 +282,8 @@ impl<L: Singles> Arithmetic for Single<L> {
 #[derive(Debug, Clone, Copy)]
 pub struct Twice<L>(pub L);
 
-impl<L: Lanes> Arithmetic for Twice<L> {
-    type T = f64;
+impl<L: Arithmetic> Arithmetic for Twice<L> {
+    type T = L::T;
     const WIDTH: usize = 2 * L::WIDTH;
     type V = [L::V; 2];
 
@@ -300,11 +301,11 @@ impl<L: Lanes> Arithmetic for Twice<L> {
         [self.0.splat(x); 2]
     }
     #[inline(always)]
-    fn load(self, x: &[f64]) -> Self::V {
+    fn load(self, x: &[L::T]) -> Self::V {
         [self.0.load(x), self.0.load(&x[L::WIDTH..])]
     }
     #[inline(always)]
-    fn store(self, x: &mut [f64], v: Self::V) {
+    fn store(self, x: &mut [L::T], v: Self::V) {
         self.0.store(x, v[0]);
         self.0.store(&mut x[L::WIDTH..], v[1]);
     }
@@ -341,37 +342,41 @@ impl<L: Lanes> Arithmetic for Twice<L> {
         [self.0.select_greater(x[0], y[0], a[0], b[0]), self.0.select_greater(x[1], y[1], a[1], b[1])]
     }
     #[inline(always)]
+    fn mask_greater(self, x: Self::V, y: Self::V) -> u32 {
+        self.0.mask_greater(x[0], y[0]) | self.0.mask_greater(x[1], y[1]) << L::WIDTH
+    }
+    #[inline(always)]
     fn min(self, a: Self::V, b: Self::V) -> Self::V {
         [self.0.min(a[0], b[0]), self.0.min(a[1], b[1])]
     }
     #[inline(always)]
-    fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [Self::V; 8] {
+    fn gather(self, lines: &[[L::T; 8]], index: &[u32]) -> [Self::V; 8] {
         side_by_side(self.0.gather(lines, index), self.0.gather(lines, &index[L::WIDTH..]))
     }
     #[inline(always)]
-    fn scatter(self, lines: &mut [[f64; 8]], index: &[u32], columns: [Self::V; 8]) {
+    fn scatter(self, lines: &mut [[L::T; 8]], index: &[u32], columns: [Self::V; 8]) {
         let [left, right] = apart(columns);
         self.0.scatter(lines, index, left);
         self.0.scatter(lines, &index[L::WIDTH..], right);
     }
     #[inline(always)]
-    fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [Self::V; 8] {
+    fn relative(self, lines: &[<L::T as Number>::Line], a: &[u32], b: &[u32]) -> [Self::V; 8] {
         let w = L::WIDTH;
         side_by_side(self.0.relative(lines, a, b), self.0.relative(lines, &a[w..], &b[w..]))
     }
     #[inline(always)]
-    fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [Self::V; 3], g: [Self::V; 3]) {
+    fn push(self, lines: &mut [<L::T as Number>::Line], a: &[u32], b: &[u32], f: [Self::V; 3], g: [Self::V; 3]) {
         let (w, [f0, f1], [g0, g1]) = (L::WIDTH, apart(f), apart(g));
         self.0.push(lines, a, b, f0, g0);
         self.0.push(lines, &a[w..], &b[w..], f1, g1);
     }
     #[inline(always)]
-    fn relative_half(self, halves: &[Half], a: &[u32], b: &[u32]) -> [Self::V; 4] {
+    fn relative_half(self, halves: &[<L::T as Number>::Half], a: &[u32], b: &[u32]) -> [Self::V; 4] {
         let w = L::WIDTH;
         side_by_side(self.0.relative_half(halves, a, b), self.0.relative_half(halves, &a[w..], &b[w..]))
     }
     #[inline(always)]
-    fn push_half(self, halves: &mut [Half], a: &[u32], b: &[u32], f: [Self::V; 3]) {
+    fn push_half(self, halves: &mut [<L::T as Number>::Half], a: &[u32], b: &[u32], f: [Self::V; 3]) {
         let (w, [f0, f1]) = (L::WIDTH, apart(f));
         self.0.push_half(halves, a, b, f0);
         self.0.push_half(halves, &a[w..], &b[w..], f1);
@@ -379,10 +384,6 @@ impl<L: Lanes> Arithmetic for Twice<L> {
 }
 
 impl<L: Lanes> Lanes for Twice<L> {
-    #[inline(always)]
-    fn mask_greater(self, x: Self::V, y: Self::V) -> u32 {
-        self.0.mask_greater(x[0], y[0]) | self.0.mask_greater(x[1], y[1]) << L::WIDTH
-    }
     #[inline(always)]
     fn least(self, a: Self::V) -> f64 {
         self.0.least(self.0.min(a[0], a[1]))
@@ -551,6 +552,10 @@ impl Arithmetic for Scalar {
         if x > y { a } else { b }
     }
     #[inline(always)]
+    fn mask_greater(self, x: f64, y: f64) -> u32 {
+        u32::from(x > y)
+    }
+    #[inline(always)]
     fn min(self, a: f64, b: f64) -> f64 {
         if a < b { a } else { b }
     }
@@ -566,10 +571,6 @@ impl Arithmetic for Scalar {
 }
 
 impl Lanes for Scalar {
-    #[inline(always)]
-    fn mask_greater(self, x: f64, y: f64) -> u32 {
-        u32::from(x > y)
-    }
     #[inline(always)]
     fn least(self, a: f64) -> f64 {
         a
@@ -625,12 +626,24 @@ impl Singles for Scalar {
         if x > y { a } else { b }
     }
     #[inline(always)]
+    fn mask_greater_f32(self, x: f32, y: f32) -> u32 {
+        u32::from(x > y)
+    }
+    #[inline(always)]
     fn min_f32(self, a: f32, b: f32) -> f32 {
         if a < b { a } else { b }
     }
     #[inline(always)]
     fn magic_f32(self, magic: u32, a: f32) -> f32 {
         f32::from_bits(magic.wrapping_sub(a.to_bits() >> 1))
+    }
+    #[inline(always)]
+    fn gather_f32(self, lines: &[[f32; 8]], index: &[u32]) -> [f32; 8] {
+        lines[index[0] as usize]
+    }
+    #[inline(always)]
+    fn scatter_f32(self, lines: &mut [[f32; 8]], index: &[u32], columns: [f32; 8]) {
+        lines[index[0] as usize] = columns;
     }
     one_pair!(f32, ShortLine, ShortHalf, relative_f32, push_f32, relative_half_f32, push_half_f32);
 }
@@ -749,6 +762,10 @@ mod x86 {
             self.avx512f._mm512_mask_blend_pd(mask, b, a)
         }
         #[inline(always)]
+        fn mask_greater(self, x: __m512d, y: __m512d) -> u32 {
+            u32::from(self.avx512f._mm512_cmp_pd_mask::<GREATER>(x, y))
+        }
+        #[inline(always)]
         fn min(self, a: __m512d, b: __m512d) -> __m512d {
             self.avx512f._mm512_min_pd(a, b)
         }
@@ -842,10 +859,6 @@ mod x86 {
 
     impl Lanes for V4 {
         #[inline(always)]
-        fn mask_greater(self, x: __m512d, y: __m512d) -> u32 {
-            u32::from(self.avx512f._mm512_cmp_pd_mask::<GREATER>(x, y))
-        }
-        #[inline(always)]
         fn least(self, a: __m512d) -> f64 {
             let [low, high]: [__m256d; 2] = cast(a);
             least_of_four(self.avx._mm256_min_pd(high, low))
@@ -903,6 +916,10 @@ mod x86 {
             self.avx512f._mm512_mask_blend_ps(mask, b, a)
         }
         #[inline(always)]
+        fn mask_greater_f32(self, x: __m512, y: __m512) -> u32 {
+            u32::from(self.avx512f._mm512_cmp_ps_mask::<GREATER>(x, y))
+        }
+        #[inline(always)]
         fn min_f32(self, a: __m512, b: __m512) -> __m512 {
             self.avx512f._mm512_min_ps(a, b)
         }
@@ -912,8 +929,36 @@ mod x86 {
             cast(self.avx512f._mm512_sub_epi32(self.avx512f._mm512_set1_epi32(magic as i32), half))
         }
         #[inline(always)]
-        fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [__m512; 8] {
+        fn gather_f32(self, lines: &[[f32; 8]], index: &[u32]) -> [__m512; 8] {
+            let mut r = [self.splat_f32(0.0); 8];
+            for (k, r) in r.iter_mut().enumerate() {
+                let row = k % 4 + 8 * (k / 4);
+                *r = cast([lines[index[row] as usize], lines[index[row + 4] as usize]]);
+            }
+            columns_of_sixteen(self, r)
+        }
+        #[inline(always)]
+        fn scatter_f32(self, lines: &mut [[f32; 8]], index: &[u32], columns: [__m512; 8]) {
             let avx = self.avx512f;
+            // Quarters of the columns of one half and of the other in turn, as in `push_f32`.
+            let (first, last): (__m512i, __m512i) = (cast(FIRST_QUARTERS), cast(LAST_QUARTERS));
+            let zero = self.splat_f32(0.0);
+            let (mut low, mut high) = ([zero; 4], [zero; 4]);
+            for k in 0..4 {
+                low[k] = cast(avx._mm512_permutex2var_pd(cast(columns[k]), first, cast(columns[k + 4])));
+                high[k] = cast(avx._mm512_permutex2var_pd(cast(columns[k]), last, cast(columns[k + 4])));
+            }
+            let (low, high) = (transpose_quarters(self, low), transpose_quarters(self, high));
+            for (rows, from) in [(low, 0), (high, 8)] {
+                for (k, pair) in rows.into_iter().enumerate() {
+                    let pair: [[f32; 8]; 2] = cast(pair);
+                    lines[index[from + k] as usize] = pair[0];
+                    lines[index[from + k + 4] as usize] = pair[1];
+                }
+            }
+        }
+        #[inline(always)]
+        fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [__m512; 8] {
             let signs: __m512 = cast([SIGNS_F32, SIGNS_F32]);
             // Rows k and k + 4 side by side, so that quarters come out in order.
             let mut r = [self.splat_f32(0.0); 8];
@@ -923,18 +968,7 @@ mod x86 {
                 let of_b = cast([lines[b[row] as usize].0, lines[b[row + 4] as usize].0]);
                 *r = self.mul_add_f32(of_b, signs, of_a);
             }
-            let [c0, c1, c2, c3] = transpose_quarters(self, [r[0], r[1], r[2], r[3]]);
-            let [d0, d1, d2, d3] = transpose_quarters(self, [r[4], r[5], r[6], r[7]]);
-            [
-                avx._mm512_shuffle_f32x4::<0x88>(c0, d0),
-                avx._mm512_shuffle_f32x4::<0x88>(c1, d1),
-                avx._mm512_shuffle_f32x4::<0x88>(c2, d2),
-                avx._mm512_shuffle_f32x4::<0x88>(c3, d3),
-                avx._mm512_shuffle_f32x4::<0xdd>(c0, d0),
-                avx._mm512_shuffle_f32x4::<0xdd>(c1, d1),
-                avx._mm512_shuffle_f32x4::<0xdd>(c2, d2),
-                avx._mm512_shuffle_f32x4::<0xdd>(c3, d3),
-            ]
+            columns_of_sixteen(self, r)
         }
         #[inline(always)]
         fn push_f32(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [__m512; 3], g: [__m512; 3]) {
@@ -982,6 +1016,24 @@ mod x86 {
                 }
             }
         }
+    }
+
+    /// Columns of sixteen rows: of rows k and k + 4 side by side, k = 0 to 3, then of k = 8 to 11.
+    #[inline(always)]
+    fn columns_of_sixteen(simd: V4, r: [__m512; 8]) -> [__m512; 8] {
+        let avx = simd.avx512f;
+        let [c0, c1, c2, c3] = transpose_quarters(simd, [r[0], r[1], r[2], r[3]]);
+        let [d0, d1, d2, d3] = transpose_quarters(simd, [r[4], r[5], r[6], r[7]]);
+        [
+            avx._mm512_shuffle_f32x4::<0x88>(c0, d0),
+            avx._mm512_shuffle_f32x4::<0x88>(c1, d1),
+            avx._mm512_shuffle_f32x4::<0x88>(c2, d2),
+            avx._mm512_shuffle_f32x4::<0x88>(c3, d3),
+            avx._mm512_shuffle_f32x4::<0xdd>(c0, d0),
+            avx._mm512_shuffle_f32x4::<0xdd>(c1, d1),
+            avx._mm512_shuffle_f32x4::<0xdd>(c2, d2),
+            avx._mm512_shuffle_f32x4::<0xdd>(c3, d3),
+        ]
     }
 
     /// The 4 x 4 transpose in each quarter.
@@ -1087,6 +1139,11 @@ mod x86 {
             self.avx._mm256_blendv_pd(b, a, mask)
         }
         #[inline(always)]
+        fn mask_greater(self, x: __m256d, y: __m256d) -> u32 {
+            let mask = self.avx._mm256_cmp_pd::<GREATER>(x, y);
+            self.avx._mm256_movemask_pd(mask) as u32
+        }
+        #[inline(always)]
         fn min(self, a: __m256d, b: __m256d) -> __m256d {
             self.avx._mm256_min_pd(a, b)
         }
@@ -1157,11 +1214,6 @@ mod x86 {
 
     impl Lanes for V3 {
         #[inline(always)]
-        fn mask_greater(self, x: __m256d, y: __m256d) -> u32 {
-            let mask = self.avx._mm256_cmp_pd::<GREATER>(x, y);
-            self.avx._mm256_movemask_pd(mask) as u32
-        }
-        #[inline(always)]
         fn least(self, a: __m256d) -> f64 {
             least_of_four(a)
         }
@@ -1230,6 +1282,11 @@ mod x86 {
             self.avx._mm256_blendv_ps(b, a, mask)
         }
         #[inline(always)]
+        fn mask_greater_f32(self, x: __m256, y: __m256) -> u32 {
+            let mask = self.avx._mm256_cmp_ps::<GREATER>(x, y);
+            self.avx._mm256_movemask_ps(mask) as u32
+        }
+        #[inline(always)]
         fn min_f32(self, a: __m256, b: __m256) -> __m256 {
             self.avx._mm256_min_ps(a, b)
         }
@@ -1239,6 +1296,21 @@ mod x86 {
             cast(self.avx2._mm256_sub_epi32(self.avx._mm256_set1_epi32(magic as i32), half))
         }
         #[inline(always)]
+        fn gather_f32(self, lines: &[[f32; 8]], index: &[u32]) -> [__m256; 8] {
+            let mut rows = [self.splat_f32(0.0); 8];
+            for k in 0..8 {
+                rows[k] = cast(lines[index[k] as usize]);
+            }
+            transpose_short8(self, rows)
+        }
+        #[inline(always)]
+        fn scatter_f32(self, lines: &mut [[f32; 8]], index: &[u32], columns: [__m256; 8]) {
+            let rows = transpose_short8(self, columns);
+            for k in 0..8 {
+                lines[index[k] as usize] = cast(rows[k]);
+            }
+        }
+        #[inline(always)]
         fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [__m256; 8] {
             let signs: __m256 = cast(SIGNS_F32);
             let mut r = [self.splat_f32(0.0); 8];
@@ -1246,19 +1318,7 @@ mod x86 {
                 let (a, b) = (cast(lines[a[k] as usize].0), cast(lines[b[k] as usize].0));
                 r[k] = self.mul_add_f32(b, signs, a);
             }
-            let [c0, c1, c2, c3] = transpose_halves(self, [r[0], r[1], r[2], r[3]]);
-            let [d0, d1, d2, d3] = transpose_halves(self, [r[4], r[5], r[6], r[7]]);
-            let avx = self.avx;
-            [
-                avx._mm256_permute2f128_ps::<0x20>(c0, d0),
-                avx._mm256_permute2f128_ps::<0x20>(c1, d1),
-                avx._mm256_permute2f128_ps::<0x20>(c2, d2),
-                avx._mm256_permute2f128_ps::<0x20>(c3, d3),
-                avx._mm256_permute2f128_ps::<0x31>(c0, d0),
-                avx._mm256_permute2f128_ps::<0x31>(c1, d1),
-                avx._mm256_permute2f128_ps::<0x31>(c2, d2),
-                avx._mm256_permute2f128_ps::<0x31>(c3, d3),
-            ]
+            transpose_short8(self, r)
         }
         #[inline(always)]
         fn push_f32(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [__m256; 3], g: [__m256; 3]) {
@@ -1297,6 +1357,23 @@ mod x86 {
                 push_quarter(self, halves, a[4 + k] as usize, b[4 + k] as usize, pair[1]);
             }
         }
+    }
+
+    #[inline(always)]
+    fn transpose_short8(simd: V3, r: [__m256; 8]) -> [__m256; 8] {
+        let avx = simd.avx;
+        let [c0, c1, c2, c3] = transpose_halves(simd, [r[0], r[1], r[2], r[3]]);
+        let [d0, d1, d2, d3] = transpose_halves(simd, [r[4], r[5], r[6], r[7]]);
+        [
+            avx._mm256_permute2f128_ps::<0x20>(c0, d0),
+            avx._mm256_permute2f128_ps::<0x20>(c1, d1),
+            avx._mm256_permute2f128_ps::<0x20>(c2, d2),
+            avx._mm256_permute2f128_ps::<0x20>(c3, d3),
+            avx._mm256_permute2f128_ps::<0x31>(c0, d0),
+            avx._mm256_permute2f128_ps::<0x31>(c1, d1),
+            avx._mm256_permute2f128_ps::<0x31>(c2, d2),
+            avx._mm256_permute2f128_ps::<0x31>(c3, d3),
+        ]
     }
 
     /// The 4 x 4 transpose in each half.

@@ -112,7 +112,7 @@ pub struct Units {
 }
 
 impl Units {
-    const SI: Units = Units { velocity: 1.0, impulse: 1.0 };
+    pub const SI: Units = Units { velocity: 1.0, impulse: 1.0 };
 
     /// Those of the rows `active`, which start from `reactions` and the velocities that they lead to.
     fn of(system: &System, active: &[u32], reactions: &Reactions, records: &[Record]) -> Units {
@@ -121,13 +121,17 @@ impl Units {
             (row.w_n, row.velocity(records).norm() + row.w_n * reactions.impulses[k as usize].norm())
         };
         let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
-        let (w, u) = active.par_iter().with_min_len(MANY).map(of_row).reduce(|| (0.0, 0.0), largest);
+        Units::near(active.par_iter().with_min_len(MANY).map(of_row).reduce(|| (0.0, 0.0), largest))
+    }
+
+    /// For blocks up to `w`, 1/kg, and velocities up to `u`, m/s.
+    pub fn near((w, u): (f64, f64)) -> Units {
         let velocity = power_of_two(u);
         Units { velocity, impulse: velocity / power_of_two(w) }
     }
 
     /// kg
-    fn mass(&self) -> f64 {
+    pub fn mass(&self) -> f64 {
         self.impulse / self.velocity
     }
 }
@@ -290,6 +294,14 @@ fn onto_cones(width: Width, cones: &Cones, r: &mut [[f64; BATCH]; 3]) {
         #[cfg(target_arch = "x86_64")]
         Width::Eight(l) => l.run(OntoCones { l, cones, r }),
     }
+}
+
+/// The same of one impulse `r`, with the normal and the friction of its contact.
+pub fn onto_cone(normal: &Vec3, friction: f64, r: Vec3) -> Vec3 {
+    let along = normal.dot(&r);
+    let tangential = r - normal * along;
+    let (size, bound) = (tangential.norm(), friction * along);
+    if size > 0.0 && size > bound - ROUNDING * along.abs() { normal * along + tangential * (bound / size) } else { r }
 }
 
 struct OntoCones<'a, L> {

@@ -4,6 +4,7 @@ use crate::assemble::{Record, System};
 use crate::math::lanes::{Half, Line, ShortHalf, ShortLine, Width};
 use crate::solve::batches::Problem;
 use crate::solve::full;
+use crate::solve::full::batches::{Normal, Point};
 use crate::solve::nlgs::Reactions;
 use crate::solve::sweep::{sweep, sweep_single};
 
@@ -16,8 +17,10 @@ pub enum Laid {
     Diagonal(Problem<Line>),
     DiagonalSingle(Problem<ShortLine>),
     /// Bodies of any shape, and those without friction.
-    Full(full::batches::Problem<full::batches::Point>),
-    FullFrictionless(full::batches::Problem<full::batches::Normal>),
+    Full(full::batches::Problem<Point<f64>>),
+    FullSingle(full::batches::Problem<Point<f32>>),
+    FullFrictionless(full::batches::Problem<Normal<f64>>),
+    FullFrictionlessSingle(full::batches::Problem<Normal<f32>>),
 }
 
 /// What a sweep did.
@@ -30,16 +33,24 @@ pub struct Swept {
 }
 
 impl Laid {
-    /// Starts from `reactions` and from the velocities that they lead to; in single precision where the problem has that.
+    /// Starts from `reactions` and from the velocities that they lead to.
     pub fn new(system: &System, active: &[u32], reactions: &Reactions, records: &[Record], single: bool) -> Self {
         match (&system.full, system.resists(active), single) {
             (None, true, false) => Laid::Diagonal(Problem::new(system, active, reactions, records)),
             (None, true, true) => Laid::DiagonalSingle(Problem::new(system, active, reactions, records)),
             (None, false, false) => Laid::Frictionless(Problem::new(system, active, reactions, records)),
             (None, false, true) => Laid::FrictionlessSingle(Problem::new(system, active, reactions, records)),
-            (Some(full), true, _) => Laid::Full(full::batches::Problem::new(system, full, active, reactions, records)),
-            (Some(full), false, _) => {
+            (Some(full), true, false) => {
+                Laid::Full(full::batches::Problem::new(system, full, active, reactions, records))
+            }
+            (Some(full), true, true) => {
+                Laid::FullSingle(full::batches::Problem::new(system, full, active, reactions, records))
+            }
+            (Some(full), false, false) => {
                 Laid::FullFrictionless(full::batches::Problem::new(system, full, active, reactions, records))
+            }
+            (Some(full), false, true) => {
+                Laid::FullFrictionlessSingle(full::batches::Problem::new(system, full, active, reactions, records))
             }
         }
     }
@@ -52,25 +63,31 @@ impl Laid {
             Laid::Diagonal(problem) => sweep(problem, width, beta).seen(),
             Laid::DiagonalSingle(problem) => sweep_single(problem, width, beta).seen(),
             Laid::Full(problem) => full::sweep::sweep(problem, width, beta).seen(),
+            Laid::FullSingle(problem) => full::sweep::sweep_single(problem, width, beta).seen(),
             Laid::FullFrictionless(problem) => full::sweep::sweep(problem, width, beta).seen(),
+            Laid::FullFrictionlessSingle(problem) => full::sweep::sweep_single(problem, width, beta).seen(),
         };
         let unit = match self {
             Laid::FrictionlessSingle(problem) => problem.units.impulse,
             Laid::DiagonalSingle(problem) => problem.units.impulse,
+            Laid::FullSingle(problem) => problem.units.impulse,
+            Laid::FullFrictionlessSingle(problem) => problem.units.impulse,
             _ => 1.0,
         };
         Swept { uphill, change: change * unit }
     }
 
-    /// Puts the impulses and moments of the rows swept into `reactions`.
-    pub fn read_back(&self, width: Width, reactions: &mut Reactions) {
+    /// Puts the impulses and moments of the rows swept, which are of this system, into `reactions`.
+    pub fn read_back(&self, width: Width, system: &System, reactions: &mut Reactions) {
         match self {
             Laid::Frictionless(problem) => problem.read_back(width, reactions),
             Laid::FrictionlessSingle(problem) => problem.read_back(width, reactions),
             Laid::Diagonal(problem) => problem.read_back(width, reactions),
             Laid::DiagonalSingle(problem) => problem.read_back(width, reactions),
-            Laid::Full(problem) => problem.read_back(reactions),
-            Laid::FullFrictionless(problem) => problem.read_back(reactions),
+            Laid::Full(problem) => problem.read_back(system, reactions),
+            Laid::FullSingle(problem) => problem.read_back(system, reactions),
+            Laid::FullFrictionless(problem) => problem.read_back(system, reactions),
+            Laid::FullFrictionlessSingle(problem) => problem.read_back(system, reactions),
         }
     }
 }

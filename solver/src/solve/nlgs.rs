@@ -29,9 +29,10 @@ pub(super) const ROUND: u64 = 1000;
 /// first two are of so many, the next half as long as all before: where the change falls slowly, short ones see its noise alone.
 const WINDOW: u64 = 16;
 
-/// Sweeps in single precision pay from so many contacts on, and reach residuals of 1e-5 and less: no smaller one than this is
-/// sought with them.
+/// Sweeps in single precision pay from so many contacts on, of full blocks, whose sweeps take longer, from fewer; and reach
+/// residuals of 1e-5 and less: no smaller one than this is sought with them.
 const MANY_CONTACTS: usize = 4096;
+const MANY_FULL: usize = 2048;
 const SINGLE_REACHES: f64 = 1e-4;
 /// As rounding adds up they begin afresh from what they have found after so many, in double precision if that was no gain.
 const AFRESH: u64 = 500;
@@ -193,7 +194,7 @@ fn sweep_until(
             None => scale.is_none_or(|scale| swept.change <= scale * aim) || patience > 20 + *sweeps / 10,
         };
         if due || *sweeps >= end {
-            problem.read_back(judge.width, &mut trial);
+            problem.read_back(judge.width, system, &mut trial);
             let found = judged(&trial);
             let residual = found.0;
             momentum.sliding = frictional && (turns || slides(system, active, &trial.impulses));
@@ -219,15 +220,17 @@ fn sweep_until(
     }
 }
 
-/// Whether the rows `active` are swept in single precision: spheres and plates alone, of masses that do not differ too much,
-/// without moments.
+/// Whether the rows `active` are swept in single precision: of masses that do not differ too much, without moments.
 fn in_single(system: &System, active: &[u32], until: Until) -> bool {
     let asked = match until.precision {
-        SweepPrecision::Auto => active.len() >= MANY_CONTACTS && until.aim >= SINGLE_REACHES,
+        SweepPrecision::Auto => {
+            let many = if system.full.is_some() { MANY_FULL } else { MANY_CONTACTS };
+            active.len() >= many && until.aim >= SINGLE_REACHES
+        }
         SweepPrecision::Single => true,
         SweepPrecision::Double => false,
     };
-    asked && system.full.is_none() && system.rolls.is_empty() && {
+    asked && system.rolls.is_empty() && {
         let of_rows = active.iter().map(|&k| system.rows[k as usize].w_n);
         let (least, most) = of_rows.fold((f64::INFINITY, 0.0f64), |(least, most), w| (least.min(w), most.max(w)));
         most <= least * SPREAD
@@ -341,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn single_precision_is_for_many_contacts_of_spheres() {
+    fn single_precision_is_for_many_contacts() {
         let row = Row { w_n: 1.0, can_close: true, ..Row::default() };
         let rows = vec![row; MANY_CONTACTS];
         let system = System { rows, full: None, rolls: vec![], order: vec![], records: vec![] };
@@ -357,7 +360,8 @@ mod tests {
         uneven.rows[7].w_n = 0.0; // of two bodies whose motion is imposed
         assert!(!in_single(&uneven, &all, single));
         let full = Full { arms: vec![], held: vec![], inverse_inertia: vec![] };
-        assert!(!in_single(&System { full: Some(full), ..system }, &all, single));
+        let system = System { full: Some(full), ..system };
+        assert!(in_single(&system, &all[..MANY_FULL], auto) && !in_single(&system, &all[1..MANY_FULL], auto));
     }
 
     #[test]

@@ -11,35 +11,35 @@ use std::ops::Range;
 
 use crate::assemble::System;
 use crate::math::Vec3;
-use crate::math::lanes::Arithmetic;
+use crate::math::lanes::{Arithmetic, Number};
 use crate::solve::batches::{BATCH, NONE, put};
 use crate::solve::local::{Triple, dot, triple, within};
 
 /// Resistance of sixteen contacts to rolling and spinning, [`crate::assemble::Roll`], and their moments.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-pub struct Rolls {
-    shift: [[f64; BATCH]; 3],
+pub struct Rolls<T = f64> {
+    shift: [[T; BATCH]; 3],
     /// 0 where nothing resists, as all else.
-    inverse_w: [f64; BATCH],
+    inverse_w: [T; BATCH],
     /// Most moment over the normal impulse against rolling and against spinning, m.
-    rolling: [f64; BATCH],
-    spinning: [f64; BATCH],
+    rolling: [T; BATCH],
+    spinning: [T; BATCH],
     /// Moments on the candidates of the last sweep and of the one before, N m s.
-    m: [[f64; BATCH]; 3],
-    previous: [[f64; BATCH]; 3],
+    m: [[T; BATCH]; 3],
+    previous: [[T; BATCH]; 3],
     /// Place among the system's rolls, or [`NONE`].
     places: [u32; BATCH],
 }
 
-impl Rolls {
-    pub const NONE: Rolls = Rolls {
-        shift: [[0.0; BATCH]; 3],
-        inverse_w: [0.0; BATCH],
-        rolling: [0.0; BATCH],
-        spinning: [0.0; BATCH],
-        m: [[0.0; BATCH]; 3],
-        previous: [[0.0; BATCH]; 3],
+impl<T: Number> Rolls<T> {
+    pub const NONE: Self = Rolls {
+        shift: [[T::ZERO; BATCH]; 3],
+        inverse_w: [T::ZERO; BATCH],
+        rolling: [T::ZERO; BATCH],
+        spinning: [T::ZERO; BATCH],
+        m: [[T::ZERO; BATCH]; 3],
+        previous: [[T::ZERO; BATCH]; 3],
         places: [NONE; BATCH],
     };
 
@@ -49,9 +49,9 @@ impl Rolls {
         let Ok(place) = system.rolls.binary_search_by_key(&k, |roll| roll.row) else { return };
         let (roll, m) = (&system.rolls[place], &moments[place]);
         put(&mut self.shift, lane, &roll.shift);
-        self.inverse_w[lane] = roll.inverse_w;
-        self.rolling[lane] = roll.rolling * roll.radius;
-        self.spinning[lane] = roll.spinning * roll.radius;
+        self.inverse_w[lane] = T::of(roll.inverse_w);
+        self.rolling[lane] = T::of(roll.rolling * roll.radius);
+        self.spinning[lane] = T::of(roll.spinning * roll.radius);
         put(&mut self.m, lane, m);
         put(&mut self.previous, lane, m);
         self.places[lane] = place as u32;
@@ -60,7 +60,7 @@ impl Rolls {
     /// Puts the moments into `moments`, one a roll of the system.
     pub fn read_back(&self, moments: &mut [Vec3]) {
         for (lane, &place) in self.places.iter().enumerate().filter(|(_, place)| **place != NONE) {
-            moments[place as usize] = Vec3::from(self.m.map(|m| m[lane]));
+            moments[place as usize] = Vec3::from(self.m.map(|m| m[lane].wide()));
         }
     }
 
@@ -69,7 +69,7 @@ impl Rolls {
     /// `n`: normals, `pressing`: r̂_n, N s, `w`: angular velocity of the candidate against the antagonist with y at work,
     /// rad/s.
     #[inline(always)]
-    pub fn solve<L: Arithmetic<T = f64>>(
+    pub fn solve<L: Arithmetic<T = T>>(
         &mut self,
         l: L,
         places: Range<usize>,
@@ -95,19 +95,13 @@ impl Rolls {
 }
 
 #[inline(always)]
-fn load3<L: Arithmetic<T = f64>>(l: L, columns: &[[f64; BATCH]; 3], places: &Range<usize>) -> Triple<L::V> {
+fn load3<L: Arithmetic>(l: L, columns: &[[L::T; BATCH]; 3], places: &Range<usize>) -> Triple<L::V> {
     triple!(k => l.load(&columns[k][places.clone()]))
 }
 
 /// The nearest moment to `m` whose part along `n` is at most `spinning`, and that across at most `rolling`.
 #[inline(always)]
-fn bounded<L: Arithmetic<T = f64>>(
-    l: L,
-    n: Triple<L::V>,
-    m: Triple<L::V>,
-    rolling: L::V,
-    spinning: L::V,
-) -> Triple<L::V> {
+fn bounded<L: Arithmetic>(l: L, n: Triple<L::V>, m: Triple<L::V>, rolling: L::V, spinning: L::V) -> Triple<L::V> {
     let along = dot(l, n, m);
     let across = within(l, triple!(k => l.neg_mul_add(n[k], along, m[k])), rolling);
     let least = l.sub(l.splat(0.0), spinning);

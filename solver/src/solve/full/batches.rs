@@ -5,7 +5,8 @@
 
 use crate::assemble::{Full, Record, System};
 use crate::math::Vec3;
-use crate::solve::batches::{BATCH, NONE, Sums, put};
+use crate::math::lanes::Number;
+use crate::solve::batches::{BATCH, NONE, Sums, Units, onto_cone, put};
 use crate::solve::full::local::axes;
 use crate::solve::nlgs::Reactions;
 use crate::solve::rolling::Rolls;
@@ -20,10 +21,10 @@ const COLOURS: usize = 64;
 const POINTS: usize = 4;
 
 /// Numbers of a body.
-pub type Line = [f64; 8];
+pub type Line<T> = [T; 8];
 
 /// Numbers of the pairs of a batch.
-pub type Column = [f64; BATCH];
+pub type Column<T> = [T; BATCH];
 
 /// Sixteen pairs of bodies.
 #[derive(Debug, Clone)]
@@ -38,70 +39,111 @@ pub struct Batch {
 
 /// One contact of each pair of a batch: what is constant of it. Unused places are pushed by nothing and stay at rest.
 pub trait Contacts: Clone + Send + Sync {
+    type T: Number;
     /// What sweeps change of it.
     type Impulses: Clone + Default + Send + Sync;
 
     fn unused() -> Self;
 
-    /// Puts row `k` of the system into a place, to start from `impulse` (world frame, N s).
-    fn put(&mut self, lane: usize, system: &System, full: &Full, k: usize, impulse: &Vec3, values: &mut Self::Impulses);
+    /// Puts row `k` of the system into a place, to start from its impulse.
+    fn put(&mut self, lane: usize, from: &Fill, k: usize, values: &mut Self::Impulses);
 
-    /// r̂ of a place, world frame, N s.
-    fn impulse(&self, values: &Self::Impulses, lane: usize) -> Vec3;
+    /// r̂ of row `k` from its place, world frame, N s.
+    fn impulse(&self, lane: usize, system: &System, k: usize, values: &Self::Impulses, units: &Units) -> Vec3;
+}
+
+/// What the batches are filled from.
+pub struct Fill<'a> {
+    system: &'a System,
+    full: &'a Full,
+    /// r̂ and moments at the start.
+    reactions: &'a Reactions,
+    /// The velocities that they lead to.
+    records: &'a [Record],
+    units: Units,
+}
+
+impl Fill<'_> {
+    /// û that row `k` starts from without what sweeps change of the velocities, m/s.
+    ///
+    /// Lines of single precision hold these changes alone, as in [`Body::CHANGES`](crate::solve::batches::Body::CHANGES).
+    fn shift<T: Number>(&self, k: usize) -> Vec3 {
+        let shift = self.system.rows[k].shift;
+        if T::SINGLE { shift + self.velocity(k) } else { shift }
+    }
+
+    /// Velocity of the candidate against the antagonist at the contact point, world frame, m/s.
+    fn velocity(&self, k: usize) -> Vec3 {
+        let [a, b] = self.system.rows[k].bodies.map(|body| &self.records[body as usize]);
+        let [arm_a, arm_b] = self.full.arms[k];
+        a.v + a.w.cross(&arm_a) - (b.v + b.w.cross(&arm_b))
+    }
+
+    /// Units near the largest numbers of the rows `active` in single precision, else SI.
+    fn with_units<T: Number>(self, active: &[u32]) -> Self {
+        let of_row = |&k: &u32| {
+            let w = self.system.rows[k as usize].w_n;
+            (w, self.velocity(k as usize).norm() + w * self.reactions.impulses[k as usize].norm())
+        };
+        let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
+        let units =
+            if T::SINGLE { Units::near(active.iter().map(of_row).fold((0.0, 0.0), largest)) } else { Units::SI };
+        Fill { units, ..self }
+    }
 }
 
 /// With friction: three unknowns.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
-pub struct Point {
+pub struct Point<T> {
     /// The normal and the axes of the local block, world frame.
-    pub axes: [[Column; 3]; 3],
+    pub axes: [[Column<T>; 3]; 3],
     /// From the centres of candidate and antagonist, m.
-    pub arms: [[Column; 3]; 2],
+    pub arms: [[Column<T>; 3]; 2],
     /// û = u + shift, along the axes, m/s.
-    pub shift: [Column; 3],
-    pub inverse_nn: Column,
-    pub c: [Column; 2],
-    pub s: [Column; 2],
-    pub inverse_s: [Column; 2],
-    pub friction: Column,
+    pub shift: [Column<T>; 3],
+    pub inverse_nn: Column<T>,
+    pub c: [Column<T>; 2],
+    pub s: [Column<T>; 2],
+    pub inverse_s: [Column<T>; 2],
+    pub friction: Column<T>,
     /// A third of the trace of W, 1/kg.
-    pub weight: Column,
+    pub weight: Column<T>,
 }
 
 /// r̂ of a point along its axes, now and of the sweep before, N s, and the multiplier of its sliding.
 #[derive(Debug, Clone, Default)]
 #[repr(align(64))]
-pub struct Impulses {
-    pub r: [Column; 3],
-    pub previous: [Column; 3],
-    pub multiplier: Column,
+pub struct Impulses<T> {
+    pub r: [Column<T>; 3],
+    pub previous: [Column<T>; 3],
+    pub multiplier: Column<T>,
 }
 
 /// Without friction: one unknown. A unit of it turns the bodies by the angular impulses `arms`, and so changes their
 /// angular velocities by `answers`.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
-pub struct Normal {
+pub struct Normal<T> {
     /// World frame.
-    pub normal: [Column; 3],
+    pub normal: [Column<T>; 3],
     /// Arm of candidate and antagonist times the normal, m.
-    pub arms: [[Column; 3]; 2],
+    pub arms: [[Column<T>; 3]; 2],
     /// Inverse inertia times that, 1/(kg m).
-    pub answers: [[Column; 3]; 2],
+    pub answers: [[Column<T>; 3]; 2],
     /// û = u + shift, along the normal, m/s.
-    pub shift: Column,
-    pub inverse_nn: Column,
+    pub shift: Column<T>,
+    pub inverse_nn: Column<T>,
     /// W_nn, 1/kg.
-    pub weight: Column,
+    pub weight: Column<T>,
 }
 
 /// r̂ of a point along its normal, now and of the sweep before, N s.
 #[derive(Debug, Clone, Default)]
 #[repr(align(64))]
-pub struct Push {
-    pub r: Column,
-    pub previous: Column,
+pub struct Push<T> {
+    pub r: Column<T>,
+    pub previous: Column<T>,
 }
 
 /// Batches that are swept in this order, with their impulses.
@@ -110,7 +152,7 @@ pub struct Batches<C: Contacts> {
     pub points: Vec<C>,
     pub impulses: Vec<C::Impulses>,
     /// By point; empty where no contact of the scene has moments.
-    pub rolls: Vec<Rolls>,
+    pub rolls: Vec<Rolls<C::T>>,
     /// Rows of the system, or [`NONE`], by point.
     rows: Vec<[u32; BATCH]>,
 }
@@ -121,15 +163,17 @@ pub struct Range<C: Contacts> {
     pub lines: usize,
     pub inside: Batches<C>,
     /// Sums of the last sweep.
-    pub sums: Sums,
+    pub sums: Sums<C::T>,
 }
 
 /// Lines of the touched bodies, range by range: v, 1/m, w and an unused place; inverse inertia xx, xy, xz, yy, yz, zz, and
 /// two unused places. Of bodies that are [held](Full::held) the three hold 1 for x, y and z along which these are pushed, else 0.
+/// In single precision v and w are what sweeps change of them, in [`Units`].
 pub struct Problem<C: Contacts> {
-    pub lines: Vec<Line>,
-    pub previous: Vec<Line>,
-    pub inertia: Vec<Line>,
+    pub units: Units,
+    pub lines: Vec<Line<C::T>>,
+    pub previous: Vec<Line<C::T>>,
+    pub inertia: Vec<Line<C::T>>,
     pub ranges: Vec<Range<C>>,
     pub between: Batches<C>,
 }
@@ -144,6 +188,7 @@ struct Pair {
 impl<C: Contacts> Problem<C> {
     /// The problem of the rows `active` (sorted), starting from `reactions` and from the velocities that they lead to.
     pub fn new(system: &System, full: &Full, active: &[u32], reactions: &Reactions, records: &[Record]) -> Self {
+        let fill = Fill { system, full, reactions, records, units: Units::SI }.with_units::<C::T>(active);
         let mut pairs = pairs(system, active);
         // Which range each moving body is in; bodies in the order of space.
         let mut range_of = vec![NONE; records.len()];
@@ -190,14 +235,17 @@ impl<C: Contacts> Problem<C> {
         let (mut lines, mut inertia) = (Vec::new(), Vec::new());
         for range in 0..count {
             for &body in members[range].iter().chain(&fixed[range]) {
-                let Record { v, inverse_mass, w, .. } = &records[body as usize];
-                let pushed = full.pushed(body as usize);
-                lines.push([v.x, v.y, v.z, *inverse_mass, w.x, w.y, w.z, pushed.x]);
-                let m = &full.inverse_inertia[body as usize];
-                inertia.push([m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], pushed.y, pushed.z]);
+                let &Record { v, inverse_mass, w, .. } = &records[body as usize];
+                let (v, w) = if C::T::SINGLE { (Vec3::zeros(), Vec3::zeros()) } else { (v, w) };
+                let (pushed, mass) = (full.pushed(body as usize), fill.units.mass());
+                let line = [v.x, v.y, v.z, inverse_mass * mass, w.x, w.y, w.z, pushed.x];
+                lines.push(line.map(C::T::of));
+                let m = full.inverse_inertia[body as usize] * mass;
+                let line = [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], pushed.y, pushed.z];
+                inertia.push(line.map(C::T::of));
             }
-            lines.push([0.0; 8]);
-            inertia.push([0.0; 8]);
+            lines.push([C::T::ZERO; 8]);
+            inertia.push([C::T::ZERO; 8]);
             starts.push(lines.len() as u32);
         }
         // Pairs between ranges count in all lines.
@@ -213,7 +261,7 @@ impl<C: Contacts> Problem<C> {
             for (size, mut members) in colours(group, &pairs, &mut masks) {
                 members.sort_by_key(|&k| std::cmp::Reverse(pairs[k as usize].rows.len()));
                 for chunk in members.chunks(size) {
-                    batches.push(system, full, &pairs, chunk, reactions, unused);
+                    batches.push(&fill, &pairs, chunk, unused);
                 }
             }
             batches
@@ -225,17 +273,17 @@ impl<C: Contacts> Problem<C> {
             })
             .collect();
         let between = layout(&groups[count], lines.len() as u32 - 1);
-        Problem { previous: lines.clone(), lines, inertia, ranges, between }
+        Problem { units: fill.units, previous: lines.clone(), lines, inertia, ranges, between }
     }
 
-    /// Puts the impulses and moments of the rows swept into `reactions`.
-    pub fn read_back(&self, reactions: &mut Reactions) {
+    /// Puts the impulses and moments of the rows swept, which are of this system, into `reactions`.
+    pub fn read_back(&self, system: &System, reactions: &mut Reactions) {
         let Reactions { impulses, moments } = reactions;
         for batches in self.ranges.iter().map(|range| &range.inside).chain([&self.between]) {
             batches.rolls.iter().for_each(|rolls| rolls.read_back(moments));
             for ((point, values), rows) in batches.points.iter().zip(&batches.impulses).zip(&batches.rows) {
                 for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
-                    impulses[row as usize] = point.impulse(values, lane);
+                    impulses[row as usize] = point.impulse(lane, system, row as usize, values, &self.units);
                 }
             }
         }
@@ -283,16 +331,8 @@ impl<C: Contacts> Batches<C> {
         Batches { batches: vec![], points: vec![], impulses: vec![], rolls: vec![], rows: vec![] }
     }
 
-    fn push(
-        &mut self,
-        system: &System,
-        full: &Full,
-        pairs: &[Pair],
-        members: &[u32],
-        reactions: &Reactions,
-        unused: u32,
-    ) {
-        let Reactions { impulses, moments } = reactions;
+    fn push(&mut self, from: &Fill, pairs: &[Pair], members: &[u32], unused: u32) {
+        let Fill { system, full, .. } = from;
         let first = self.points.len();
         let mut bodies = members.iter().flat_map(|&k| pairs[k as usize].bodies);
         let held = bodies.any(|body| full.holds(body as usize));
@@ -312,10 +352,10 @@ impl<C: Contacts> Batches<C> {
                     }
                 }
                 if let Some(rolls) = self.rolls.get_mut(first + at) {
-                    rolls.put(lane, system, row, moments);
+                    rolls.put(lane, system, row, &from.reactions.moments);
                 }
                 let values = &mut self.impulses[first + at];
-                self.points[first + at].put(lane, system, full, row as usize, &impulses[row as usize], values);
+                self.points[first + at].put(lane, from, row as usize, values);
                 self.rows[first + at][lane] = row;
             }
         }
@@ -324,82 +364,89 @@ impl<C: Contacts> Batches<C> {
     }
 }
 
-const ZERO: Column = [0.0; BATCH];
-const ONE: Column = [1.0; BATCH];
-
-impl Contacts for Point {
-    type Impulses = Impulses;
+impl<T: Number> Contacts for Point<T> {
+    type T = T;
+    type Impulses = Impulses<T>;
 
     fn unused() -> Self {
+        let (zero, one) = ([T::ZERO; BATCH], [T::of(1.0); BATCH]);
         Point {
-            axes: [[ZERO; 3]; 3],
-            arms: [[ZERO; 3]; 2],
-            shift: [ZERO; 3],
-            inverse_nn: ZERO,
-            c: [ZERO; 2],
-            s: [ONE; 2],
-            inverse_s: [ONE; 2],
-            friction: ZERO,
-            weight: ZERO,
+            axes: [[zero; 3]; 3],
+            arms: [[zero; 3]; 2],
+            shift: [zero; 3],
+            inverse_nn: zero,
+            c: [zero; 2],
+            s: [one; 2],
+            inverse_s: [one; 2],
+            friction: zero,
+            weight: zero,
         }
     }
 
-    fn put(&mut self, lane: usize, system: &System, full: &Full, k: usize, impulse: &Vec3, values: &mut Impulses) {
+    fn put(&mut self, lane: usize, from: &Fill, k: usize, values: &mut Impulses<T>) {
+        let Fill { system, full, reactions, units, .. } = from;
         let row = &system.rows[k];
         let w = full.block(k, row, &system.records);
         let (axes, c, s) = axes(&w, row.normal);
+        let (shift, impulse, mass) = (from.shift::<T>(k), reactions.impulses[k], units.mass());
         for (axis, direction) in axes.iter().enumerate() {
             put(&mut self.axes[axis], lane, direction);
-            self.shift[axis][lane] = direction.dot(&row.shift);
-            values.r[axis][lane] = direction.dot(impulse);
+            self.shift[axis][lane] = T::of(direction.dot(&shift) / units.velocity);
+            values.r[axis][lane] = T::of(direction.dot(&impulse) / units.impulse);
             values.previous[axis][lane] = values.r[axis][lane];
         }
         for side in 0..2 {
             put(&mut self.arms[side], lane, &full.arms[k][side]);
-            self.c[side][lane] = c[side];
-            self.s[side][lane] = s[side];
-            self.inverse_s[side][lane] = 1.0 / s[side];
+            self.c[side][lane] = T::of(c[side]);
+            self.s[side][lane] = T::of(s[side] * mass);
+            self.inverse_s[side][lane] = T::of(1.0 / s[side] / mass);
         }
-        self.inverse_nn[lane] = 1.0 / row.w_n;
-        self.friction[lane] = row.friction;
-        self.weight[lane] = w.trace() / 3.0;
+        self.inverse_nn[lane] = T::of(1.0 / row.w_n / mass);
+        self.friction[lane] = T::of(row.friction);
+        self.weight[lane] = T::of(w.trace() / 3.0 * mass);
     }
 
-    fn impulse(&self, values: &Impulses, lane: usize) -> Vec3 {
-        let world = |k: usize| (0..3).map(|axis| self.axes[axis][k][lane] * values.r[axis][lane]).sum();
-        Vec3::from_fn(|k, _| world(k))
+    fn impulse(&self, lane: usize, system: &System, k: usize, values: &Impulses<T>, units: &Units) -> Vec3 {
+        let part = |k: usize, axis: usize| self.axes[axis][k][lane].wide() * values.r[axis][lane].wide();
+        let r = Vec3::from_fn(|k, _| (0..3).map(|axis| part(k, axis)).sum()) * units.impulse;
+        let row = &system.rows[k];
+        if T::SINGLE { onto_cone(&row.normal, row.friction, r) } else { r }
     }
 }
 
-impl Contacts for Normal {
-    type Impulses = Push;
+impl<T: Number> Contacts for Normal<T> {
+    type T = T;
+    type Impulses = Push<T>;
 
     fn unused() -> Self {
+        let zero = [T::ZERO; BATCH];
         Normal {
-            normal: [ZERO; 3],
-            arms: [[ZERO; 3]; 2],
-            answers: [[ZERO; 3]; 2],
-            shift: ZERO,
-            inverse_nn: ZERO,
-            weight: ZERO,
+            normal: [zero; 3],
+            arms: [[zero; 3]; 2],
+            answers: [[zero; 3]; 2],
+            shift: zero,
+            inverse_nn: zero,
+            weight: zero,
         }
     }
 
-    fn put(&mut self, lane: usize, system: &System, full: &Full, k: usize, impulse: &Vec3, values: &mut Push) {
+    fn put(&mut self, lane: usize, from: &Fill, k: usize, values: &mut Push<T>) {
+        let Fill { system, full, reactions, units, .. } = from;
         let row = &system.rows[k];
-        let n = row.normal;
+        let (n, mass) = (row.normal, units.mass());
         put(&mut self.normal, lane, &n);
         for side in 0..2 {
             let arm = full.arms[k][side].cross(&n);
             put(&mut self.arms[side], lane, &arm);
-            put(&mut self.answers[side], lane, &(full.inverse_inertia[row.bodies[side] as usize] * arm));
+            put(&mut self.answers[side], lane, &(full.inverse_inertia[row.bodies[side] as usize] * arm * mass));
         }
-        self.shift[lane] = n.dot(&row.shift);
-        (values.r[lane], values.previous[lane]) = (n.dot(impulse), n.dot(impulse));
-        (self.inverse_nn[lane], self.weight[lane]) = (1.0 / row.w_n, row.w_n);
+        self.shift[lane] = T::of(n.dot(&from.shift::<T>(k)) / units.velocity);
+        values.r[lane] = T::of(n.dot(&reactions.impulses[k]) / units.impulse);
+        values.previous[lane] = values.r[lane];
+        (self.inverse_nn[lane], self.weight[lane]) = (T::of(1.0 / row.w_n / mass), T::of(row.w_n * mass));
     }
 
-    fn impulse(&self, values: &Push, lane: usize) -> Vec3 {
-        Vec3::from_fn(|k, _| self.normal[k][lane] * values.r[lane])
+    fn impulse(&self, lane: usize, system: &System, k: usize, values: &Push<T>, units: &Units) -> Vec3 {
+        system.rows[k].normal * (values.r[lane].wide() * units.impulse)
     }
 }

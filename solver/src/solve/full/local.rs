@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix3};
 
-use crate::math::lanes::{Lanes, Scalar};
+use crate::math::lanes::{Arithmetic, Number, Scalar};
 use crate::math::{Vec3, local_frame};
 
 /// Axes and numbers of a contact's own block W: the normal unknown eliminated, the tangents on the principal axes of
@@ -61,8 +61,6 @@ pub fn alone(w: &Matrix3<f64>, normal: Vec3, friction: f64, u: &Vec3, r: &Vec3) 
     axes[0] * new[0] + axes[1] * new[1] + axes[2] * new[2]
 }
 
-/// |psi| below which one more step of Newton's method is the last: what is left then is its square.
-const NEARLY: f64 = 1e-8;
 /// Newton's method takes two or three; sixty bisections of the bracket would do as well.
 const ITERATIONS: usize = 60;
 
@@ -79,7 +77,7 @@ const ITERATIONS: usize = 60;
 /// Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991) 353-375; psi as in J. Moré, D. Sorensen,
 /// SIAM J. Sci. Stat. Comput. 4 (1983) 553-572.
 #[inline(always)]
-pub fn signorini_coulomb<L: Lanes>(
+pub fn signorini_coulomb<L: Arithmetic>(
     l: L,
     block: &Block<L::V>,
     u: [L::V; 3],
@@ -124,7 +122,9 @@ pub fn signorini_coulomb<L: Lanes>(
         let inside = l.select_greater(start, low, start, l.mul(l.splat(0.5), high));
         let mut s = l.select_greater(high, inside, inside, l.mul(l.splat(0.5), high));
         let mut waits = slides;
-        let near2 = l.splat(NEARLY * NEARLY);
+        // At so small a |psi| one more step of Newton's method is the last: what is left then is its square.
+        let near = L::T::ROOT_OF_ROUNDING;
+        let near2 = l.splat(near * near);
         for _ in 0..ITERATIONS {
             let Sliding { e, d, r, n, square, length } = sliding(l, axes, p, c, free, s);
             let miss = l.sub(l.mul(friction, n), length); // psi |r|
@@ -183,7 +183,7 @@ struct Sliding<V> {
 }
 
 #[inline(always)]
-fn sliding<L: Lanes>(l: L, axes: [L::V; 2], p: [L::V; 2], c: [L::V; 2], free: L::V, s: L::V) -> Sliding<L::V> {
+fn sliding<L: Arithmetic>(l: L, axes: [L::V; 2], p: [L::V; 2], c: [L::V; 2], free: L::V, s: L::V) -> Sliding<L::V> {
     let e = [l.add(axes[0], s), l.add(axes[1], s)];
     let d = l.mul(e[0], e[1]);
     let r = [l.mul(p[0], e[1]), l.mul(p[1], e[0])];

@@ -12,6 +12,7 @@ pub mod sweep;
 
 #[cfg(test)]
 mod tests {
+    use cd_formats::compute::SweepPrecision;
     use nalgebra::Matrix3;
 
     use crate::assemble::{Full, Record, Row, System};
@@ -93,17 +94,81 @@ mod tests {
         }
     }
 
+    fn in_single(tol: f64, max_sweeps: u64) -> Until {
+        Until { precision: SweepPrecision::Single, ..Until::new(tol, max_sweeps) }
+    }
+
+    #[test]
+    fn single_precision_reaches_what_is_sought_with_it() {
+        for friction in [0.0, 0.3] {
+            let system = heap(60, friction);
+            let solution = nlgs(&system, in_single(1e-4, 100_000), Width::detect());
+            assert!(solution.single && solution.converged, "{friction}: {:e}", solution.residual);
+            let all: Vec<u32> = (0..system.rows.len() as u32).collect();
+            assert!(Judge::new(&system, &all, Width::detect()).residual(&solution.impulses).value <= 1e-4);
+            let double = nlgs(&system, Until::new(1e-4, 100_000), Width::detect());
+            // Noise of 1e-7 is nothing to what is left: about as many sweeps.
+            assert!(solution.sweeps < 2 * double.sweeps, "{friction}: {} {}", solution.sweeps, double.sweeps);
+        }
+    }
+
+    /// What slides is on its cone to the rounding of double precision.
+    #[test]
+    fn impulses_of_single_precision_keep_to_their_cones() {
+        let system = heap(60, 0.3);
+        let solution = nlgs(&system, in_single(1e-4, 100_000), Width::detect());
+        let mut sliding = 0;
+        for (row, r) in system.rows.iter().zip(&solution.impulses) {
+            let normal = row.normal.dot(r);
+            let share = (r - row.normal * normal).norm() / (0.3 * normal);
+            assert!(normal >= -1e-6 && (normal <= 1e-6 || share <= 1.0 + 1e-12), "{normal} {share}");
+            sliding += usize::from(share > 1.0 - 1e-12);
+        }
+        assert!(sliding > 5, "{sliding}");
+    }
+
+    /// Powers of two: a system of light grains that move fast is solved as the one of heavy slow ones, bit for bit.
+    #[test]
+    fn no_unit_matters_in_single_precision() {
+        let solved = |mass: f64, speed: f64| {
+            let mut system = heap(60, 0.3);
+            for record in &mut system.records {
+                (record.v, record.w) = (record.v * speed, record.w * speed);
+                record.inverse_mass /= mass;
+            }
+            system.full.as_mut().unwrap().inverse_inertia.iter_mut().for_each(|m| *m /= mass);
+            for row in &mut system.rows {
+                (row.w_n, row.w_t, row.shift) = (row.w_n / mass, row.w_t / mass, row.shift * speed);
+            }
+            let unit = mass * speed;
+            nlgs(&system, in_single(1e-4, 50), Width::detect())
+                .impulses
+                .into_iter()
+                .map(|r| r / unit)
+                .collect::<Vec<_>>()
+        };
+        let (power, expected) = (|k: i32| 2f64.powi(k), solved(1.0, 1.0));
+        assert!(expected.iter().any(|r| r.norm() > 0.1));
+        for (mass, speed) in [(power(-80), power(-40)), (power(100), power(30))] {
+            assert_eq!(solved(mass, speed), expected, "{mass} {speed}");
+        }
+    }
+
     /// 1500 bodies are cut into ranges.
     #[test]
     fn no_width_and_no_number_of_threads_changes_a_bit() {
-        [0.4, 0.0].into_iter().for_each(no_width_and_no_number_of_threads_changes_a_bit_at);
+        for until in [Until::new(1e-12, 30), in_single(1e-12, 30)] {
+            [0.4, 0.0]
+                .into_iter()
+                .for_each(|friction| no_width_and_no_number_of_threads_changes_a_bit_at(friction, until));
+        }
     }
 
-    fn no_width_and_no_number_of_threads_changes_a_bit_at(friction: f64) {
+    fn no_width_and_no_number_of_threads_changes_a_bit_at(friction: f64, until: Until) {
         let system = heap(1500, friction);
         let solve = |width, threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| nlgs(&system, Until::new(1e-12, 30), width).impulses)
+            pool.install(|| nlgs(&system, until, width).impulses)
         };
         let first = solve(Width::all()[0], 1);
         assert!(first.iter().any(|r| r.norm() > 0.1));

@@ -2,7 +2,7 @@
 
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Lanes, Twice, Width};
+use crate::math::lanes::{Arithmetic, Number, Single, Twice, Width};
 use crate::solve::batches::{BATCH, NEAR, Sums};
 use crate::solve::full::batches::{Batch, Batches, Contacts, Impulses, Line, Normal, Point, Problem, Push, Range};
 use crate::solve::full::local::{Block, signorini_coulomb};
@@ -10,35 +10,46 @@ use crate::solve::local::{cross_add, dot, triple};
 use crate::solve::rolling::Rolls;
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
-pub fn sweep<C: Swept>(problem: &mut Problem<C>, width: Width, beta: f64) -> Sums {
+pub fn sweep<C: Swept<T = f64>>(problem: &mut Problem<C>, width: Width, beta: f64) -> Sums<f64> {
     match width {
-        Width::One(lanes) => sweep_with(problem, lanes, beta),
+        Width::One(lanes) => sweep_with(problem, Twice(lanes), beta),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(simd) => sweep_with(problem, simd, beta),
+        Width::Four(simd) => sweep_with(problem, Twice(simd), beta),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(simd) => sweep_with(problem, simd, beta),
+        Width::Eight(simd) => sweep_with(problem, Twice(simd), beta),
     }
 }
 
-fn sweep_with<L: Lanes, C: Swept>(problem: &mut Problem<C>, lanes: L, beta: f64) -> Sums {
-    let Problem { lines, previous, inertia, ranges, between } = problem;
+/// The same in single precision.
+pub fn sweep_single<C: Swept<T = f32>>(problem: &mut Problem<C>, width: Width, beta: f64) -> Sums<f32> {
+    match width {
+        Width::One(lanes) => sweep_with(problem, Twice(Single(lanes)), beta),
+        #[cfg(target_arch = "x86_64")]
+        Width::Four(simd) => sweep_with(problem, Twice(Single(simd)), beta),
+        #[cfg(target_arch = "x86_64")]
+        Width::Eight(simd) => sweep_with(problem, Single(simd), beta), // as many as a batch has
+    }
+}
+
+fn sweep_with<L: Arithmetic, C: Swept<T = L::T>>(problem: &mut Problem<C>, lanes: L, beta: f64) -> Sums<L::T> {
+    let Problem { lines, previous, inertia, ranges, between, .. } = problem;
     let points = between.points.len() + ranges.iter().map(|range| range.inside.points.len()).sum::<usize>();
     let far = points * size_of::<(C, C::Impulses)>() > NEAR;
     side_by_side(ranges, lines, previous, inertia, lanes, (beta, far));
     let mut sums = Sums::default();
     ranges.iter().for_each(|range| sums.add(&range.sums));
     let mut last = Sums::default();
-    lanes.run(Run { lanes: Twice(lanes), lines, inertia, batches: between, beta, far, sums: &mut last });
+    lanes.run(Run { lanes, lines, inertia, batches: between, beta, far, sums: &mut last });
     sums.add(&last);
     sums
 }
 
 /// Halves the ranges until one is left to each task.
-fn side_by_side<L: Lanes, C: Swept>(
+fn side_by_side<L: Arithmetic, C: Swept<T = L::T>>(
     ranges: &mut [Range<C>],
-    lines: &mut [Line],
-    previous: &mut [Line],
-    inertia: &[Line],
+    lines: &mut [Line<L::T>],
+    previous: &mut [Line<L::T>],
+    inertia: &[Line<L::T>],
     lanes: L,
     (beta, far): (f64, bool),
 ) {
@@ -46,7 +57,7 @@ fn side_by_side<L: Lanes, C: Swept>(
         lanes.run(CarryOn { lanes, lines, previous, beta });
         range.sums = Sums::default();
         let batches = &mut range.inside;
-        lanes.run(Run { lanes: Twice(lanes), lines, inertia, batches, beta, far, sums: &mut range.sums });
+        lanes.run(Run { lanes, lines, inertia, batches, beta, far, sums: &mut range.sums });
         return;
     }
     let (left, right) = ranges.split_at_mut(ranges.len() / 2);
@@ -61,42 +72,46 @@ fn side_by_side<L: Lanes, C: Swept>(
 }
 
 /// Velocities are linear in the impulses, so momentum takes one pass over the bodies.
-struct CarryOn<'a, L> {
+struct CarryOn<'a, L: Arithmetic> {
     lanes: L,
-    lines: &'a mut [Line],
-    previous: &'a mut [Line],
+    lines: &'a mut [Line<L::T>],
+    previous: &'a mut [Line<L::T>],
     beta: f64,
 }
 
-impl<L: Lanes> NullaryFnOnce for CarryOn<'_, L> {
+impl<L: Arithmetic> NullaryFnOnce for CarryOn<'_, L> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
         let l = self.lanes;
         let beta = l.splat(self.beta);
-        for (line, previous) in self.lines.iter_mut().zip(self.previous) {
-            for from in (0..8).step_by(L::WIDTH) {
-                let (now, before) = (l.load(&line[from..]), l.load(&previous[from..]));
-                // Masses do not change, so they stay.
-                l.store(&mut line[from..], l.mul_add(beta, l.sub(now, before), now));
-                l.store(&mut previous[from..], now);
-            }
+        // Masses do not change, so they stay.
+        let mut lines = self.lines.as_flattened_mut().chunks_exact_mut(L::WIDTH);
+        let mut previous = self.previous.as_flattened_mut().chunks_exact_mut(L::WIDTH);
+        for (line, previous) in (&mut lines).zip(&mut previous) {
+            let (now, before) = (l.load(line), l.load(previous));
+            l.store(line, l.mul_add(beta, l.sub(now, before), now));
+            l.store(previous, now);
+        }
+        for (line, previous) in lines.into_remainder().iter_mut().zip(previous.into_remainder()) {
+            let (now, before) = (*line, *previous);
+            (*line, *previous) = (L::T::of(self.beta).fused(now - before, now), now);
         }
     }
 }
 
 struct Run<'a, L, C: Contacts> {
     lanes: L,
-    lines: &'a mut [Line],
-    inertia: &'a [Line],
+    lines: &'a mut [Line<C::T>],
+    inertia: &'a [Line<C::T>],
     batches: &'a mut Batches<C>,
     beta: f64,
     /// Whether the problem does not fit near by.
     far: bool,
-    sums: &'a mut Sums,
+    sums: &'a mut Sums<C::T>,
 }
 
-impl<L: Lanes, C: Swept> NullaryFnOnce for Run<'_, L, C> {
+impl<L: Arithmetic, C: Swept<T = L::T>> NullaryFnOnce for Run<'_, L, C> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -144,7 +159,7 @@ pub struct Moved<V> {
 pub trait Swept: Contacts {
     /// Solves those at `places`, from y = r + beta (r - r_before), and gives the change to the bodies at once, of which some
     /// are pushed along some axes alone if `HELD`.
-    fn solve<const HELD: bool, L: Lanes>(
+    fn solve<const HELD: bool, L: Arithmetic<T = Self::T>>(
         &self,
         l: L,
         values: &mut Self::Impulses,
@@ -155,18 +170,23 @@ pub trait Swept: Contacts {
     );
 
     /// The normals, world frame, and r̂_n, N s, of the contacts at `places`.
-    fn pressing<L: Lanes>(&self, l: L, values: &Self::Impulses, places: std::ops::Range<usize>) -> ([L::V; 3], L::V);
+    fn pressing<L: Arithmetic<T = Self::T>>(
+        &self,
+        l: L,
+        values: &Self::Impulses,
+        places: std::ops::Range<usize>,
+    ) -> ([L::V; 3], L::V);
 }
 
 /// Of a vector what acts on each of the two bodies.
 #[inline(always)]
-fn along<const HELD: bool, L: Lanes>(l: L, pushed: &[[L::V; 3]; 2], x: [L::V; 3]) -> [[L::V; 3]; 2] {
+fn along<const HELD: bool, L: Arithmetic>(l: L, pushed: &[[L::V; 3]; 2], x: [L::V; 3]) -> [[L::V; 3]; 2] {
     if HELD { [triple!(k => l.mul(x[k], pushed[0][k])), triple!(k => l.mul(x[k], pushed[1][k]))] } else { [x, x] }
 }
 
 /// I⁻¹ a + c, I⁻¹ by its six numbers.
 #[inline(always)]
-fn answer<L: Lanes>(l: L, m: [L::V; 8], a: [L::V; 3], c: [L::V; 3]) -> [L::V; 3] {
+fn answer<L: Arithmetic>(l: L, m: [L::V; 8], a: [L::V; 3], c: [L::V; 3]) -> [L::V; 3] {
     [
         l.mul_add(m[0], a[0], l.mul_add(m[1], a[1], l.mul_add(m[2], a[2], c[0]))),
         l.mul_add(m[1], a[0], l.mul_add(m[3], a[1], l.mul_add(m[4], a[2], c[1]))),
@@ -187,12 +207,12 @@ macro_rules! load3 {
     };
 }
 
-impl Swept for Point {
+impl<T: Number> Swept for Point<T> {
     #[inline(always)]
-    fn solve<const HELD: bool, L: Lanes>(
+    fn solve<const HELD: bool, L: Arithmetic<T = T>>(
         &self,
         l: L,
-        values: &mut Impulses,
+        values: &mut Impulses<T>,
         at: std::ops::Range<usize>,
         beta: L::V,
         pair: &mut Motions<L::V>,
@@ -234,17 +254,22 @@ impl Swept for Point {
     }
 
     #[inline(always)]
-    fn pressing<L: Lanes>(&self, l: L, values: &Impulses, at: std::ops::Range<usize>) -> ([L::V; 3], L::V) {
+    fn pressing<L: Arithmetic<T = T>>(
+        &self,
+        l: L,
+        values: &Impulses<T>,
+        at: std::ops::Range<usize>,
+    ) -> ([L::V; 3], L::V) {
         (load3!(l, at, self.axes[0]), load!(l, at, values.r[0]))
     }
 }
 
-impl Swept for Normal {
+impl<T: Number> Swept for Normal<T> {
     #[inline(always)]
-    fn solve<const HELD: bool, L: Lanes>(
+    fn solve<const HELD: bool, L: Arithmetic<T = T>>(
         &self,
         l: L,
-        values: &mut Push,
+        values: &mut Push<T>,
         at: std::ops::Range<usize>,
         beta: L::V,
         pair: &mut Motions<L::V>,
@@ -274,7 +299,7 @@ impl Swept for Normal {
     }
 
     #[inline(always)]
-    fn pressing<L: Lanes>(&self, l: L, values: &Push, at: std::ops::Range<usize>) -> ([L::V; 3], L::V) {
+    fn pressing<L: Arithmetic<T = T>>(&self, l: L, values: &Push<T>, at: std::ops::Range<usize>) -> ([L::V; 3], L::V) {
         (load3!(l, at, self.normal), load!(l, at, values.r))
     }
 }
@@ -286,7 +311,7 @@ struct Pairs<'a, C: Contacts> {
     impulses: &'a mut [C::Impulses],
     /// What is swept after them.
     later: (&'a [C], &'a [C::Impulses]),
-    rolls: &'a mut [Rolls],
+    rolls: &'a mut [Rolls<C::T>],
     from: usize,
 }
 
@@ -295,13 +320,13 @@ struct Pairs<'a, C: Contacts> {
 /// Of a problem that is `FAR` the next points are asked for, a little at a time: memory is faster when it need not wait for
 /// arithmetic.
 #[inline(always)]
-fn solve_pairs<const HELD: bool, const FAR: bool, L: Lanes, C: Swept>(
+fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: Swept<T = L::T>>(
     l: L,
-    lines: &mut [Line],
-    inertia: &[Line],
+    lines: &mut [Line<L::T>],
+    inertia: &[Line<L::T>],
     pairs: Pairs<C>,
     beta: f64,
-    sums: &mut Sums,
+    sums: &mut Sums<L::T>,
 ) {
     let Pairs { batch, points, impulses, later, rolls, from } = pairs;
     let at = from..from + L::WIDTH;
