@@ -3,9 +3,11 @@
 //!
 //! Bodies are cut into ranges, and pairs into colours that share no moving body, as in [`crate::solve::batches`].
 
+use rayon::prelude::*;
+
 use crate::assemble::{Full, Record, System};
-use crate::math::Vec3;
 use crate::math::lanes::Number;
+use crate::math::{MANY, Vec3};
 use crate::solve::batches::{BATCH, NONE, Sums, Units, onto_cone, put};
 use crate::solve::full::local::axes;
 use crate::solve::nlgs::Reactions;
@@ -19,6 +21,9 @@ const COLOURS: usize = 64;
 
 /// Contacts of a pair that are solved in one go; further ones form another batch.
 const POINTS: usize = 4;
+
+/// Points of sixteen pairs of which a task fills at least so many.
+const FILLED: usize = 32;
 
 /// Numbers of a body.
 pub type Line<T> = [T; 8];
@@ -86,8 +91,10 @@ impl Fill<'_> {
             (w, self.velocity(k as usize).norm() + w * self.reactions.impulses[k as usize].norm())
         };
         let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
-        let units =
-            if T::SINGLE { Units::near(active.iter().map(of_row).fold((0.0, 0.0), largest)) } else { Units::SI };
+        let units = match T::SINGLE {
+            true => Units::near(active.par_iter().with_min_len(MANY).map(of_row).reduce(|| (0.0, 0.0), largest)),
+            false => Units::SI,
+        };
         Fill { units, ..self }
     }
 }
@@ -261,9 +268,10 @@ impl<C: Contacts> Problem<C> {
             for (size, mut members) in colours(group, &pairs, &mut masks) {
                 members.sort_by_key(|&k| std::cmp::Reverse(pairs[k as usize].rows.len()));
                 for chunk in members.chunks(size) {
-                    batches.push(&fill, &pairs, chunk, unused);
+                    batches.push(full, &pairs, chunk, unused);
                 }
             }
+            batches.fill(&fill);
             batches
         };
         let ranges = (0..count)
@@ -331,36 +339,45 @@ impl<C: Contacts> Batches<C> {
         Batches { batches: vec![], points: vec![], impulses: vec![], rolls: vec![], rows: vec![] }
     }
 
-    fn push(&mut self, from: &Fill, pairs: &[Pair], members: &[u32], unused: u32) {
-        let Fill { system, full, .. } = from;
-        let first = self.points.len();
+    /// A batch of the pairs `members`: which row is where.
+    fn push(&mut self, full: &Full, pairs: &[Pair], members: &[u32], unused: u32) {
+        let first = self.rows.len();
         let mut bodies = members.iter().flat_map(|&k| pairs[k as usize].bodies);
         let held = bodies.any(|body| full.holds(body as usize));
-        let mut batch = Batch { bodies: [[unused; BATCH]; 2], points: [first, first], held };
+        let most = members.iter().map(|&k| pairs[k as usize].rows.len()).max().unwrap_or(0);
+        self.rows.resize(first + most, [NONE; BATCH]);
+        let mut batch = Batch { bodies: [[unused; BATCH]; 2], points: [first, first + most], held };
         for (lane, &k) in members.iter().enumerate() {
             let pair = &pairs[k as usize];
             for side in 0..2 {
                 batch.bodies[side][lane] = pair.lines[side];
             }
-            for (at, &row) in pair.rows.iter().enumerate() {
-                if first + at == self.points.len() {
-                    self.points.push(C::unused());
-                    self.impulses.push(C::Impulses::default());
-                    self.rows.push([NONE; BATCH]);
-                    if !system.rolls.is_empty() {
-                        self.rolls.push(Rolls::NONE);
-                    }
-                }
-                if let Some(rolls) = self.rolls.get_mut(first + at) {
-                    rolls.put(lane, system, row, &from.reactions.moments);
-                }
-                let values = &mut self.impulses[first + at];
-                self.points[first + at].put(lane, from, row as usize, values);
-                self.rows[first + at][lane] = row;
+            for (rows, &row) in self.rows[first..].iter_mut().zip(&pair.rows) {
+                rows[lane] = row;
             }
         }
-        batch.points[1] = self.points.len();
         self.batches.push(batch);
+    }
+
+    /// Puts all rows into their places.
+    fn fill(&mut self, from: &Fill) {
+        let count = self.rows.len();
+        self.points = vec![C::unused(); count];
+        self.impulses = vec![C::Impulses::default(); count];
+        let places = self.points.par_iter_mut().zip(&mut self.impulses).zip(&self.rows).with_min_len(FILLED);
+        places.for_each(|((point, values), rows)| {
+            for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
+                point.put(lane, from, row as usize, values);
+            }
+        });
+        if !from.system.rolls.is_empty() {
+            self.rolls = vec![Rolls::NONE; count];
+            for (rolls, rows) in self.rolls.iter_mut().zip(&self.rows) {
+                for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
+                    rolls.put(lane, from.system, row, &from.reactions.moments);
+                }
+            }
+        }
     }
 }
 

@@ -195,7 +195,7 @@ fn sliding<L: Arithmetic>(l: L, axes: [L::V; 2], p: [L::V; 2], c: [L::V; 2], fre
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::lanes::Scalar;
+    use crate::math::lanes::{Scalar, Single};
     use crate::solve::stored::Local;
     use proptest::prelude::*;
 
@@ -214,6 +214,15 @@ mod tests {
         let w = matrix(w_nn, c, s);
         let block = Block { inverse_nn: 1.0 / w_nn, c, s, inverse_s: s.map(|s| 1.0 / s), friction: mu };
         signorini_coulomb(Scalar, &block, velocity(&w, y, q), y, guess)
+    }
+
+    /// The same in single precision, of blocks whose numbers that has; without an impulse before.
+    fn solve_single(w_nn: f64, c: [f64; 2], s: [f64; 2], mu: f64, q: Triple, guess: f64) -> Triple {
+        let short = |x: [f64; 2]| x.map(|x| x as f32);
+        let inverse_s = short(s.map(|s| 1.0 / s));
+        let block = Block { inverse_nn: (1.0 / w_nn) as f32, c: short(c), s: short(s), inverse_s, friction: mu as f32 };
+        let (r, _) = signorini_coulomb(Single(Scalar), &block, q.map(|q| q as f32), [0.0; 3], guess as f32);
+        r.map(f64::from)
     }
 
     /// How far r is from each condition, in velocities and impulses of size 1.
@@ -246,6 +255,8 @@ mod tests {
                         for guess in [0.0, 1.0, 1e300, f64::INFINITY, f64::NAN] {
                             let block = Block { inverse_nn: 1.0, c, s, inverse_s: s.map(|s| 1.0 / s), friction: mu };
                             let (r, _) = signorini_coulomb(Scalar, &block, [n, t, 0.3], [0.0; 3], guess);
+                            assert!(r.iter().all(|x| x.is_finite()), "{c:?} {s:?} {mu} {n} {t} {guess}: {r:?}");
+                            let r = solve_single(1.0, c, s, mu, [n, t, 0.3], guess);
                             assert!(r.iter().all(|x| x.is_finite()), "{c:?} {s:?} {mu} {n} {t} {guess}: {r:?}");
                         }
                     }
@@ -297,6 +308,23 @@ mod tests {
             // Its own multiplier as a guess changes nothing but the last digits.
             let (again, _) = solve(w_nn, c, s, mu, q, y, multiplier);
             prop_assert!((0..3).all(|k| (r[k] - again[k]).abs() < 1e-11 * size));
+        }
+
+        /// With one answer, single precision finds it to its rounding.
+        #[test]
+        fn single_precision_finds_the_same(
+            w_nn in 0.1..2.0f64,
+            c in prop::array::uniform2(-1.0..1.0f64),
+            s in prop::array::uniform2(0.1..2.0f64),
+            q in prop::array::uniform3(-1.0..1.0f64),
+            mu in prop_oneof![Just(0.0), 0.0..0.3f64],
+            guess in prop_oneof![Just(0.0), 1e-3..1e3f64],
+        ) {
+            let (expected, _) = solve(w_nn, c, s, mu, q, [0.0; 3], 0.0);
+            let r = solve_single(w_nn, c, s, mu, q, guess);
+            let size = 1.0 + expected.iter().fold(0.0f64, |a, x| a.max(x.abs()));
+            // 6e-8 of numbers up to `size`, divided by w and axes down to 0.1.
+            prop_assert!((0..3).all(|k| (r[k] - expected[k]).abs() < 1e-5 * size), "{r:?} {expected:?}");
         }
 
         /// Brute force: over a grid of the cone nothing does better.
