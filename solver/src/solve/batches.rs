@@ -115,17 +115,13 @@ impl Units {
     pub const SI: Units = Units { velocity: 1.0, impulse: 1.0 };
 
     /// Those of the rows `active`, which start from `reactions` and the velocities that they lead to.
-    fn of(system: &System, active: &[u32], reactions: &Reactions, records: &[Record]) -> Units {
+    pub fn of(system: &System, active: &[u32], reactions: &Reactions, records: &[Record]) -> Units {
         let of_row = |&k: &u32| {
-            let row = &system.rows[k as usize];
-            (row.w_n, row.velocity(records).norm() + row.w_n * reactions.impulses[k as usize].norm())
+            let (k, w) = (k as usize, system.rows[k as usize].w_n);
+            (w, system.velocity(k, records).norm() + w * reactions.impulses[k].norm())
         };
         let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
-        Units::near(active.par_iter().with_min_len(MANY).map(of_row).reduce(|| (0.0, 0.0), largest))
-    }
-
-    /// For blocks up to `w`, 1/kg, and velocities up to `u`, m/s.
-    pub fn near((w, u): (f64, f64)) -> Units {
+        let (w, u) = active.par_iter().with_min_len(MANY).map(of_row).reduce(|| (0.0, 0.0), largest);
         let velocity = power_of_two(u);
         Units { velocity, impulse: velocity / power_of_two(w) }
     }

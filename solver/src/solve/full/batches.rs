@@ -6,8 +6,8 @@
 use rayon::prelude::*;
 
 use crate::assemble::{Full, Record, System};
+use crate::math::Vec3;
 use crate::math::lanes::Number;
-use crate::math::{MANY, Vec3};
 use crate::solve::batches::{BATCH, NONE, Sums, Units, onto_cone, put};
 use crate::solve::full::local::axes;
 use crate::solve::nlgs::Reactions;
@@ -73,29 +73,7 @@ impl Fill<'_> {
     ///
     /// Lines of single precision hold these changes alone, as in [`Body::CHANGES`](crate::solve::batches::Body::CHANGES).
     fn shift<T: Number>(&self, k: usize) -> Vec3 {
-        let shift = self.system.rows[k].shift;
-        if T::SINGLE { shift + self.velocity(k) } else { shift }
-    }
-
-    /// Velocity of the candidate against the antagonist at the contact point, world frame, m/s.
-    fn velocity(&self, k: usize) -> Vec3 {
-        let [a, b] = self.system.rows[k].bodies.map(|body| &self.records[body as usize]);
-        let [arm_a, arm_b] = self.full.arms[k];
-        a.v + a.w.cross(&arm_a) - (b.v + b.w.cross(&arm_b))
-    }
-
-    /// Units near the largest numbers of the rows `active` in single precision, else SI.
-    fn with_units<T: Number>(self, active: &[u32]) -> Self {
-        let of_row = |&k: &u32| {
-            let w = self.system.rows[k as usize].w_n;
-            (w, self.velocity(k as usize).norm() + w * self.reactions.impulses[k as usize].norm())
-        };
-        let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
-        let units = match T::SINGLE {
-            true => Units::near(active.par_iter().with_min_len(MANY).map(of_row).reduce(|| (0.0, 0.0), largest)),
-            false => Units::SI,
-        };
-        Fill { units, ..self }
+        if T::SINGLE { self.system.velocity(k, self.records) } else { self.system.rows[k].shift }
     }
 }
 
@@ -195,7 +173,8 @@ struct Pair {
 impl<C: Contacts> Problem<C> {
     /// The problem of the rows `active` (sorted), starting from `reactions` and from the velocities that they lead to.
     pub fn new(system: &System, full: &Full, active: &[u32], reactions: &Reactions, records: &[Record]) -> Self {
-        let fill = Fill { system, full, reactions, records, units: Units::SI }.with_units::<C::T>(active);
+        let units = if C::T::SINGLE { Units::of(system, active, reactions, records) } else { Units::SI };
+        let fill = Fill { system, full, reactions, records, units };
         let mut pairs = pairs(system, active);
         // Which range each moving body is in; bodies in the order of space.
         let mut range_of = vec![NONE; records.len()];
