@@ -2,6 +2,7 @@
 
 use cd_solve::assemble::{Full, Record, Roll, Row, System};
 use cd_solve::math::{Mat3, Vec3};
+use cd_solve::solve::full::local::{block_of, matrix};
 
 /// The same with cuboids in place of the spheres, four points on each face that touches.
 pub fn blocks(side: usize, friction: f64) -> System {
@@ -17,12 +18,17 @@ pub fn blocks(side: usize, friction: f64) -> System {
         for (x, y) in [(-0.7, -0.7), (0.7, -0.7), (0.7, 0.7), (-0.7, 0.7)] {
             let across = u.normalize() * x + along * y;
             full.arms.push([across - row.normal, across + row.normal]);
-            let block = full.block(rows.len(), row, &system.records);
-            let w_n = row.normal.dot(&(block * row.normal));
-            rows.push(Row { w_n, w_t: 0.5 * (block.trace() - w_n), ..*row });
+            rows.push(*row);
         }
     }
-    (system.rows, system.full) = (rows, Some(full));
+    system.rows = rows;
+    for k in 0..system.rows.len() {
+        let block = matrix(block_of(&system, &full, k));
+        let row = &mut system.rows[k];
+        row.w_n = row.normal.dot(&(block * row.normal));
+        row.w_t = 0.5 * (block.trace() - row.w_n);
+    }
+    system.full = Some(full);
     system
 }
 

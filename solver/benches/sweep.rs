@@ -36,7 +36,7 @@ fn sweeps(bencher: Bencher, system: System, width: Width, threads: usize) {
 
 fn swept(bencher: Bencher, system: System, width: Width, threads: usize, single: bool) {
     let (active, reactions) = start(&system);
-    let mut problem = Laid::new(&system, &active, &reactions, &system.records, single);
+    let mut problem = Laid::new(&system, &active, &reactions, &system.records, single, width);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     // As in a step: entering the pool once for many sweeps, with momentum.
     bencher
@@ -158,9 +158,9 @@ fn layout(bencher: Bencher, side: usize) {
     let system = packing(side, 0.4);
     let (active, reactions) = start(&system);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    bencher
-        .counter(ItemsCount::new(active.len()))
-        .bench_local(|| pool.install(|| Laid::new(&system, &active, &reactions, &system.records, false)));
+    bencher.counter(ItemsCount::new(active.len())).bench_local(|| {
+        pool.install(|| Laid::new(&system, &active, &reactions, &system.records, false, Width::detect()))
+    });
 }
 
 /// A residual, a few times a step, on one thread.

@@ -103,16 +103,6 @@ pub struct Full {
 }
 
 impl Full {
-    /// W of row `k`, world frame, 1/kg.
-    pub fn block(&self, k: usize, row: &Row, records: &[Record]) -> Matrix3<f64> {
-        let side = |side: usize| {
-            let (body, arm) = (row.bodies[side] as usize, self.arms[k][side].cross_matrix());
-            let inverse_mass = Vec3::repeat(records[body].inverse_mass).component_mul(&self.pushed(body));
-            Matrix3::from_diagonal(&inverse_mass) + arm.transpose() * self.inverse_inertia[body] * arm
-        };
-        side(0) + side(1)
-    }
-
     /// Whether a body that moves does not along some fixed axis.
     pub fn holds(&self, body: usize) -> bool {
         self.held.get(body).is_some_and(|held| *held != Vec3::zeros())

@@ -10,7 +10,7 @@ use bytemuck::Pod;
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
-use crate::assemble::{Record, System};
+use crate::assemble::{Record, Row, System};
 use crate::math::lanes::{Arithmetic, Half, Lanes, Line, Number, ShortHalf, ShortLine, Width};
 use crate::math::{MANY, Vec3, group};
 use crate::solve::local::{dot, triple};
@@ -274,7 +274,12 @@ pub struct Cones {
 }
 
 impl Cones {
-    const NONE: Self = Cones { n: [[0.0; BATCH]; 3], friction: [0.0; BATCH] };
+    pub(super) const NONE: Self = Cones { n: [[0.0; BATCH]; 3], friction: [0.0; BATCH] };
+
+    pub(super) fn put(&mut self, lane: usize, row: &Row) {
+        put(&mut self.n, lane, &row.normal);
+        self.friction[lane] = row.friction;
+    }
 }
 
 /// Of an impulse of single precision, by its normal part: some units in the last place of each component.
@@ -282,7 +287,7 @@ const ROUNDING: f64 = 1e-6;
 
 /// Makes of impulses of single precision what they stand for: those on their cone's side to its rounding are there to that of
 /// double precision.
-fn onto_cones(width: Width, cones: &Cones, r: &mut [[f64; BATCH]; 3]) {
+pub(super) fn onto_cones(width: Width, cones: &Cones, r: &mut [[f64; BATCH]; 3]) {
     match width {
         Width::One(l) => l.run(OntoCones { l, cones, r }),
         #[cfg(target_arch = "x86_64")]
@@ -290,14 +295,6 @@ fn onto_cones(width: Width, cones: &Cones, r: &mut [[f64; BATCH]; 3]) {
         #[cfg(target_arch = "x86_64")]
         Width::Eight(l) => l.run(OntoCones { l, cones, r }),
     }
-}
-
-/// The same of one impulse `r`, with the normal and the friction of its contact.
-pub fn onto_cone(normal: &Vec3, friction: f64, r: Vec3) -> Vec3 {
-    let along = normal.dot(&r);
-    let tangential = r - normal * along;
-    let (size, bound) = (tangential.norm(), friction * along);
-    if size > 0.0 && size > bound - ROUNDING * along.abs() { normal * along + tangential * (bound / size) } else { r }
 }
 
 struct OntoCones<'a, L> {
@@ -441,8 +438,7 @@ impl Layout {
                 let n = row.normal;
                 put(&mut batch.n, lane, &n);
                 if let Some(cones) = cones.get_mut(i) {
-                    put(&mut cones.n, lane, &n);
-                    cones.friction[lane] = row.friction;
+                    cones.put(lane, row);
                 }
                 batch.arm[lane] = B::T::of(row.arm);
                 batch.friction[lane] = B::T::of(row.friction);

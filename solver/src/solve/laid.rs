@@ -34,24 +34,31 @@ pub struct Swept {
 
 impl Laid {
     /// Starts from `reactions` and from the velocities that they lead to.
-    pub fn new(system: &System, active: &[u32], reactions: &Reactions, records: &[Record], single: bool) -> Self {
+    pub fn new(
+        system: &System,
+        active: &[u32],
+        reactions: &Reactions,
+        records: &[Record],
+        single: bool,
+        width: Width,
+    ) -> Self {
         match (&system.full, system.resists(active), single) {
             (None, true, false) => Laid::Diagonal(Problem::new(system, active, reactions, records)),
             (None, true, true) => Laid::DiagonalSingle(Problem::new(system, active, reactions, records)),
             (None, false, false) => Laid::Frictionless(Problem::new(system, active, reactions, records)),
             (None, false, true) => Laid::FrictionlessSingle(Problem::new(system, active, reactions, records)),
             (Some(full), true, false) => {
-                Laid::Full(full::batches::Problem::new(system, full, active, reactions, records))
+                Laid::Full(full::batches::Problem::new(system, full, active, reactions, records, width))
             }
             (Some(full), true, true) => {
-                Laid::FullSingle(full::batches::Problem::new(system, full, active, reactions, records))
+                Laid::FullSingle(full::batches::Problem::new(system, full, active, reactions, records, width))
             }
             (Some(full), false, false) => {
-                Laid::FullFrictionless(full::batches::Problem::new(system, full, active, reactions, records))
+                Laid::FullFrictionless(full::batches::Problem::new(system, full, active, reactions, records, width))
             }
-            (Some(full), false, true) => {
-                Laid::FullFrictionlessSingle(full::batches::Problem::new(system, full, active, reactions, records))
-            }
+            (Some(full), false, true) => Laid::FullFrictionlessSingle(full::batches::Problem::new(
+                system, full, active, reactions, records, width,
+            )),
         }
     }
 
@@ -84,10 +91,10 @@ impl Laid {
             Laid::FrictionlessSingle(problem) => problem.read_back(width, reactions),
             Laid::Diagonal(problem) => problem.read_back(width, reactions),
             Laid::DiagonalSingle(problem) => problem.read_back(width, reactions),
-            Laid::Full(problem) => problem.read_back(system, reactions),
-            Laid::FullSingle(problem) => problem.read_back(system, reactions),
-            Laid::FullFrictionless(problem) => problem.read_back(system, reactions),
-            Laid::FullFrictionlessSingle(problem) => problem.read_back(system, reactions),
+            Laid::Full(problem) => problem.read_back(width, system, reactions),
+            Laid::FullSingle(problem) => problem.read_back(width, system, reactions),
+            Laid::FullFrictionless(problem) => problem.read_back(width, system, reactions),
+            Laid::FullFrictionlessSingle(problem) => problem.read_back(width, system, reactions),
         }
     }
 }

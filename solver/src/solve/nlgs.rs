@@ -32,7 +32,7 @@ const WINDOW: u64 = 16;
 /// Sweeps in single precision pay from so many contacts on, of full blocks, whose sweeps take longer, from fewer; and reach
 /// residuals of 1e-5 and less: no smaller one than this is sought with them.
 const MANY_CONTACTS: usize = 4096;
-const MANY_FULL: usize = 2048;
+const MANY_FULL: usize = 128;
 const SINGLE_REACHES: f64 = 1e-4;
 /// As rounding adds up they begin afresh from what they have found after so many, in double precision if that was no gain.
 const AFRESH: u64 = 500;
@@ -173,7 +173,7 @@ fn sweep_until(
     }
     let end_of = |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + ROUND) } else { max_sweeps };
     let mut end = end_of(best.0.value, *sweeps);
-    let mut problem = Laid::new(system, active, reactions, &judge.records(&best.1), single);
+    let mut problem = Laid::new(system, active, reactions, &judge.records(&best.1), single, judge.width);
     let mut laid = (*sweeps, best.0.value);
     let turns = !system.rolls.is_empty();
     let frictional = system.resists(active);
@@ -205,7 +205,7 @@ fn sweep_until(
             if single && *sweeps >= laid.0 + AFRESH {
                 let least = residual.value.min(best.0.value);
                 single = least < laid.1;
-                problem = Laid::new(system, active, &trial, &judge.records(&found.1), single);
+                problem = Laid::new(system, active, &trial, &judge.records(&found.1), single, judge.width);
                 laid = (*sweeps, least);
             }
             if residual.value < best.0.value {

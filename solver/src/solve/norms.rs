@@ -79,9 +79,9 @@ pub fn norms(system: &System, impulses: &[Vec3], records: &[Record]) -> Norms {
 fn alone(system: &System, k: usize, u: &Vec3, r: &Vec3) -> (Matrix3<f64>, Vec3) {
     let row = &system.rows[k];
     let n = row.normal;
-    if let Some(blocks) = &system.full {
-        let w = blocks.block(k, row, &system.records);
-        return (w, full::local::alone(&w, n, row.friction, u, r));
+    if let Some(bodies) = &system.full {
+        let w = full::local::block_of(system, bodies, k);
+        return (full::local::matrix(w), full::local::alone(w, n, row.friction, u, r));
     }
     let along = n * n.transpose();
     let w = (Matrix3::identity() - along) * row.w_t + along * row.w_n;

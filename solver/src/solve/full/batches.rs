@@ -3,13 +3,18 @@
 //!
 //! Bodies are cut into ranges, and pairs into colours that share no moving body, as in [`crate::solve::batches`].
 
+use std::array;
+use std::marker::PhantomData;
+
+use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 use crate::assemble::{Full, Record, System};
 use crate::math::Vec3;
-use crate::math::lanes::Number;
-use crate::solve::batches::{BATCH, NONE, Sums, Units, onto_cone, put};
-use crate::solve::full::local::axes;
+use crate::math::lanes::{Arithmetic, Lanes, Number, Width};
+use crate::solve::batches::{BATCH, Cones, NONE, Sums, Units, onto_cones, put};
+use crate::solve::full::local::{Axes, Side, axes, block};
+use crate::solve::local::{dot, triple};
 use crate::solve::nlgs::Reactions;
 use crate::solve::rolling::Rolls;
 
@@ -48,13 +53,19 @@ pub trait Contacts: Clone + Send + Sync {
     /// What sweeps change of it.
     type Impulses: Clone + Default + Send + Sync;
 
-    fn unused() -> Self;
+    /// Puts rows of the system into their places, to start from their impulses.
+    fn filled(from: &Fill, rows: &Places) -> (Self, Self::Impulses);
 
-    /// Puts row `k` of the system into a place, to start from its impulse.
-    fn put(&mut self, lane: usize, from: &Fill, k: usize, values: &mut Self::Impulses);
+    /// r̂ of all places, world frame, N s.
+    fn impulses(&self, from: &Back, rows: &Places, values: &Self::Impulses) -> [Column<f64>; 3];
+}
 
-    /// r̂ of row `k` from its place, world frame, N s.
-    fn impulse(&self, lane: usize, system: &System, k: usize, values: &Self::Impulses, units: &Units) -> Vec3;
+/// Rows of the system, or [`NONE`].
+pub type Places = [u32; BATCH];
+
+/// Places that rows have, and these.
+fn used(rows: &Places) -> impl Iterator<Item = (usize, usize)> + '_ {
+    rows.iter().enumerate().filter(|(_, row)| **row != NONE).map(|(lane, &row)| (lane, row as usize))
 }
 
 /// What the batches are filled from.
@@ -66,6 +77,14 @@ pub struct Fill<'a> {
     /// The velocities that they lead to.
     records: &'a [Record],
     units: Units,
+    width: Width,
+}
+
+/// Where the impulses of the batches go.
+pub struct Back<'a> {
+    system: &'a System,
+    units: Units,
+    width: Width,
 }
 
 impl Fill<'_> {
@@ -139,7 +158,7 @@ pub struct Batches<C: Contacts> {
     /// By point; empty where no contact of the scene has moments.
     pub rolls: Vec<Rolls<C::T>>,
     /// Rows of the system, or [`NONE`], by point.
-    rows: Vec<[u32; BATCH]>,
+    rows: Vec<Places>,
 }
 
 /// A range of bodies with the pairs inside it.
@@ -172,9 +191,16 @@ struct Pair {
 
 impl<C: Contacts> Problem<C> {
     /// The problem of the rows `active` (sorted), starting from `reactions` and from the velocities that they lead to.
-    pub fn new(system: &System, full: &Full, active: &[u32], reactions: &Reactions, records: &[Record]) -> Self {
+    pub fn new(
+        system: &System,
+        full: &Full,
+        active: &[u32],
+        reactions: &Reactions,
+        records: &[Record],
+        width: Width,
+    ) -> Self {
         let units = if C::T::SINGLE { Units::of(system, active, reactions, records) } else { Units::SI };
-        let fill = Fill { system, full, reactions, records, units };
+        let fill = Fill { system, full, reactions, records, units, width };
         let mut pairs = pairs(system, active);
         // Which range each moving body is in; bodies in the order of space.
         let mut range_of = vec![NONE; records.len()];
@@ -264,13 +290,15 @@ impl<C: Contacts> Problem<C> {
     }
 
     /// Puts the impulses and moments of the rows swept, which are of this system, into `reactions`.
-    pub fn read_back(&self, system: &System, reactions: &mut Reactions) {
+    pub fn read_back(&self, width: Width, system: &System, reactions: &mut Reactions) {
         let Reactions { impulses, moments } = reactions;
+        let back = Back { system, units: self.units, width };
         for batches in self.ranges.iter().map(|range| &range.inside).chain([&self.between]) {
             batches.rolls.iter().for_each(|rolls| rolls.read_back(moments));
             for ((point, values), rows) in batches.points.iter().zip(&batches.impulses).zip(&batches.rows) {
-                for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
-                    impulses[row as usize] = point.impulse(lane, system, row as usize, values, &self.units);
+                let r = point.impulses(&back, rows, values);
+                for (lane, row) in used(rows) {
+                    impulses[row] = r.map(|column| column[lane]).into();
                 }
             }
         }
@@ -341,19 +369,13 @@ impl<C: Contacts> Batches<C> {
     /// Puts all rows into their places.
     fn fill(&mut self, from: &Fill) {
         let count = self.rows.len();
-        self.points = vec![C::unused(); count];
-        self.impulses = vec![C::Impulses::default(); count];
-        let places = self.points.par_iter_mut().zip(&mut self.impulses).zip(&self.rows).with_min_len(FILLED);
-        places.for_each(|((point, values), rows)| {
-            for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
-                point.put(lane, from, row as usize, values);
-            }
-        });
+        let points = self.rows.par_iter().with_min_len(FILLED).map(|rows| C::filled(from, rows));
+        points.unzip_into_vecs(&mut self.points, &mut self.impulses);
         if !from.system.rolls.is_empty() {
             self.rolls = vec![Rolls::NONE; count];
             for (rolls, rows) in self.rolls.iter_mut().zip(&self.rows) {
-                for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
-                    rolls.put(lane, from.system, row, &from.reactions.moments);
+                for (lane, row) in used(rows) {
+                    rolls.put(lane, from.system, row as u32, &from.reactions.moments);
                 }
             }
         }
@@ -364,49 +386,164 @@ impl<T: Number> Contacts for Point<T> {
     type T = T;
     type Impulses = Impulses<T>;
 
-    fn unused() -> Self {
-        let (zero, one) = ([T::ZERO; BATCH], [T::of(1.0); BATCH]);
+    fn filled(from: &Fill, rows: &Places) -> (Self, Impulses<T>) {
+        let seen = &Seen::new::<T>(from, rows);
+        let units = from.units;
+        match from.width {
+            Width::One(l) => l.run(Lay { l, seen, units, number: PhantomData }),
+            #[cfg(target_arch = "x86_64")]
+            Width::Four(l) => l.run(Lay { l, seen, units, number: PhantomData }),
+            #[cfg(target_arch = "x86_64")]
+            Width::Eight(l) => l.run(Lay { l, seen, units, number: PhantomData }),
+        }
+    }
+
+    fn impulses(&self, from: &Back, rows: &Places, values: &Impulses<T>) -> [Column<f64>; 3] {
+        let part = |axis: usize, k: usize, lane: usize| self.axes[axis][k][lane].wide() * values.r[axis][lane].wide();
+        let along = |k: usize| {
+            array::from_fn(|lane| (part(0, k, lane) + part(1, k, lane) + part(2, k, lane)) * from.units.impulse)
+        };
+        let mut r = [0, 1, 2].map(along);
+        if T::SINGLE {
+            let mut cones = Cones::NONE;
+            for (lane, row) in used(rows) {
+                cones.put(lane, &from.system.rows[row]);
+            }
+            onto_cones(from.width, &cones, &mut r);
+        }
+        r
+    }
+}
+
+/// What a batch of rows is, one after the other in double precision. Unused places press on nothing: their two bodies
+/// of 1 kg meet without an impulse, and none changes that.
+struct Seen {
+    normal: [Column<f64>; 3],
+    sides: [Side<Column<f64>>; 2],
+    /// û that sweeps start from, m/s.
+    u: [Column<f64>; 3],
+    /// r̂, N s.
+    r: [Column<f64>; 3],
+    inverse_nn: Column<f64>,
+    friction: Column<f64>,
+}
+
+impl Seen {
+    const UNUSED: Self = {
+        let (zero, one) = ([0.0; BATCH], [1.0; BATCH]);
+        let side = Side { arm: [zero; 3], inverse_mass: [one; 3], inverse_inertia: [zero; 6] };
+        let normal = [zero, zero, one];
+        Seen { normal, sides: [side; 2], u: [zero; 3], r: [zero; 3], inverse_nn: zero, friction: zero }
+    };
+
+    fn new<T: Number>(from: &Fill, rows: &Places) -> Self {
+        let mut seen = Seen::UNUSED;
+        for (lane, k) in used(rows) {
+            let row = &from.system.rows[k];
+            put(&mut seen.normal, lane, &row.normal);
+            put(&mut seen.u, lane, &from.shift::<T>(k));
+            put(&mut seen.r, lane, &from.reactions.impulses[k]);
+            for (side, to) in seen.sides.iter_mut().enumerate() {
+                let Side { arm, inverse_mass, inverse_inertia } = Side::of(from.system, from.full, k, side);
+                (0..3).for_each(|k| (to.arm[k][lane], to.inverse_mass[k][lane]) = (arm[k], inverse_mass[k]));
+                (0..6).for_each(|k| to.inverse_inertia[k][lane] = inverse_inertia[k]);
+            }
+            (seen.inverse_nn[lane], seen.friction[lane]) = (1.0 / row.w_n, row.friction);
+        }
+        seen
+    }
+}
+
+/// Lays a batch out on the axes of its contacts' own blocks.
+struct Lay<'a, L, T> {
+    l: L,
+    seen: &'a Seen,
+    units: Units,
+    number: PhantomData<T>,
+}
+
+impl<L: Lanes, T: Number> NullaryFnOnce for Lay<'_, L, T> {
+    type Output = (Point<T>, Impulses<T>);
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Lay { l, seen, units, .. } = self;
+        let (mut point, mut impulses) = (Point::zero(), Impulses::default());
+        let (mass, one) = (l.splat(units.mass()), l.splat(1.0));
+        for from in (0..BATCH).step_by(L::WIDTH) {
+            let normal = triple!(k => l.load(&seen.normal[k][from..]));
+            let sides = [side(l, &seen.sides[0], from), side(l, &seen.sides[1], from)];
+            let w = block(l, sides);
+            let Axes { axes, c, s } = axes(l, w, normal);
+            let u = triple!(k => l.div(l.load(&seen.u[k][from..]), l.splat(units.velocity)));
+            let r = triple!(k => l.div(l.load(&seen.r[k][from..]), l.splat(units.impulse)));
+            for axis in 0..3 {
+                for k in 0..3 {
+                    lay(l, &mut point.axes[axis][k][from..], axes[axis][k]);
+                }
+                lay(l, &mut point.shift[axis][from..], dot(l, axes[axis], u));
+                lay(l, &mut impulses.r[axis][from..], dot(l, axes[axis], r));
+            }
+            for side in 0..2 {
+                for k in 0..3 {
+                    lay(l, &mut point.arms[side][k][from..], sides[side].arm[k]);
+                }
+                let s = l.mul(s[side], mass);
+                lay(l, &mut point.c[side][from..], c[side]);
+                lay(l, &mut point.s[side][from..], s);
+                lay(l, &mut point.inverse_s[side][from..], l.div(one, s));
+            }
+            lay(l, &mut point.inverse_nn[from..], l.div(l.load(&seen.inverse_nn[from..]), mass));
+            lay(l, &mut point.friction[from..], l.load(&seen.friction[from..]));
+            let trace = l.add(w[0], l.add(w[3], w[5]));
+            lay(l, &mut point.weight[from..], l.mul(l.mul(trace, l.splat(1.0 / 3.0)), mass));
+        }
+        impulses.previous = impulses.r;
+        (point, impulses)
+    }
+}
+
+#[inline(always)]
+fn side<L: Lanes>(l: L, side: &Side<Column<f64>>, from: usize) -> Side<L::V> {
+    let Side { arm, inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
+    Side {
+        arm: triple!(k => l.load(&arm[k][from..])),
+        inverse_mass: triple!(k => l.load(&inverse_mass[k][from..])),
+        inverse_inertia: [
+            l.load(&xx[from..]),
+            l.load(&xy[from..]),
+            l.load(&xz[from..]),
+            l.load(&yy[from..]),
+            l.load(&yz[from..]),
+            l.load(&zz[from..]),
+        ],
+    }
+}
+
+/// Puts as many numbers as there are lanes into the places from the first of `to` on.
+#[inline(always)]
+fn lay<L: Lanes, T: Number>(l: L, to: &mut [T], v: L::V) {
+    let mut wide = [0.0; BATCH];
+    l.store(&mut wide, v);
+    for (to, x) in to.iter_mut().zip(&wide[..L::WIDTH]) {
+        *to = T::of(*x);
+    }
+}
+
+impl<T: Number> Point<T> {
+    fn zero() -> Self {
+        let zero = [T::ZERO; BATCH];
         Point {
             axes: [[zero; 3]; 3],
             arms: [[zero; 3]; 2],
             shift: [zero; 3],
             inverse_nn: zero,
             c: [zero; 2],
-            s: [one; 2],
-            inverse_s: [one; 2],
+            s: [zero; 2],
+            inverse_s: [zero; 2],
             friction: zero,
             weight: zero,
         }
-    }
-
-    fn put(&mut self, lane: usize, from: &Fill, k: usize, values: &mut Impulses<T>) {
-        let Fill { system, full, reactions, units, .. } = from;
-        let row = &system.rows[k];
-        let w = full.block(k, row, &system.records);
-        let (axes, c, s) = axes(&w, row.normal);
-        let (shift, impulse, mass) = (from.shift::<T>(k), reactions.impulses[k], units.mass());
-        for (axis, direction) in axes.iter().enumerate() {
-            put(&mut self.axes[axis], lane, direction);
-            self.shift[axis][lane] = T::of(direction.dot(&shift) / units.velocity);
-            values.r[axis][lane] = T::of(direction.dot(&impulse) / units.impulse);
-            values.previous[axis][lane] = values.r[axis][lane];
-        }
-        for side in 0..2 {
-            put(&mut self.arms[side], lane, &full.arms[k][side]);
-            self.c[side][lane] = T::of(c[side]);
-            self.s[side][lane] = T::of(s[side] * mass);
-            self.inverse_s[side][lane] = T::of(1.0 / s[side] / mass);
-        }
-        self.inverse_nn[lane] = T::of(1.0 / row.w_n / mass);
-        self.friction[lane] = T::of(row.friction);
-        self.weight[lane] = T::of(w.trace() / 3.0 * mass);
-    }
-
-    fn impulse(&self, lane: usize, system: &System, k: usize, values: &Impulses<T>, units: &Units) -> Vec3 {
-        let part = |k: usize, axis: usize| self.axes[axis][k][lane].wide() * values.r[axis][lane].wide();
-        let r = Vec3::from_fn(|k, _| (0..3).map(|axis| part(k, axis)).sum()) * units.impulse;
-        let row = &system.rows[k];
-        if T::SINGLE { onto_cone(&row.normal, row.friction, r) } else { r }
     }
 }
 
@@ -414,35 +551,42 @@ impl<T: Number> Contacts for Normal<T> {
     type T = T;
     type Impulses = Push<T>;
 
-    fn unused() -> Self {
+    fn filled(from: &Fill, rows: &Places) -> (Self, Push<T>) {
         let zero = [T::ZERO; BATCH];
-        Normal {
+        let mut point = Normal {
             normal: [zero; 3],
             arms: [[zero; 3]; 2],
             answers: [[zero; 3]; 2],
             shift: zero,
             inverse_nn: zero,
             weight: zero,
-        }
-    }
-
-    fn put(&mut self, lane: usize, from: &Fill, k: usize, values: &mut Push<T>) {
+        };
+        let mut values = Push::default();
         let Fill { system, full, reactions, units, .. } = from;
-        let row = &system.rows[k];
-        let (n, mass) = (row.normal, units.mass());
-        put(&mut self.normal, lane, &n);
-        for side in 0..2 {
-            let arm = full.arms[k][side].cross(&n);
-            put(&mut self.arms[side], lane, &arm);
-            put(&mut self.answers[side], lane, &(full.inverse_inertia[row.bodies[side] as usize] * arm * mass));
+        for (lane, k) in used(rows) {
+            let row = &system.rows[k];
+            let (n, mass) = (row.normal, units.mass());
+            put(&mut point.normal, lane, &n);
+            for side in 0..2 {
+                let arm = full.arms[k][side].cross(&n);
+                put(&mut point.arms[side], lane, &arm);
+                let answer = full.inverse_inertia[row.bodies[side] as usize] * arm * mass;
+                put(&mut point.answers[side], lane, &answer);
+            }
+            point.shift[lane] = T::of(n.dot(&from.shift::<T>(k)) / units.velocity);
+            values.r[lane] = T::of(n.dot(&reactions.impulses[k]) / units.impulse);
+            values.previous[lane] = values.r[lane];
+            (point.inverse_nn[lane], point.weight[lane]) = (T::of(1.0 / row.w_n / mass), T::of(row.w_n * mass));
         }
-        self.shift[lane] = T::of(n.dot(&from.shift::<T>(k)) / units.velocity);
-        values.r[lane] = T::of(n.dot(&reactions.impulses[k]) / units.impulse);
-        values.previous[lane] = values.r[lane];
-        (self.inverse_nn[lane], self.weight[lane]) = (T::of(1.0 / row.w_n / mass), T::of(row.w_n * mass));
+        (point, values)
     }
 
-    fn impulse(&self, lane: usize, system: &System, k: usize, values: &Push<T>, units: &Units) -> Vec3 {
-        system.rows[k].normal * (values.r[lane].wide() * units.impulse)
+    fn impulses(&self, from: &Back, rows: &Places, values: &Push<T>) -> [Column<f64>; 3] {
+        let mut r = [[0.0; BATCH]; 3];
+        for (lane, row) in used(rows) {
+            let size = values.r[lane].wide() * from.units.impulse;
+            put(&mut r, lane, &(from.system.rows[row].normal * size));
+        }
+        r
     }
 }

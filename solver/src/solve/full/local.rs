@@ -1,9 +1,11 @@
 //! One contact of a full symmetric 3x3 block, exactly, in as many lanes as there are.
 
-use nalgebra::{Matrix2, Matrix3};
+use nalgebra::Matrix3;
 
+use crate::assemble::{Full, System};
+use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, Number, Scalar};
-use crate::math::{Vec3, local_frame};
+use crate::solve::local::{dot, triple};
 
 /// Axes and numbers of a contact's own block W: the normal unknown eliminated, the tangents on the principal axes of
 /// what is left, so that with c = W_nT/W_nn
@@ -22,43 +24,143 @@ pub struct Block<V> {
     pub friction: V,
 }
 
-/// Normal and tangents on the axes of [`Block`], c and s.
-pub fn axes(w: &Matrix3<f64>, normal: Vec3) -> ([Vec3; 3], [f64; 2], [f64; 2]) {
-    let [n, t1, t2] = local_frame(normal);
-    let (wn, w1, w2) = (w * n, w * t1, w * t2);
-    let w_nn = n.dot(&wn);
-    let c = [t1.dot(&wn) / w_nn, t2.dot(&wn) / w_nn];
-    let off = t1.dot(&w2) - w_nn * c[0] * c[1];
-    let rest = Matrix2::new(t1.dot(&w1) - w_nn * c[0] * c[0], off, off, t2.dot(&w2) - w_nn * c[1] * c[1]);
-    let (mean, half) = (0.5 * rest.trace(), 0.5 * (rest.m11 - rest.m22));
-    let radius = half.hypot(off);
-    // Half the angle of (half, off) turns t1 to the larger axis.
-    let (cos, sin) = match radius > 0.0 {
-        true if half >= 0.0 => {
-            let cos = (0.5 * (1.0 + half / radius)).sqrt();
-            (cos, 0.5 * off / (radius * cos))
+/// Components xx, xy, xz, yy, yz and zz of a symmetric matrix.
+pub type Symmetric<V> = [V; 6];
+
+/// What a body is to one of its contacts, world frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Side<V> {
+    /// From its centre to the contact point, m.
+    pub arm: [V; 3],
+    /// 1/kg, along each axis.
+    pub inverse_mass: [V; 3],
+    /// About its centre, 1/(kg m^2).
+    pub inverse_inertia: Symmetric<V>,
+}
+
+impl Side<f64> {
+    /// Of row `k`, `side` 0 the candidate and 1 the antagonist.
+    pub fn of(system: &System, full: &Full, k: usize, side: usize) -> Self {
+        let body = system.rows[k].bodies[side] as usize;
+        let inverse_mass = full.pushed(body) * system.records[body].inverse_mass;
+        Side {
+            arm: full.arms[k][side].into(),
+            inverse_mass: inverse_mass.into(),
+            inverse_inertia: symmetric(&full.inverse_inertia[body]),
         }
-        true => {
-            let sin = (0.5 * (1.0 - half / radius)).sqrt().copysign(if off < 0.0 { -1.0 } else { 1.0 });
-            (0.5 * off / (radius * sin), sin)
-        }
-        false => (1.0, 0.0),
-    };
+    }
+}
+
+pub fn symmetric(m: &Matrix3<f64>) -> Symmetric<f64> {
+    [m.m11, m.m12, m.m13, m.m22, m.m23, m.m33]
+}
+
+/// W, 1/kg: the sum over both bodies of 1/m + [a]' J^-1 [a], [a] x = a x x.
+#[inline(always)]
+pub fn block<L: Arithmetic>(l: L, [a, b]: [Side<L::V>; 2]) -> Symmetric<L::V> {
+    let (a, b) = (of_side(l, a), of_side(l, b));
+    [l.add(a[0], b[0]), l.add(a[1], b[1]), l.add(a[2], b[2]), l.add(a[3], b[3]), l.add(a[4], b[4]), l.add(a[5], b[5])]
+}
+
+#[inline(always)]
+fn of_side<L: Arithmetic>(l: L, side: Side<L::V>) -> Symmetric<L::V> {
+    let Side { arm: [x, y, z], inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
+    // Columns of J^-1 [a], as far as they are needed.
+    let of_x = [minus(l, [yy, z], [yz, y]), minus(l, [yz, z], [zz, y])];
+    let of_y = [minus(l, [xz, x], [xx, z]), minus(l, [yz, x], [xy, z]), minus(l, [zz, x], [xz, z])];
+    let of_z = [minus(l, [xx, y], [xy, x]), minus(l, [xy, y], [yy, x]), minus(l, [xz, y], [yz, x])];
+    [
+        l.add(inverse_mass[0], minus(l, [z, of_x[0]], [y, of_x[1]])),
+        minus(l, [z, of_y[1]], [y, of_y[2]]),
+        minus(l, [z, of_z[1]], [y, of_z[2]]),
+        l.add(inverse_mass[1], minus(l, [x, of_y[2]], [z, of_y[0]])),
+        minus(l, [x, of_z[2]], [z, of_z[0]]),
+        l.add(inverse_mass[2], minus(l, [y, of_z[0]], [x, of_z[1]])),
+    ]
+}
+
+/// W of row `k`.
+pub fn block_of(system: &System, full: &Full, k: usize) -> Symmetric<f64> {
+    block(Scalar, [0, 1].map(|side| Side::of(system, full, k, side)))
+}
+
+/// The product of two numbers less that of two others.
+#[inline(always)]
+fn minus<L: Arithmetic>(l: L, a: [L::V; 2], b: [L::V; 2]) -> L::V {
+    l.neg_mul_add(b[0], b[1], l.mul(a[0], a[1]))
+}
+
+#[inline(always)]
+fn times<L: Arithmetic>(l: L, [xx, xy, xz, yy, yz, zz]: Symmetric<L::V>, v: [L::V; 3]) -> [L::V; 3] {
+    [dot(l, [xx, xy, xz], v), dot(l, [xy, yy, yz], v), dot(l, [xz, yz, zz], v)]
+}
+
+/// The axes of [`Block`], normal and tangents, in the world frame, with c and s.
+#[derive(Debug, Clone, Copy)]
+pub struct Axes<V> {
+    pub axes: [[V; 3]; 3],
+    pub c: [V; 2],
+    pub s: [V; 2],
+}
+
+/// The axes of a block on a normal.
+#[inline(always)]
+pub fn axes<L: Arithmetic>(l: L, w: Symmetric<L::V>, normal: [L::V; 3]) -> Axes<L::V> {
+    let (zero, half, one) = (l.splat(0.0), l.splat(0.5), l.splat(1.0));
+    let [n, t1, t2] = frame(l, normal);
+    let (wn, w1, w2) = (times(l, w, n), times(l, w, t1), times(l, w, t2));
+    let w_nn = dot(l, n, wn);
+    let w_nt = [dot(l, t1, wn), dot(l, t2, wn)];
+    let c = [l.div(w_nt[0], w_nn), l.div(w_nt[1], w_nn)];
+    // What is left of the tangents.
+    let off = l.neg_mul_add(c[0], w_nt[1], dot(l, t1, w2));
+    let first = l.neg_mul_add(c[0], w_nt[0], dot(l, t1, w1));
+    let second = l.neg_mul_add(c[1], w_nt[1], dot(l, t2, w2));
+    let (mean, halved) = (l.mul(half, l.add(first, second)), l.mul(half, l.sub(first, second)));
+    let radius = l.sqrt(l.mul_add(halved, halved, l.mul(off, off)));
+    // Half the angle of (halved, off) turns t1 to the larger axis; that of its two parts which is not small without cancellation.
+    let most = l.sqrt(l.mul(half, l.add(one, l.div(l.abs(halved), radius))));
+    let least = l.div(l.mul(half, off), l.mul(radius, most));
+    let most_of_off = l.select_greater(zero, off, l.sub(zero, most), most);
+    let cos = l.select_greater(zero, halved, l.abs(least), most);
+    let sin = l.select_greater(zero, halved, most_of_off, least);
+    let (cos, sin) = (l.select_greater(radius, zero, cos, one), l.select_greater(radius, zero, sin, zero));
     // The smaller one without cancellation: no eigenvalue is below the inverse masses, which W has along every axis.
-    let axes = [n, t1 * cos + t2 * sin, t2 * cos - t1 * sin];
-    let larger = mean + radius;
-    let smaller = (rest.determinant() / larger).max(f64::MIN_POSITIVE);
-    (axes, [c[0] * cos + c[1] * sin, c[1] * cos - c[0] * sin], [larger, smaller])
+    let larger = l.add(mean, radius);
+    let smaller = l.div(minus(l, [first, second], [off, off]), larger);
+    let smaller = l.select_greater(smaller, l.splat(f64::MIN_POSITIVE), smaller, l.splat(f64::MIN_POSITIVE));
+    let along = triple!(k => l.mul_add(t1[k], cos, l.mul(t2[k], sin)));
+    let across = triple!(k => minus(l, [t2[k], cos], [t1[k], sin]));
+    let c = [l.mul_add(c[0], cos, l.mul(c[1], sin)), minus(l, [c[1], cos], [c[0], sin])];
+    Axes { axes: [n, along, across], c, s: [larger, smaller] }
+}
+
+/// [`local_frame`](crate::math::local_frame) in lanes.
+#[inline(always)]
+fn frame<L: Arithmetic>(l: L, n: [L::V; 3]) -> [[L::V; 3]; 3] {
+    let (zero, one) = (l.splat(0.0), l.splat(1.0));
+    let sign = l.select_greater(zero, n[2], l.splat(-1.0), one);
+    let a = l.div(l.splat(-1.0), l.add(sign, n[2]));
+    let b = l.mul(l.mul(n[0], n[1]), a);
+    let signed = l.mul(sign, n[0]);
+    let t = [l.mul_add(l.mul(signed, n[0]), a, one), l.mul(sign, b), l.sub(zero, signed)];
+    let s = [b, l.mul_add(l.mul(n[1], n[1]), a, sign), l.sub(zero, n[1])];
+    [n, t, s]
 }
 
 /// r̂ that solves one contact of the block `w`, where û is `u` with the impulse `r` at work; world frame.
-pub fn alone(w: &Matrix3<f64>, normal: Vec3, friction: f64, u: &Vec3, r: &Vec3) -> Vec3 {
-    let (axes, c, s) = axes(w, normal);
-    let along = |v: &Vec3| axes.map(|axis| axis.dot(v));
-    let inverse_nn = 1.0 / normal.dot(&(w * normal));
+pub fn alone(w: Symmetric<f64>, normal: Vec3, friction: f64, u: &Vec3, r: &Vec3) -> Vec3 {
+    let Axes { axes, c, s } = axes(Scalar, w, normal.into());
+    let axes = axes.map(Vec3::from);
+    let along = |v: &Vec3| [0, 1, 2].map(|k| axes[k].dot(v));
+    let inverse_nn = 1.0 / normal.dot(&(matrix(w) * normal));
     let block = Block { inverse_nn, c, s, inverse_s: s.map(f64::recip), friction };
     let (new, _) = signorini_coulomb(Scalar, &block, along(u), along(r), 0.0);
     axes[0] * new[0] + axes[1] * new[1] + axes[2] * new[2]
+}
+
+pub fn matrix([xx, xy, xz, yy, yz, zz]: Symmetric<f64>) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
 /// Newton's method takes two or three; sixty bisections of the bracket would do as well.

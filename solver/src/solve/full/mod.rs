@@ -18,6 +18,7 @@ mod tests {
     use crate::assemble::{Full, Record, Row, System};
     use crate::math::Vec3;
     use crate::math::lanes::Width;
+    use crate::solve::full::local::{block_of, matrix};
     use crate::solve::residual::Judge;
     use crate::solve::{Until, nlgs};
 
@@ -53,7 +54,7 @@ mod tests {
             let k = k as u32;
             let arm = |side: f64| Vec3::new(noise(k, 31), noise(k, 32), side * 0.5 + 0.1 * noise(k, 33));
             full.arms.push([arm(-1.0), arm(1.0)]);
-            let mut row = Row {
+            let row = Row {
                 bodies,
                 normal: Vec3::new(0.6 * noise(k, 41), 0.6 * noise(k, 42), 1.0).normalize(),
                 arm: 1.0,
@@ -63,12 +64,17 @@ mod tests {
                 can_close: true,
                 ..Row::default()
             };
-            let w = full.block(k as usize, &row, &records);
-            row.w_n = row.normal.dot(&(w * row.normal));
-            row.w_t = 0.5 * (w.trace() - row.w_n);
             rows.push(row);
         }
-        System { rows, rolls: vec![], full: Some(full), records, order: (0..count).collect() }
+        let mut system = System { rows, rolls: vec![], full: Some(full), records, order: (0..count).collect() };
+        for k in 0..system.rows.len() {
+            let full = system.full.as_ref().unwrap();
+            let w = matrix(block_of(&system, full, k));
+            let row = &mut system.rows[k];
+            row.w_n = row.normal.dot(&(w * row.normal));
+            row.w_t = 0.5 * (w.trace() - row.w_n);
+        }
+        system
     }
 
     /// Friction stops sweeps short of the last digits in such heaps, see docs/performance.md; without it they arrive.
