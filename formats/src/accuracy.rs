@@ -114,11 +114,11 @@ const FIXED: Adaptive = up_to(1, 0.1, 1e-3);
 
 knobs! {
     // none, draft, standard, fine, reference
-    adaptive: Adaptive = [FIXED, up_to(16, 0.2, 3e-3), up_to(4, 0.1, 1e-3), FIXED, FIXED];
-    tol: f64 = [1e-2, 1e-1, 5e-3, 1e-3, 1e-4];
+    adaptive: Adaptive = [FIXED, up_to(16, 0.17, 3e-3), up_to(4, 0.1, 1e-3), FIXED, FIXED];
+    tol: f64 = [1e-2, 2e-2, 5e-3, 1e-3, 1e-4];
     penetration_tol: f64 = [5e-4, 1e-2, 5e-4, 2e-4, 1e-4];
-    max_sweeps: u64 = [20_000, 200, 20_000, 20_000, 20_000];
-    narrow_phase: NarrowPhase = [NarrowPhase::Accurate, NarrowPhase::Fast, NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate];
+    max_sweeps: u64 = [20_000, 500, 20_000, 20_000, 20_000];
+    narrow_phase: NarrowPhase = [NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate, NarrowPhase::Accurate];
     gravity_error: f64 = [1e-3, 1e-2, 1e-3, 1e-4, 1e-6];
     gravity_refresh: u64 = [16, 16, 16, 16, 1];
 }

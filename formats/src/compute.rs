@@ -253,7 +253,7 @@ options! {
     max_sweeps: Option<u64> = None, u64, [value_name = "N"];
     /// Sweeps from one check of convergence to the next, the first after as many; without it, when the changes that sweeps make suggest it. LMGC90's examples check every 50.
     check_every: Option<u64> = None, u64, [value_name = "N"];
-    /// Numbers in which contacts are swept: single, about twice as fast, or double precision; auto, single from 4096 contacts on, of polyhedra from 2048, where the residual sought is 1e-4 or more. What comes of it, velocities and residual, is in double precision.
+    /// Numbers in which contacts are swept: single, about twice as fast, or double precision; auto, single from 256 contacts on where the residual sought is 1e-4 or more. What comes of it, velocities and residual, is in double precision.
     sweep_precision: SweepPrecision = SweepPrecision::Auto, SweepPrecision, [value_enum, value_name = "PRECISION"];
     /// Also writes LMGC90's stopping criteria of each step's solution to steps.csv.
     lmgc90_norms: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
@@ -545,7 +545,7 @@ mod tests {
         let file: Compute = from_ron(path, "(accuracy: draft, tol: 0.5, adaptive: (most: 3))", "options").unwrap();
         let flags = Flags { accuracy: Some(Accuracy::Fine), gravity_refresh: Some(7), ..Flags::default() };
         let [read, flagged] = [file.clone(), file.with(&flags)];
-        assert_eq!((read.tol(), read.max_sweeps(), read.gravity_refresh()), (0.5, 200, 16));
+        assert_eq!((read.tol(), read.max_sweeps(), read.gravity_refresh()), (0.5, 500, 16));
         assert_eq!((flagged.tol(), flagged.max_sweeps(), flagged.gravity_refresh()), (0.5, 20_000, 7));
         assert_eq!(flagged.adaptive(), Adaptive { most: 3, ..Adaptive::default() });
         let again: Compute = from_ron(path, &flagged.to_text(), "options").unwrap();

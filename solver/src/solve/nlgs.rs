@@ -29,13 +29,14 @@ pub(super) const ROUND: u64 = 1000;
 /// first two are of so many, the next half as long as all before: where the change falls slowly, short ones see its noise alone.
 const WINDOW: u64 = 16;
 
-/// Sweeps in single precision pay from so many contacts on, of full blocks, whose sweeps take longer, from fewer; and reach
-/// residuals of 1e-5 and less: no smaller one than this is sought with them.
-const MANY_CONTACTS: usize = 4096;
-const MANY_FULL: usize = 128;
+/// Sweeps in single precision pay from so many contacts on, and reach residuals of 1e-5 and less: no smaller one than this is
+/// sought with them.
+const MANY_CONTACTS: usize = 256;
 const SINGLE_REACHES: f64 = 1e-4;
-/// As rounding adds up they begin afresh from what they have found after so many, in double precision if that was no gain.
+/// As rounding adds up they begin afresh from the best that they have found after so many; in double precision, with a momentum that
+/// knows nothing of them, if that was no gain or once E is so many times the best.
 const AFRESH: u64 = 500;
+const LOST: f64 = 4.0;
 /// Masses may differ by so much, that squares of impulses are numbers.
 const SPREAD: f64 = 1e9;
 
@@ -202,12 +203,6 @@ fn sweep_until(
             momentum.frictional = capped;
             scale = Some(swept.change / residual.value);
             patience = 0;
-            if single && *sweeps >= laid.0 + AFRESH {
-                let least = residual.value.min(best.0.value);
-                single = least < laid.1;
-                problem = Laid::new(system, active, &trial, &judge.records(&found.1), single, judge.width);
-                laid = (*sweeps, least);
-            }
             if residual.value < best.0.value {
                 best = found;
                 std::mem::swap(reactions, &mut trial);
@@ -216,6 +211,15 @@ fn sweep_until(
             if residual.value <= aim || *sweeps >= end {
                 return best;
             }
+            let afresh = *sweeps >= laid.0 + AFRESH;
+            if single && (afresh || residual.value > LOST * best.0.value) {
+                single = afresh && best.0.value < laid.1;
+                problem = Laid::new(system, active, reactions, &judge.records(&best.1), single, judge.width);
+                laid = (*sweeps, best.0.value);
+                if !single {
+                    (momentum, capped) = (Momentum::new(frictional), false);
+                }
+            }
         }
     }
 }
@@ -223,10 +227,7 @@ fn sweep_until(
 /// Whether the rows `active` are swept in single precision: of masses that do not differ too much, without moments.
 fn in_single(system: &System, active: &[u32], until: Until) -> bool {
     let asked = match until.precision {
-        SweepPrecision::Auto => {
-            let many = if system.full.is_some() { MANY_FULL } else { MANY_CONTACTS };
-            active.len() >= many && until.aim >= SINGLE_REACHES
-        }
+        SweepPrecision::Auto => active.len() >= MANY_CONTACTS && until.aim >= SINGLE_REACHES,
         SweepPrecision::Single => true,
         SweepPrecision::Double => false,
     };
@@ -359,9 +360,6 @@ mod tests {
         assert!(!in_single(&uneven, &all, single));
         uneven.rows[7].w_n = 0.0; // of two bodies whose motion is imposed
         assert!(!in_single(&uneven, &all, single));
-        let full = Full { arms: vec![], held: vec![], inverse_inertia: vec![] };
-        let system = System { full: Some(full), ..system };
-        assert!(in_single(&system, &all[..MANY_FULL], auto) && !in_single(&system, &all[1..MANY_FULL], auto));
     }
 
     #[test]

@@ -152,6 +152,6 @@ fn a_draft_is_a_draft_but_for_what_is_set_alone() {
     case.write();
     assert_eq!(case.solve(&["--accuracy", "draft", "--gravity-refresh", "3", "--steps", "4"]), 0);
     let parameters = case.last().meta.parameters;
-    assert_eq!((parameters.tol, parameters.max_sweeps, parameters.gravity_refresh), (0.1, 77, Some(3)));
+    assert_eq!((parameters.tol, parameters.max_sweeps, parameters.gravity_refresh), (0.02, 77, Some(3)));
     assert_eq!(parameters.adaptive.map(|adaptive| adaptive.most), Some(16));
 }
