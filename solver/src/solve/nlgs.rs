@@ -33,8 +33,9 @@ const WINDOW: u64 = 16;
 /// sought with them.
 const MANY_CONTACTS: usize = 256;
 const SINGLE_REACHES: f64 = 1e-4;
-/// As rounding adds up they begin afresh from the best that they have found after so many; in double precision, with a momentum that
-/// knows nothing of them, if that was no gain or once E is so many times the best.
+/// As rounding adds up they begin afresh from what they have found after so many, in double precision if that was no gain. Where nothing
+/// slides E falls but for rounding: once it is so many times the best they go back to that, in double precision and with a momentum that
+/// knows nothing of them.
 const AFRESH: u64 = 500;
 const LOST: f64 = 4.0;
 /// Masses may differ by so much, that squares of impulses are numbers.
@@ -203,6 +204,17 @@ fn sweep_until(
             momentum.frictional = capped;
             scale = Some(swept.change / residual.value);
             patience = 0;
+            let lost = !momentum.sliding && residual.value > LOST * best.0.value;
+            if single && (lost || *sweeps >= laid.0 + AFRESH) {
+                let least = residual.value.min(best.0.value);
+                single = !lost && least < laid.1;
+                let (from, at) = if lost { (&*reactions, &best.1) } else { (&trial, &found.1) };
+                problem = Laid::new(system, active, from, &judge.records(at), single, judge.width);
+                laid = (*sweeps, least);
+                if !single && !momentum.sliding {
+                    (momentum, capped) = (Momentum::new(frictional), false);
+                }
+            }
             if residual.value < best.0.value {
                 best = found;
                 std::mem::swap(reactions, &mut trial);
@@ -210,15 +222,6 @@ fn sweep_until(
             end = end.min(end_of(residual.value, *sweeps));
             if residual.value <= aim || *sweeps >= end {
                 return best;
-            }
-            let afresh = *sweeps >= laid.0 + AFRESH;
-            if single && (afresh || residual.value > LOST * best.0.value) {
-                single = afresh && best.0.value < laid.1;
-                problem = Laid::new(system, active, reactions, &judge.records(&best.1), single, judge.width);
-                laid = (*sweeps, best.0.value);
-                if !single {
-                    (momentum, capped) = (Momentum::new(frictional), false);
-                }
             }
         }
     }
@@ -331,7 +334,7 @@ pub(super) fn closing_outside(system: &System, active: &[u32], records: &[Record
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assemble::{Full, Row};
+    use crate::assemble::Row;
 
     /// The momentum of each of so many sweeps, whose changes are these.
     fn carried(frictional: bool, sweeps: u64, change: impl Fn(u64) -> f64) -> Vec<f64> {

@@ -477,12 +477,12 @@ impl<L: Lanes, T: Number> NullaryFnOnce for Lay<'_, L, T> {
             let Axes { axes, c, s } = axes(l, w, normal);
             let u = triple!(k => l.div(l.load(&seen.u[k][from..]), l.splat(units.velocity)));
             let r = triple!(k => l.div(l.load(&seen.r[k][from..]), l.splat(units.impulse)));
-            for axis in 0..3 {
-                for k in 0..3 {
-                    lay(l, &mut point.axes[axis][k][from..], axes[axis][k]);
+            for (k, axis) in axes.into_iter().enumerate() {
+                for (to, component) in point.axes[k].iter_mut().zip(axis) {
+                    lay(l, &mut to[from..], component);
                 }
-                lay(l, &mut point.shift[axis][from..], dot(l, axes[axis], u));
-                lay(l, &mut impulses.r[axis][from..], dot(l, axes[axis], r));
+                lay(l, &mut point.shift[k][from..], dot(l, axis, u));
+                lay(l, &mut impulses.r[k][from..], dot(l, axis, r));
             }
             for side in 0..2 {
                 for k in 0..3 {
