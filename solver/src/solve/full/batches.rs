@@ -415,8 +415,8 @@ impl<T: Number> Contacts for Point<T> {
     }
 }
 
-/// What a batch of rows is, one after the other in double precision. Unused places press on nothing: their two bodies
-/// of 1 kg meet without an impulse, and none changes that.
+/// What a batch of rows is, one after the other in double precision. In unused places two bodies of the unit of mass meet without an
+/// impulse, and none changes that.
 struct Seen {
     normal: [Column<f64>; 3],
     sides: [Side<Column<f64>>; 2],
@@ -429,15 +429,12 @@ struct Seen {
 }
 
 impl Seen {
-    const UNUSED: Self = {
-        let (zero, one) = ([0.0; BATCH], [1.0; BATCH]);
-        let side = Side { arm: [zero; 3], inverse_mass: [one; 3], inverse_inertia: [zero; 6] };
-        let normal = [zero, zero, one];
-        Seen { normal, sides: [side; 2], u: [zero; 3], r: [zero; 3], inverse_nn: zero, friction: zero }
-    };
-
     fn new<T: Number>(from: &Fill, rows: &Places) -> Self {
-        let mut seen = Seen::UNUSED;
+        let (zero, one) = ([0.0; BATCH], [1.0; BATCH]);
+        let unit = [1.0 / from.units.mass(); BATCH];
+        let side = Side { arm: [zero; 3], inverse_mass: [unit; 3], inverse_inertia: [zero; 6] };
+        let normal = [zero, zero, one];
+        let mut seen = Seen { normal, sides: [side; 2], u: [zero; 3], r: [zero; 3], inverse_nn: zero, friction: zero };
         for (lane, k) in used(rows) {
             let row = &from.system.rows[k];
             put(&mut seen.normal, lane, &row.normal);

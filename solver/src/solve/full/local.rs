@@ -384,6 +384,41 @@ mod tests {
     }
 
     proptest! {
+        /// The block is what mechanics says of one body after the other, and its axes make of it the form of [`Block`].
+        #[test]
+        fn a_block_has_its_form_on_its_axes(
+            arms in prop::array::uniform2(prop::array::uniform3(-1.0..1.0f64)),
+            roots in prop::array::uniform2(prop::array::uniform9(-1.0..1.0f64)),
+            inverse_mass in prop::array::uniform2(prop::array::uniform3(0.1..1.0f64)),
+            normal in prop::array::uniform3(-1.0..1.0f64).prop_filter("has a direction", |n| Vec3::from(*n).norm() > 0.1),
+        ) {
+            let inertia = roots.map(|root| Matrix3::from_column_slice(&root));
+            let inertia = inertia.map(|root| root * root.transpose());
+            let side = |k: usize| {
+                Side { arm: arms[k], inverse_mass: inverse_mass[k], inverse_inertia: symmetric(&inertia[k]) }
+            };
+            let w = super::matrix(block(Scalar, [side(0), side(1)]));
+            let n = Vec3::from(normal).normalize();
+            for r in [Vec3::x(), Vec3::y(), Vec3::z()] {
+                let of = |k: usize| {
+                    let arm = Vec3::from(arms[k]);
+                    Vec3::from(inverse_mass[k]).component_mul(&r) + (inertia[k] * arm.cross(&r)).cross(&arm)
+                };
+                // A handful of products of numbers up to a few.
+                prop_assert!((w * r - of(0) - of(1)).norm() < 1e-13);
+            }
+            let Axes { axes, c, s } = axes(Scalar, symmetric(&w), n.into());
+            let frame = Matrix3::from_columns(&axes.map(Vec3::from));
+            let w_nn = n.dot(&(w * n));
+            let c = Vec3::new(1.0, c[0], c[1]);
+            let form = w_nn * c * c.transpose() + Matrix3::from_diagonal(&Vec3::new(0.0, s[0], s[1]));
+            prop_assert!((frame.transpose() * frame - Matrix3::identity()).norm() < 1e-14);
+            prop_assert!((frame.transpose() * w * frame - form).norm() < 1e-13 * w.norm().max(1.0), "{form}");
+            prop_assert!(s[0] >= s[1] && s[1] >= 0.1, "no less than the inverse masses: {s:?}");
+        }
+    }
+
+    proptest! {
         #![proptest_config(ProptestConfig::with_cases(3000))]
 
         /// All conditions hold, whatever was at work before and whatever was guessed; and where the coupling is weak
