@@ -55,7 +55,7 @@ pub fn symmetric(m: &Matrix3<f64>) -> Symmetric<f64> {
     [m.m11, m.m12, m.m13, m.m22, m.m23, m.m33]
 }
 
-/// W, 1/kg: the sum over both bodies of 1/m + [a]' J^-1 [a], [a] x = a x x.
+/// W, 1/kg: the sum over both bodies of 1/m + A' J^-1 A, where A x is the arm times x.
 #[inline(always)]
 pub fn block<L: Arithmetic>(l: L, [a, b]: [Side<L::V>; 2]) -> Symmetric<L::V> {
     let (a, b) = (of_side(l, a), of_side(l, b));
@@ -65,7 +65,7 @@ pub fn block<L: Arithmetic>(l: L, [a, b]: [Side<L::V>; 2]) -> Symmetric<L::V> {
 #[inline(always)]
 fn of_side<L: Arithmetic>(l: L, side: Side<L::V>) -> Symmetric<L::V> {
     let Side { arm: [x, y, z], inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
-    // Columns of J^-1 [a], as far as they are needed.
+    // Columns of J^-1 A, as far as they are needed.
     let of_x = [minus(l, [yy, z], [yz, y]), minus(l, [yz, z], [zz, y])];
     let of_y = [minus(l, [xz, x], [xx, z]), minus(l, [yz, x], [xy, z]), minus(l, [zz, x], [xz, z])];
     let of_z = [minus(l, [xx, y], [xy, x]), minus(l, [xy, y], [yy, x]), minus(l, [xz, y], [yz, x])];
