@@ -334,7 +334,7 @@ pub(super) fn closing_outside(system: &System, active: &[u32], records: &[Record
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assemble::Row;
+    use crate::assemble::{Full, Row};
 
     /// The momentum of each of so many sweeps, whose changes are these.
     fn carried(frictional: bool, sweeps: u64, change: impl Fn(u64) -> f64) -> Vec<f64> {
@@ -363,6 +363,9 @@ mod tests {
         assert!(!in_single(&uneven, &all, single));
         uneven.rows[7].w_n = 0.0; // of two bodies whose motion is imposed
         assert!(!in_single(&uneven, &all, single));
+        let full = Full { arms: vec![], held: vec![], inverse_inertia: vec![] };
+        let system = System { full: Some(full), ..system };
+        assert!(in_single(&system, &all, auto) && !in_single(&system, &all[1..], auto));
     }
 
     #[test]

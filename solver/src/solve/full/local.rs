@@ -384,6 +384,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(3000))]
+
         /// The block is what mechanics says of one body after the other, and its axes make of it the form of [`Block`].
         #[test]
         fn a_block_has_its_form_on_its_axes(
@@ -416,10 +418,6 @@ mod tests {
             prop_assert!((frame.transpose() * w * frame - form).norm() < 1e-13 * w.norm().max(1.0), "{form}");
             prop_assert!(s[0] >= s[1] && s[1] >= 0.1, "no less than the inverse masses: {s:?}");
         }
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(3000))]
 
         /// All conditions hold, whatever was at work before and whatever was guessed; and where the coupling is weak
         /// enough for one answer, it is that of the solver of stored problems.
