@@ -62,6 +62,14 @@ impl Drop for Part {
     }
 }
 
+/// Makes of a file that may not grow on (`ulimit -f`) one that cannot be written, as on a full disk: otherwise the system ends
+/// the program, and no part is removed. For the beginning of a program.
+pub fn outlive_size_limit() {
+    // What cannot be caught ends the program as it would without.
+    #[cfg(unix)]
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
+}
+
 /// Whether a name stands in its folder: what then cannot be read is a fault, such as a link that leads nowhere.
 pub fn is_there(path: &Path) -> bool {
     !path.symlink_metadata().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound)

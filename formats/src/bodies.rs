@@ -109,9 +109,18 @@ impl Bodies {
     ///
     /// Names must have at most five characters, numbers be finite and below 1e100.
     pub fn to_text(&self) -> String {
+        self.text(e14)
+    }
+
+    /// The same with as many digits as the columns hold, see [`long14`].
+    pub fn to_long_text(&self) -> String {
+        self.text(long14)
+    }
+
+    fn text(&self, real: fn(f64) -> String) -> String {
         let mut out = String::new();
         for (k, body) in self.0.iter().enumerate() {
-            write_body(&mut out, k + 1, body);
+            write_body(&mut out, k + 1, body, real);
         }
         out
     }
@@ -270,10 +279,10 @@ fn read_polyhedron(scan: &mut Scan, line: Line) -> Option<Shape> {
     Some(Shape::Polyhedron { vertices, triangles })
 }
 
-fn write_body(out: &mut String, number: usize, body: &Body) {
+fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> String) {
     let coordinates = ["coo1=", "coo2=", "coo3="];
     let polyhedral = body.contactors.iter().any(|contactor| matches!(contactor.shape, Shape::Polyhedron { .. }));
-    let real = if polyhedral { long14 } else { e14 };
+    let real = if polyhedral { long14 } else { real };
     let _ = write!(out, "$bdyty\n RBDY3  {number:5}\n$blmty\n");
     let head = format!(" PLAIN      1  behav  {:<5}", body.material);
     put_grid(out, &head, &["avrd="], &[body.equivalent_radius], real);

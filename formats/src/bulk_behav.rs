@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{Line, Scan, Text, e14, put};
+use crate::scan::{Line, Scan, Text, e14, long14, put};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BulkBehav {
@@ -70,13 +70,22 @@ impl BulkBehav {
 
     /// The text of the file, numbers with eight digits.
     pub fn to_text(&self) -> String {
+        self.text(e14)
+    }
+
+    /// The same with as many digits as the columns hold, see [`long14`].
+    pub fn to_long_text(&self) -> String {
+        self.text(long14)
+    }
+
+    fn text(&self, real: fn(f64) -> String) -> String {
         let mut out = String::from("$gravy\n");
         for (k, column) in GRAVITY.iter().enumerate() {
-            put(&mut out, column - 5, format_args!("grv{}={}", k + 1, e14(self.gravity[k])));
+            put(&mut out, column - 5, format_args!("grv{}={}", k + 1, real(self.gravity[k])));
         }
         out.push('\n');
         for Material { name, density } in &self.materials {
-            let _ = writeln!(out, "$behav  lawty\n {name:<5}  {:<30}  Umas={}", "RIGID", e14(*density));
+            let _ = writeln!(out, "$behav  lawty\n {name:<5}  {:<30}  Umas={}", "RIGID", real(*density));
         }
         out
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::atomic::is_there;
 use crate::error::Faults;
-use crate::scan::{Line, Scan, Text, e14, free_real, integer, put};
+use crate::scan::{Line, Scan, Text, e14, free_real, integer, long14, put};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DrvDof(pub Vec<Driven>);
@@ -131,6 +131,15 @@ impl DrvDof {
 
     /// The text of the file, numbers with eight digits; tables are files of their own, see [`table_text`].
     pub fn to_text(&self) -> String {
+        self.text(e14)
+    }
+
+    /// The same with as many digits as the columns hold, see [`long14`].
+    pub fn to_long_text(&self) -> String {
+        self.text(long14)
+    }
+
+    fn text(&self, real: fn(f64) -> String) -> String {
         let mut out = String::new();
         for driven in self.0.chunk_by(|a, b| a.body == b.body) {
             // Of the columns 7-15 that are read, up to 13 as pre does while that is enough.
@@ -147,7 +156,7 @@ impl DrvDof {
                     &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
                         let values = [constant, amplitude, omega, phase, ramp_start, ramp_rate];
                         for (value, column) in values.into_iter().zip(HARMONIC) {
-                            put(&mut out, column, e14(value));
+                            put(&mut out, column, real(value));
                         }
                     }
                     Evolution::Table { name, .. } => {
@@ -261,9 +270,9 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
     scan.finish(points.into_iter().map(|(_, point)| point).collect())
 }
 
-/// The text of a table of an [`Evolution::Table`].
+/// The text of a table of an [`Evolution::Table`], with all digits: two times that differ are two when they are read again.
 pub fn table_text(points: &[[f64; 2]]) -> String {
-    points.iter().map(|&[time, value]| format!("{} {}\n", e14(time), e14(value))).collect()
+    points.iter().map(|[time, value]| format!("{time:.16E} {value:.16E}\n")).collect()
 }
 
 #[cfg(test)]

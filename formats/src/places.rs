@@ -28,6 +28,7 @@ struct Place {
 impl Places {
     pub fn of(text: &str) -> Self {
         let mut walk = Walk { text: text.as_bytes(), at: 0, line: 1, places: HashMap::new() };
+        walk.skip_extensions();
         walk.value("", 1, 0);
         Places(walk.places)
     }
@@ -168,9 +169,36 @@ impl Walk<'_> {
             match (self.here(), self.text.get(self.at + 1)) {
                 (byte, _) if byte.is_ascii_whitespace() => self.advance(1),
                 (b'/', Some(b'/')) => self.behind(b"\n"),
-                (b'/', Some(b'*')) => self.behind(b"*/"),
+                (b'/', Some(b'*')) => self.skip_comment(),
                 _ => return,
             }
+        }
+    }
+
+    /// Goes behind a comment in `/* */`; there may be others within.
+    fn skip_comment(&mut self) {
+        let mut depth = 0;
+        while let Some(two) = self.text.get(self.at..self.at + 2) {
+            let deeper = match two {
+                b"/*" => 1,
+                b"*/" => -1,
+                _ => 0,
+            };
+            depth += deeper;
+            self.advance(if deeper == 0 { 1 } else { 2 });
+            if depth == 0 {
+                return;
+            }
+        }
+        self.advance(1);
+    }
+
+    /// Goes behind what a text may begin with, such as `#![enable(implicit_some)]`.
+    fn skip_extensions(&mut self) {
+        self.skip_blank();
+        while self.here() == b'#' {
+            self.behind(b"]");
+            self.skip_blank();
         }
     }
 
@@ -201,6 +229,7 @@ impl Walk<'_> {
                     self.items(path);
                 }
                 b'"' => self.string(),
+                b'r' => self.raw_string(),
                 b',' | b')' | b']' | b'}' => break,
                 _ if self.at >= self.text.len() => break,
                 _ => self.advance(1),
@@ -216,6 +245,16 @@ impl Walk<'_> {
             self.advance(if self.here() == b'\\' { 2 } else { 1 });
         }
         self.advance(1);
+    }
+
+    /// Goes behind `r"..."` or `r#"..."#`, in which nothing is escaped; or behind the letter alone.
+    fn raw_string(&mut self) {
+        self.advance(1);
+        let marks = self.text[self.at..].iter().take_while(|byte| **byte == b'#').count();
+        if self.text.get(self.at + marks) == Some(&b'"') {
+            self.advance(marks + 1);
+            self.behind(&[b"\"", &b"#".repeat(marks)[..]].concat());
+        }
     }
 
     /// From an opening bracket to behind its closing one.
@@ -255,6 +294,25 @@ mod tests {
         assert_eq!(line("grains.0.sizes.max"), Some(6)); // left out: the line of what holds it
         assert_eq!(line("grains.1.x.1"), Some(9));
         assert_eq!(line("walls"), None);
+    }
+
+    #[test]
+    fn passes_over_all_that_ron_passes_over() {
+        for (before, after) in [
+            ("( /* a: 1, /* b */ /**/\n a: 2, */ ", "a: 1)"),
+            ("#![enable(implicit_some)] // a\n#![enable(unwrap_newtypes)]\n(", "a: 1)"),
+            ("(b: r#\"\", a: (\"#, c: r\"\n\\\", ", "a: 1)"),
+            ("(b: [r, ri], ", "a: 1) /* ( /* */ /*/ */ */"),
+        ] {
+            let text = format!("{before}{after}");
+            assert_eq!(Places::of(&text).line("a"), Some(before.lines().count()), "{text}");
+            assert_eq!(set_to(&text, "a=7"), Ok(text.replacen(after, &after.replacen("a: 1", "a: 7", 1), 1)));
+            assert_eq!(set_to(&text, "new=7").map(|text| text.matches("(new: 7, ").count()), Ok(1), "{text}");
+        }
+        // What has no end, which RON refuses.
+        for text in ["(a: 1, /* /* */", "(a: 1, r#\"\"", "#![enable("] {
+            Places::of(text);
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::bodies::CONTACTORS;
 use crate::error::Faults;
-use crate::scan::{Line, Scan, Text, e14, fortran_real, put};
+use crate::scan::{Line, Scan, Text, e14, fortran_real, long14, put};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TactBehav {
@@ -93,7 +93,12 @@ const ALERT: usize = 55;
 
 const TITLES: &str = " cdbdy  cdtac  cdcol  behav  anbdy  antac  ancol       alert";
 
-/// Labels of the parameters of a kind of law, line by line.
+/// Labels of the parameters of a kind of law, in their order; none of a kind that [`LAWS`] does not hold.
+pub fn labels(kind: &str) -> impl Iterator<Item = &'static str> {
+    parameters(kind).unwrap_or_default().iter().flat_map(|line| line.iter().copied())
+}
+
+/// The same line by line.
 fn parameters(kind: &str) -> Option<&'static [&'static [&'static str]]> {
     LAWS.iter().find(|(name, _)| *name == kind).map(|(_, lines)| *lines)
 }
@@ -148,6 +153,15 @@ impl TactBehav {
     /// Names must have at most five characters. A law of a kind that [`LAWS`] does not hold is
     /// written with its parameters one a line.
     pub fn to_text(&self) -> String {
+        self.text(e14)
+    }
+
+    /// The same with as many digits as the columns hold, see [`long14`].
+    pub fn to_long_text(&self) -> String {
+        self.text(long14)
+    }
+
+    fn text(&self, real: fn(f64) -> String) -> String {
         let mut out = String::new();
         for Law { nickname, kind, parameters: values, .. } in &self.laws {
             let _ = write!(out, "$behav\n {nickname:<5}  {kind}");
@@ -158,7 +172,7 @@ impl TactBehav {
                     out.push('\n');
                 }
                 for ((label, value), column) in labels.iter().zip(&mut values).zip(PARAMETERS) {
-                    put(&mut out, column - 5, format_args!("{label:<4}={}", e14(*value)));
+                    put(&mut out, column - 5, format_args!("{label:<4}={}", real(*value)));
                 }
             }
             out.push('\n');
@@ -173,7 +187,7 @@ impl TactBehav {
                     put(&mut out, column, name);
                 }
             }
-            put(&mut out, ALERT, e14(*alert));
+            put(&mut out, ALERT, real(*alert));
             out.push('\n');
         }
         out

@@ -1,8 +1,8 @@
 //! What no scene may ask for: all faults of the meaning at once, before anything is placed.
 
-use cd_formats::compute::{ABOUT_A_PERIOD, Action, Event};
+use cd_formats::compute::{ABOUT_A_PERIOD, Action, Compute, ContactSolver, Event, Field};
 use cd_formats::report::Report;
-use cd_formats::tact_behav::LAWS;
+use cd_formats::tact_behav::labels;
 use nalgebra::Vector3;
 
 use crate::scene::{
@@ -52,7 +52,10 @@ pub fn check(scene: &Scene, report: &mut Report) {
         check_wall(report, &path, wall);
     }
     check_contacts(scene, report);
+    let free = scene.grains.is_empty() || scene.grains.iter().any(|grains| grains.driven.is_none());
+    report.expect(free, "grains", "none is free to move", "at least one body of grains whose motion is not imposed");
     scene.compute.check_in(report, "compute.");
+    check_turning(report, &scene.compute, driven_in_part(&scene.grains, &scene.walls));
     let used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
     let cohesive = |law: &Law| {
         let (kind, parameters) = law.kind.row();
@@ -61,14 +64,47 @@ pub fn check(scene: &Scene, report: &mut Report) {
     let laws: Vec<(&str, bool)> =
         scene.laws.iter().filter(used).map(|law| (law.name.as_str(), cohesive(law))).collect();
     check_laws_of_events(report, &scene.compute.events, &laws);
+    let kinds = scene.laws.iter().filter(used).map(|law| (law.name.as_str(), law.kind.row().0));
+    check_moments(report, scene.compute.solver, kinds);
+}
+
+/// Laws in use, by name and kind, whose moments `solver` does not know.
+pub(crate) fn check_moments<'a>(
+    report: &mut Report,
+    solver: ContactSolver,
+    laws: impl IntoIterator<Item = (&'a str, &'a str)>,
+) {
+    let knows = matches!(solver, ContactSolver::Auto | ContactSolver::Nlgs);
+    for (name, kind) in laws.into_iter().filter(|(_, kind)| labels(kind).any(|label| label == "roll")) {
+        report.expect(knows, "compute.solver", format!("{solver} with law '{name}', {kind}"), "auto or nlgs");
+    }
+}
+
+/// Paths of the motion of grains and walls that is imposed along some axes and not along others.
+pub(crate) fn driven_in_part<'a>(grains: &'a [Grains], walls: &'a [Wall]) -> impl Iterator<Item = String> + use<'a> {
+    let some = |driven: &[Option<Evolution>; 3]| driven.iter().any(Option::is_none);
+    let of_grains = (0..).zip(grains).filter(move |(_, grains)| grains.driven.as_ref().is_some_and(some));
+    let pushed = |wall: &Wall| match wall {
+        Wall::Plate { force, .. } | Wall::Cylinder { force, .. } => force.iter().any(Option::is_some),
+        Wall::Box { .. } => false,
+    };
+    let of_walls = (0..).zip(walls).filter(move |(_, wall)| pushed(wall));
+    of_grains.map(|(k, _)| format!("grains.{k}.driven")).chain(of_walls.map(|(k, _)| format!("walls.{k}.force")))
+}
+
+/// What is driven in part, by its paths, in axes that turn.
+pub(crate) fn check_turning(report: &mut Report, options: &Compute, paths: impl IntoIterator<Item = String>) {
+    let turns = |field: &Field| matches!(field, Field::RotatingFrame { rate, .. } if *rate != [0.0; 3]);
+    if options.fields.iter().any(turns) {
+        let expected = "motion imposed along all axes or none: Coriolis' force on such a body is not computed";
+        paths.into_iter().for_each(|path| report.fault(&path, "driven in part in axes that turn", expected));
+    }
 }
 
 /// Whether an event can change the cohesion of a law: of a liquid, or of bonds that there are.
 pub(crate) fn is_cohesive(kind: &str, parameters: &[f64]) -> bool {
-    let lines = LAWS.iter().find(|(known, _)| *known == kind).map_or(&[][..], |(_, lines)| *lines);
-    let labels = || lines.iter().flat_map(|line| line.iter());
-    let cohesion = labels().zip(parameters).find(|(label, _)| **label == "cohn").map(|(_, value)| *value);
-    cohesion.is_some_and(|value| value > 0.0 || labels().any(|label| *label == "Wthk"))
+    let cohesion = labels(kind).zip(parameters).find(|(label, _)| *label == "cohn").map(|(_, value)| *value);
+    cohesion.is_some_and(|value| value > 0.0 || labels(kind).any(|label| label == "Wthk"))
 }
 
 /// Events that change a law which is none of `laws`, those of contacts, or a cohesion where it has none (false).

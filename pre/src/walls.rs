@@ -1,7 +1,7 @@
 //! Walls as bodies: plates and cylinders.
 
 use cd_formats::bodies::{Contactor, Shape};
-use cd_formats::drv_dof::Evolution as Written;
+use cd_formats::drv_dof::{Evolution as Written, table_text};
 use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -173,7 +173,7 @@ fn axes_about(normal: &Vector3<f64>, first: Option<Vector3<f64>>) -> Matrix3<f64
 
 /// The functions of time of a scene in the form of DRV_DOF.DAT, and the tables among them.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Tables(Vec<Vec<(f64, f64)>>);
+pub struct Tables(Vec<Vec<[f64; 2]>>);
 
 impl Tables {
     pub fn written(&mut self, evolution: &Evolution) -> Written {
@@ -184,20 +184,19 @@ impl Tables {
                 Written::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate }
             }
             Evolution::Table(points) => {
-                let place = self.0.iter().position(|known| known == points).unwrap_or_else(|| {
+                let points: Vec<[f64; 2]> = points.iter().map(|&(t, v)| [t, v]).collect();
+                let place = self.0.iter().position(|known| *known == points).unwrap_or_else(|| {
                     self.0.push(points.clone());
                     self.0.len() - 1
                 });
-                Written::Table { name: table_name(place), points: points.iter().map(|&(t, v)| [t, v]).collect() }
+                Written::Table { name: table_name(place), points }
             }
         }
     }
 
     /// Name and text of each table's file.
     pub fn files(&self) -> Vec<(String, String)> {
-        let line = |&(t, v): &(f64, f64)| format!("{t:.16E} {v:.16E}\n");
-        let text = |points: &Vec<(f64, f64)>| points.iter().map(line).collect();
-        self.0.iter().enumerate().map(|(k, points)| (table_name(k), text(points))).collect()
+        self.0.iter().enumerate().map(|(k, points)| (table_name(k), table_text(points))).collect()
     }
 }
 

@@ -140,7 +140,7 @@ fn moving_walls_driven_grains_and_tables() {
                 material: "ROCKx", colour: "BALLx", sizes: Single(0.1),
                 place: List(positions: [(0, 0, 0.1), (0, 0, 0.3)]),
                 driven: (Constant(0), Harmonic(amplitude: 2, omega: 3), Table([(0, 1), (1, 2)])),
-            )],
+            ), (material: "ROCKx", colour: "BALLx", sizes: Single(0.1), place: List(positions: [(0, 0, 9)]))],
             walls: [Plate(
                 material: "ROCKx", colour: "PLATE", centre: (0, 0, -0.5), half_lengths: (3, 2, 0.5),
                 velocity: (Constant(0.25), Constant(0), Table([(0, 1), (1, 2)])),
@@ -154,7 +154,7 @@ fn moving_walls_driven_grains_and_tables() {
     assert_eq!((driven[2].evolution.at(3.0), driven[14].evolution.at(3.0)), (4.0, 4.0)); // beyond the end: linear
     let velocity = |body: usize| Dof::read(&datbox.join("DOF.INI")).unwrap().bodies[body].velocity;
     assert_eq!(velocity(0), [0.0, 2.0, 1.0, 0.0, 0.0, 0.0]);
-    assert_eq!(velocity(2), [0.25, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    assert_eq!(velocity(3), [0.25, 0.0, 1.0, 0.0, 0.0, 1.0]);
     let see = TactBehav::read(&datbox.join("TACT_BEHAV.DAT")).unwrap().visibility;
     assert_eq!(see[1].candidate.contactor, "SPHER"); // against a plane the sphere is the candidate
     assert_eq!((see[1].candidate.colour.as_str(), see[1].alert), ("BALLx", 0.01));
@@ -172,7 +172,7 @@ fn presses_and_guided_grains_are_driven_in_part() {
             grains: [(
                 material: "ROCKx", colour: "BALLx", sizes: Single(0.1), place: List(positions: [(0, 0, 0.1)]),
                 driven: (Constant(2), None, Constant(0)),
-            )],
+            ), (material: "ROCKx", colour: "BALLx", sizes: Single(0.1), place: List(positions: [(0, 0, 9)]))],
             walls: [Plate(
                 material: "ROCKx", colour: "PLATE", centre: (0, 0, 1), half_lengths: (3, 2, 0.5),
                 velocity: (Constant(0.25), Constant(0), Constant(0)),
@@ -186,10 +186,10 @@ fn presses_and_guided_grains_are_driven_in_part() {
         rows.map(|row| (row.component, row.evolution.at(1.0))).collect()
     };
     assert_eq!(of(0, DrivenKind::Velocity), [(0, 2.0), (2, 0.0), (3, 0.0), (4, 0.0), (5, 0.0)]);
-    assert_eq!(of(1, DrivenKind::Velocity), [(0, 0.25), (1, 0.0), (3, 0.0), (4, 0.0), (5, 0.0)]);
-    assert_eq!((of(0, DrivenKind::Force), of(1, DrivenKind::Force)), (vec![], vec![(2, -50.0)]));
+    assert_eq!(of(2, DrivenKind::Velocity), [(0, 0.25), (1, 0.0), (3, 0.0), (4, 0.0), (5, 0.0)]);
+    assert_eq!((of(0, DrivenKind::Force), of(2, DrivenKind::Force)), (vec![], vec![(2, -50.0)]));
     let velocity = |body: usize| Dof::read(&datbox.join("DOF.INI")).unwrap().bodies[body].velocity;
-    assert_eq!([velocity(0), velocity(1)], [[2.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.25, 0.0, 0.0, 0.0, 0.0, 0.0]]);
+    assert_eq!([velocity(0), velocity(2)], [[2.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.25, 0.0, 0.0, 0.0, 0.0, 0.0]]);
 }
 
 #[test]
@@ -295,6 +295,22 @@ fn missing_scene_and_unwritable_folder_are_refused() {
     let output = cd_pre(&[&example("accretion"), Path::new("-o"), taken.path()]);
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("cannot be written"), "{}", text(&output.stderr));
+}
+
+/// Folders of DATBOX stay empty, and so no part stays either.
+#[cfg(unix)]
+#[test]
+fn a_file_that_may_not_grow_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let limited = ["-c", "ulimit -f 20; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_cd-pre")];
+    let output = Command::new("sh").args(limited).arg(example("accretion")).arg("-o").arg(folder.path()).output();
+    let output = output.unwrap();
+    let datbox = folder.path().join("DATBOX");
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    let start = format!("cd-pre: {}: file: cannot be written: ", datbox.join("BODIES.DAT").display());
+    assert!(said.starts_with(&start) && said.lines().count() == 1, "{said}");
+    assert_eq!(std::fs::read_dir(datbox).unwrap().count(), 0);
 }
 
 #[test]

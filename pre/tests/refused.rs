@@ -221,7 +221,7 @@ fn places_and_motion() {
         (
             "0.1),",
             "0.1), driven: (Constant(0), Constant(0), Constant(0))",
-            "11: grains 1, driven: the grains have a velocity, spin or thermal_velocity as well; expected their motion imposed or initial, not both",
+            "11: grains 1, driven: the grains have a velocity, spin or thermal_velocity as well; expected their motion imposed or initial, not both\nscene.ron:6: grains: none is free to move; expected at least one body of grains whose motion is not imposed",
         ),
         (
             "half_lengths: (9.0, 9.0, 0.5)",
@@ -335,6 +335,52 @@ fn of_one(fields: &str, half: f64, options: &str) -> String {
     );
     cd_pre::read(Path::new("scene.ron"), &scene, &[])
         .map_or_else(|faults| faults.to_string(), |_| String::from("nothing"))
+}
+
+/// What cd-pre says of the good scene with several changes.
+fn said_of(changes: &[(&str, &str)]) -> String {
+    let scene = changes.iter().fold(GOOD.to_string(), |scene, (from, to)| {
+        assert!(scene.contains(from), "{from}");
+        scene.replacen(from, to, 1)
+    });
+    cd_pre::read(Path::new("scene.ron"), &scene, &[])
+        .map_or_else(|faults| faults.to_string(), |_| String::from("nothing"))
+}
+
+#[test]
+fn moments_of_contacts_need_a_solver_that_knows_them() {
+    let rolling = "kind: IQS_DS_ROLL_CLB(dynamic_friction: 0.3, static_friction: 0.4, rolling_friction: 0.1, spinning_friction: 0.1)";
+    let used = ("kind: IQS_CLB(friction: 0.4)", rolling);
+    let solver = |name: &str| format!("compute: (solver: {name}, ");
+    let said = |law, name: &str| said_of(&[law, ("compute: (", &solver(name))]);
+    for (name, told) in [("admm", "admm"), ("prox_newton", "prox-newton")] {
+        let expected =
+            format!("scene.ron:14: compute, solver: {told} with law 'iqsc0', IQS_DS_ROLL_CLB; expected auto or nlgs");
+        assert_eq!(said(used, name), expected);
+    }
+    assert_eq!([said(used, "nlgs"), said(used, "auto")], ["nothing"; 2]);
+    let unused = format!("laws: [(name: \"roll0\", {rolling}), ");
+    assert_eq!(said(("laws: [", &unused), "admm"), "nothing");
+}
+
+#[test]
+fn driven_in_part_in_axes_that_turn() {
+    let fields = |rate: f64| format!("compute: (fields: [RotatingFrame(rate: (0, {rate:?}, 0), centre: (0, 0, 0))], ");
+    let said =
+        |changes: &[(&str, &str)], rate: f64| said_of(&[changes, &[("compute: (", fields(rate).as_str())]].concat());
+    let message = "driven in part in axes that turn; \
+                   expected motion imposed along all axes or none: Coriolis' force on such a body is not computed";
+    let press = [("half_lengths", "force: (None, None, Constant(-5)), half_lengths")];
+    assert_eq!(said(&press, 1.0), format!("scene.ron:13: wall 1, force: {message}"));
+    assert_eq!([said(&press, 0.0), said(&[], 1.0)], ["nothing"; 2]);
+    let rough = |driven: &str| {
+        let list = "sizes: Single(1), place: List(positions: [(0, 0, 30)])";
+        format!("grains: [(material: \"ROCKx\", colour: \"BLUEx\", {list},\n driven: {driven}), (")
+    };
+    let said = |driven: &str| said(&[("grains: [(", rough(driven).as_str())], 1.0);
+    assert_eq!(said("(Constant(1), None, Constant(0))"), format!("scene.ron:7: grains 1, driven: {message}"));
+    assert_eq!(said("(None, None, None)"), format!("scene.ron:7: grains 1, driven: {message}"));
+    assert_eq!(said("(Constant(1), Constant(1), Constant(0))"), "nothing");
 }
 
 #[test]

@@ -197,6 +197,43 @@ fn what_events_have_set_holds_in_the_next_run() {
     assert_eq!((start.meta.laws[0].parameters[0], start.meta.parameters.quench), (0.3, 0.0));
 }
 
+/// A sphere with a radius of twelve digits on a floor whose table has more; events set a gravity and a friction of as many.
+#[test]
+fn numbers_of_many_digits_go_on() {
+    let scene = |gravity: &str| {
+        let table = "[(0.0, 0.0), (0.3333333333333333, 0.012345678901234), (200000.001, 0.1), (200000.002, 0.0)]";
+        spheres("[(0.0, 0.0, 0.0), (5.0, 0.0, 0.0)]", &format!("output_every: 1, events: [(time: 0.5, action: SetGravity((0.0, 0.0, {gravity}))), (time: 0.5, action: SetFriction(\"iqsc0\", 0.33333333333))]"))
+            .replace("law: \"iqsc0\")]", "law: \"iqsc0\"), (between: (\"BLUEx\", \"FLOOR\"), law: \"iqsc0\")]")
+            .replace("compute:", &format!("walls: [Plate(material: \"ROCKx\", colour: \"FLOOR\", centre: (0, 0, -1.75), half_lengths: (9, 9, 0.5), velocity: (Constant(0), Constant(0), Table({table})))], compute:"))
+    };
+    let solved = |gravity: &str| {
+        let case = Case::of(&scene(gravity));
+        let bodies = fs::read_to_string(case.datbox("BODIES.DAT")).unwrap();
+        fs::write(case.datbox("BODIES.DAT"), bodies.replacen("= 1.0000000E+00\n", "= 1.12345678901\n", 2)).unwrap();
+        case.solved(&["--steps", "8"])
+    };
+    let unbroken = solved("-1.2345678901");
+    let changes = "(bodies: [(snapshot: 4)], keep_time: true, compute: (dt: 0.25))";
+    let case = next(&unbroken, changes).solved(&["--steps", "4", "--output-every", "1"]);
+    let [expected, found] = [&unbroken, &case].map(Case::last_snapshot);
+    assert!(expected.contacts.contact_impulse.iter().any(|r| r[0] > 0.0), "nothing touches");
+    assert_eq!(bits(&found), bits(&expected));
+    assert_eq!((found.bodies.body_radius, found.meta.laws), (expected.bodies.body_radius, expected.meta.laws));
+    let [table, copy] = [&unbroken, &case].map(|case| fs::read(case.datbox("evolution-1.dat")).unwrap());
+    assert_eq!(table, copy);
+
+    // Nine digits below a thousandth are one too many.
+    let told = |gravity: &str| {
+        let (case, file) = (Case::empty(), unbroken.path().join("changes.ron"));
+        fs::write(&file, changes).unwrap();
+        cd_pre::from_outbox::write_datbox(solved(gravity).path(), Some(&file), &[], case.path()).unwrap()
+    };
+    let note =
+        "BULK_BEHAV.DAT: gravity: grv3 -0.000123456789 is written as -1.2345679E-04, all that its columns hold\n";
+    assert!(told("-1.23456789e-4").contains(note));
+    assert!(!told("-1.2345678901").contains("is written as"));
+}
+
 #[test]
 fn what_moves_as_a_whole_is_solved_as_if_at_rest() {
     let from = collapse().solved(&[]);
@@ -709,6 +746,18 @@ fn what_cannot_be_is_refused_and_nothing_written() {
     refused(from.path(), "(materials: [(name: \"ROCKx\", density: 1.0), (name: \"ROCKx\", density: 2.0)])");
     let law = "(name: \"other\", kind: IQS_CLB(friction: 0.3))";
     refused(from.path(), &format!("(laws: [{law}, {law}])"));
+    // What cd-solve does not compute.
+    let roll = "kind: IQS_DS_ROLL_CLB(dynamic_friction: 0.3, static_friction: 0.3, rolling_friction: 0.1, spinning_friction: 0.1)";
+    let roll = format!("laws: [(name: \"iqsc0\", {roll})]");
+    next(&from, &format!("({roll})"));
+    refused(from.path(), &format!("({roll}, compute: (solver: admm))"));
+    let press = "walls: [Plate(material: \"ROCKx\", colour: \"PRESS\", centre: (0, 0, 50), half_lengths: (1, 1, 1), \
+                 force: (None, None, Constant(-1)))], contacts: [(between: (\"BLUEx\", \"PRESS\"), law: \"iqsc0\")]";
+    let turning = |rate: &str| format!("compute: (fields: [RotatingFrame(rate: (0, 0, {rate}), centre: (0, 0, 0))])");
+    next(&from, &format!("({press}, {})", turning("0")));
+    refused(from.path(), &format!("({press}, {})", turning("1")));
+    let pressed = next(&from, &format!("({press})")).solved(&["--steps", "1"]);
+    refused(pressed.path(), &format!("({})", turning("1")));
     // Into the case itself.
     assert_eq!(from_outbox(from.path(), from.path(), ""), 2);
 }

@@ -335,7 +335,7 @@ proptest! {
 #[test]
 fn tables_survive() {
     let folder = tempfile::tempdir().unwrap();
-    let points = vec![[-1.5, 3.0], [0.0, -1.2345678e-30], [2.0, 0.0]];
+    let points = vec![[-1.5, 1.0 / 3.0], [0.0, -1.2345678e-30], [200000.001, 0.1], [200000.002, f64::MIN_POSITIVE]];
     let table = Evolution::Table { name: "push-north.dat".into(), points: points.clone() };
     let drv = DrvDof(vec![
         Driven { line: 6, body: 4, component: 2, kind: DrivenKind::Force, evolution: table },
@@ -344,6 +344,41 @@ fn tables_survive() {
     fs::write(folder.path().join("push-north.dat"), table_text(&points)).unwrap();
     fs::write(folder.path().join("DRV_DOF.DAT"), drv.to_text()).unwrap();
     assert_eq!(DrvDof::read(&folder.path().join("DRV_DOF.DAT")).unwrap(), drv);
+}
+
+/// Numbers of twelve digits; those of eight stand as in the plain text.
+#[test]
+fn long_texts_hold_what_their_columns_hold() {
+    let [long, short] = [1.23456789012, 0.25];
+    let body = |x: f64| Body {
+        line: 1,
+        material: "ROCKx".into(),
+        equivalent_radius: x,
+        inertia: Some([x; 3]),
+        position: [x; 3],
+        contactors: vec![Contactor { colour: "BLUEx".into(), shape: Shape::Sphere { radius: x }, local_frame: None }],
+    };
+    let bodies = |x| Bodies(vec![body(x)]);
+    let bulk = |x: f64| BulkBehav { gravity: [-x; 3], materials: vec![Material { name: "ROCKx".into(), density: x }] };
+    let side = || Side { body: "RBDY3".into(), contactor: "SPHER".into(), colour: "BLUEx".into() };
+    let tact = |x| TactBehav {
+        laws: vec![Law { line: 2, nickname: "iqsc0".into(), kind: "IQS_CLB".into(), parameters: vec![x] }],
+        visibility: vec![See { line: 5, candidate: side(), law: "iqsc0".into(), antagonist: side(), alert: x }],
+    };
+    let driven = |x: f64| {
+        let evolution =
+            Evolution::Harmonic { constant: x, amplitude: -x, omega: x, phase: -x, ramp_start: x, ramp_rate: -x };
+        DrvDof(vec![Driven { line: 6, body: 0, component: 0, kind: DrivenKind::Force, evolution }])
+    };
+    let (path, text) = (Path::new("f"), |text: String| Text::new(text.as_bytes()));
+    assert_eq!(Bodies::parse(path, &text(bodies(long).to_long_text())), Ok(bodies(long)));
+    assert_eq!(BulkBehav::parse(path, &text(bulk(long).to_long_text())), Ok(bulk(long)));
+    assert_eq!(TactBehav::parse(path, &text(tact(long).to_long_text())), Ok(tact(long)));
+    assert_eq!(DrvDof::parse(path, &text(driven(long).to_long_text())), Ok(driven(long)));
+    assert_eq!(bodies(short).to_long_text(), bodies(short).to_text());
+    assert_eq!(bulk(short).to_long_text(), bulk(short).to_text());
+    assert_eq!(tact(short).to_long_text(), tact(short).to_text());
+    assert_eq!(driven(short).to_long_text(), driven(short).to_text());
 }
 
 #[test]

@@ -2,12 +2,14 @@
 //!
 //! | module | |
 //! |---|---|
+//! | [`digits`] | numbers that the columns of DATBOX do not hold |
 //! | [`options`] | what a run was computed with, by its snapshot |
 //! | [`source`] | a case with one of its snapshots; the bodies that are kept, moved |
 //! | [`tables`] | materials, laws and visibility of several cases in one |
 //!
 //! `docs/from-outbox.md` tells users what [`Changes`] can ask for.
 
+pub mod digits;
 pub mod options;
 pub mod source;
 pub mod tables;
@@ -214,12 +216,19 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     if changes.compute.is_some() || !of_run.is_empty() {
         tables.check_events(&options.events, &mut report);
     }
+    tables.check_solver(options.solver, &mut report);
+    // Bits of what is imposed; 63 is all.
+    let in_part = |part: &Part| part.state.bodies.body_driven.iter().any(|imposed| (1..63).contains(imposed));
+    let of_parts = (0..).zip(&parts).filter(|(_, part)| in_part(part)).map(|(k, _)| format!("bodies.{k}"));
+    let of_new = crate::check::driven_in_part(&changes.grains, &changes.walls);
+    crate::check::check_turning(&mut report, &options, of_parts.chain(of_new));
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
 
     let datbox = dir.join("DATBOX");
-    let files = files(&changes, &parts, &new, &records, tables, &options, &cases);
+    let driven = driven(&parts, &new);
+    let files = files(&changes, &parts, &new, &records, &tables, &driven, &options);
     atomic::write_all(files.iter().map(|(name, bytes)| (datbox.join(name), bytes.as_slice())))?;
     let mut summary = String::new();
     for part in &parts {
@@ -233,6 +242,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         );
     }
     summary += &sources[0].notes(Some(&options).filter(|_| changes.compute.is_none()));
+    let taken: usize = parts.iter().map(|part| part.rows.len()).sum();
+    summary += &digits::lost(&records.0[..taken], &tables, &driven);
     summary += &crate::groups(&new.scene, &new.population);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     summary += &format!("{} bodies; wrote {}: {}\n", records.0.len(), datbox.display(), names.join(" "));
@@ -449,9 +460,9 @@ fn files(
     parts: &[Part],
     new: &New,
     records: &Bodies,
-    tables: Tables,
+    tables: &Tables,
+    driven: &DrvDof,
     options: &Compute,
-    cases: &[PathBuf],
 ) -> Vec<File> {
     let mut start = Snapshot { meta: parts[0].source.snapshot.meta.clone(), ..Snapshot::default() };
     if !changes.keep_time {
@@ -464,12 +475,12 @@ fn files(
     start.meta.attraction = None;
     let mut origin = String::from("body,case,step,number\n");
     let mut bodies = Vec::new();
-    for (part, case) in parts.iter().zip(cases) {
+    for part in parts {
         let first = bodies.len();
         part.append_to(&mut start, first);
         for (k, row) in part.rows.iter().enumerate() {
             let (body, step) = (first + k, part.source.snapshot.meta.step);
-            origin += &format!("{},{},{step},{}\n", body + 1, quoted(case), row + 1);
+            origin += &format!("{},{},{step},{}\n", body + 1, quoted(&part.source.case), row + 1);
             bodies.push(part.dof(k, body));
         }
     }
@@ -479,12 +490,11 @@ fn files(
         bodies.push(BodyDof { body, ..state });
     }
     let dof = Dof { step: start.meta.step, time: start.meta.time, bodies };
-    let driven = driven(parts, new);
     let mut files: Vec<File> = [
-        ("BODIES.DAT", records.to_text()),
-        ("BULK_BEHAV.DAT", tables.bulk.to_text()),
-        ("TACT_BEHAV.DAT", tables.tact.to_text()),
-        ("DRV_DOF.DAT", driven.to_text()),
+        ("BODIES.DAT", records.to_long_text()),
+        ("BULK_BEHAV.DAT", tables.bulk.to_long_text()),
+        ("TACT_BEHAV.DAT", tables.tact.to_long_text()),
+        ("DRV_DOF.DAT", driven.to_long_text()),
         ("DOF.INI", dof.to_text()),
         ("Vloc_Rloc.INI", VlocRloc { step: dof.step, time: dof.time, contacts: Vec::new() }.to_text()),
         ("COMPUTE.RON", options.to_text()),

@@ -4,15 +4,16 @@ use std::collections::BTreeSet;
 
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::{BulkBehav, Material};
-use cd_formats::compute::{Compute, Event};
+use cd_formats::compute::{Compute, ContactSolver, Event};
 use cd_formats::report::Report;
-use cd_formats::tact_behav::{LAWS, Law, See, Side, TactBehav};
+use cd_formats::tact_behav::{Law, See, Side, TactBehav, labels};
 use nalgebra::Vector3;
 
 use super::Changes;
 use super::source::Part;
 use crate::check;
 use crate::population::Grain;
+use crate::round8;
 
 pub struct Tables {
     pub bulk: BulkBehav,
@@ -20,13 +21,21 @@ pub struct Tables {
 }
 
 impl Tables {
+    /// The laws that some row names.
+    fn used(&self) -> impl Iterator<Item = &Law> {
+        self.tact.laws.iter().filter(|law| self.tact.visibility.iter().any(|row| row.law == law.nickname))
+    }
+
     /// Events of laws that no contact has, or of a cohesion that a law has not.
     pub fn check_events(&self, events: &[Event], report: &mut Report) {
-        let used = |law: &&Law| self.tact.visibility.iter().any(|row| row.law == law.nickname);
         let of = |law: &Law| check::is_cohesive(&law.kind, &law.parameters);
-        let laws: Vec<(&str, bool)> =
-            self.tact.laws.iter().filter(used).map(|law| (law.nickname.as_str(), of(law))).collect();
+        let laws: Vec<(&str, bool)> = self.used().map(|law| (law.nickname.as_str(), of(law))).collect();
         check::check_laws_of_events(report, events, &laws);
+    }
+
+    /// Laws whose moments the solver does not know.
+    pub fn check_solver(&self, solver: ContactSolver, report: &mut Report) {
+        check::check_moments(report, solver, self.used().map(|law| (law.nickname.as_str(), law.kind.as_str())));
     }
 
     /// The tables of all parts with the changes; what contradicts or lacks goes into the report.
@@ -109,9 +118,7 @@ fn laws(changes: &Changes, parts: &[Part], report: &mut Report) -> Vec<Law> {
 
 /// The distance over which a law attracts, m.
 fn range(law: &Law) -> f64 {
-    let labels = LAWS.iter().find(|(kind, _)| *kind == law.kind).map_or(&[][..], |(_, lines)| *lines);
-    let place = labels.iter().flat_map(|line| line.iter()).position(|label| *label == "Wthk");
-    place.and_then(|k| law.parameters.get(k)).copied().unwrap_or(0.0)
+    labels(&law.kind).zip(&law.parameters).find(|(label, _)| *label == "Wthk").map_or(0.0, |(_, range)| *range)
 }
 
 /// Candidate and antagonist are told apart by the shapes, as in LMGC90: spheres before polyhedra before walls.
@@ -301,7 +308,7 @@ fn expect_all_pairs(changes: &Changes, parts: &[Part], rows: &[See], named: &[(&
 }
 
 /// As for a scene: a tenth of the mean radius, and at least what two bodies at the greatest speed, from the mean velocity,
-/// approach each other in a step, m.
+/// approach each other in a step, m; eight digits.
 fn default_alert(parts: &[Part], grains: &[Grain], options: &Compute) -> f64 {
     let radii: Vec<f64> = parts
         .iter()
@@ -316,7 +323,7 @@ fn default_alert(parts: &[Part], grains: &[Grain], options: &Compute) -> f64 {
     let velocities: Vec<Vector3<f64>> = known.chain(grains.iter().map(|grain| grain.velocity)).collect();
     let drift = velocities.iter().sum::<Vector3<f64>>() / velocities.len() as f64;
     let fastest = velocities.iter().map(|v| (v - drift).norm()).fold(0.0, f64::max);
-    (0.1 * mean).max(2.0 * options.dt * fastest)
+    round8((0.1 * mean).max(2.0 * options.dt * fastest))
 }
 
 impl Part<'_> {
