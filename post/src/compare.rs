@@ -74,7 +74,7 @@ pub struct Compared<'a> {
 
 /// Reads a table of each case and writes a figure and a table for each of the columns into `output`.
 ///
-/// `labels`: names in the legend, as many as cases and all different, or none for those of the folders.
+/// `labels`: names in the legend, as many as cases, or none for those of the folders. Each column of a table has its own name.
 ///
 /// Returns how many columns, and what is worth a report.
 pub fn write(
@@ -94,13 +94,6 @@ pub fn write(
             format!("expected {}, one a case", cases.len()),
         ));
     }
-    for (k, label) in labels.iter().enumerate().filter(|(k, label)| labels[..*k].contains(label)) {
-        faults.push(option(
-            "labels",
-            format!("'{label}' stands there again as number {}", k + 1),
-            "expected each name once".into(),
-        ));
-    }
     let Some(kind) = Kind::of(table) else {
         let expected = "expected series.csv, a table of cd-post state, such as state/profile.csv, or of cd-post track, \
                         such as track-1/track.csv";
@@ -118,15 +111,31 @@ pub fn write(
         faults.push(option(asking, format!("'{name}'"), expected));
     }
     let known: Vec<&str> = asked.map(|(_, name)| name).filter(|name| kind.column(name).is_some()).collect();
-    let names = names_of(cases);
-    let runs: Vec<Run> = cases
-        .iter()
-        .enumerate()
-        .filter_map(|(k, case)| {
-            let name = labels.get(k).unwrap_or(&names[k]).clone();
-            Some(Run { name, columns: faults.gather(read(&place(case, table), &known))? })
-        })
-        .collect();
+    let mut names = names_of(cases);
+    names.iter_mut().zip(labels).for_each(|(name, label)| name.clone_from(label));
+    let heads: Vec<String> = names.iter().map(|name| head(name)).collect();
+    for (k, name) in heads.iter().enumerate() {
+        let (again, expected) = match name.as_str() {
+            "" => ("", "expected a name"),
+            name if name == against => ("", "expected another name than that of the horizontal axis"),
+            _ if heads[..k].contains(name) => (" again", "expected each name once"),
+            _ => continue,
+        };
+        let naming = if labels.is_empty() { "runs" } else { "labels" };
+        faults.push(option(naming, format!("'{name}' stands there{again} as number {}", k + 1), expected.into()));
+    }
+    // Of a state there may be nothing to tell, such as forces of grains that do not touch; a run has snapshots.
+    let by_snapshot = kind.column("time").is_some();
+    let measured = |case: &PathBuf| {
+        let path = place(case, table);
+        let columns = read(&path, &known)?;
+        if by_snapshot && columns.values().all(Vec::is_empty) {
+            return Err(Fault::new(&path, None, "table", "holds no snapshot", "expected one at least").into());
+        }
+        Ok(columns)
+    };
+    let with_name = |(case, name)| Some(Run { name, columns: faults.gather(measured(case))? });
+    let runs: Vec<Run> = cases.iter().zip(names).filter_map(with_name).collect();
     faults.into_result(())?;
     let mut notes = Vec::new();
     let has = |name: &&String| runs.iter().any(|run| run.columns[*name].iter().any(|value| value.is_finite()));
@@ -175,6 +184,18 @@ pub fn reached(time: f64, from: f64) -> bool {
 /// Whether two times (s) are one but for the rounding of sums of steps.
 pub fn same_time(a: f64, b: f64) -> bool {
     reached(a, b) && reached(b, a)
+}
+
+/// Of some times (s) the one that is another but for rounding; the nearest, as late in a run snapshots are closer to each other
+/// than [`same_time`] tells.
+pub fn nearest(times: impl IntoIterator<Item = f64>, time: f64) -> Option<f64> {
+    let same = times.into_iter().filter(|other| same_time(*other, time));
+    same.min_by(|a, b| (a - time).abs().total_cmp(&(b - time).abs()))
+}
+
+/// The name of a run at the head of its column; a comma would make two of it.
+fn head(name: &str) -> String {
+    name.replace(',', ";")
 }
 
 /// The columns of a table of numbers, those `needed` among them; empty fields are NaN.
@@ -246,16 +267,13 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
     }
     places.sort_by(f64::total_cmp);
     places.dedup();
-    let mut header = vec![against];
-    // A comma would make two columns of a name.
-    let names: Vec<String> = runs.iter().map(|run| run.name.replace(',', ";")).collect();
-    header.extend(names.iter().map(String::as_str));
+    let heads: Vec<String> = runs.iter().map(|run| head(&run.name)).collect();
+    let header: Vec<&str> = std::iter::once(against).chain(heads.iter().map(String::as_str)).collect();
     let rows = places.into_iter().map(|x| {
         let at = |points: &Vec<(f64, f64)>| {
-            let near = points.iter().map(|p| p.0).filter(|place| same(*place, x));
-            let nearest = near.min_by(|a, b| (a - x).abs().total_cmp(&(b - x).abs()));
+            let place = if against == "time" { nearest(points.iter().map(|p| p.0), x) } else { Some(x) };
             // A table may come by one place several times: of its values there the mean.
-            let there = points.iter().filter(|p| Some(p.0) == nearest && p.1.is_finite());
+            let there = points.iter().filter(|p| Some(p.0) == place && p.1.is_finite());
             let (count, sum) = there.fold((0.0, 0.0), |(count, sum), p| (count + 1.0, sum + p.1));
             sum / count
         };
@@ -278,6 +296,9 @@ mod tests {
         let (_, table) = draw(&[run("a", 10, 0.1), run("b", 1000, 0.001)], &kind, "Z", "time");
         assert_eq!(table.lines().count(), 4, "{table}");
         assert!(table.lines().skip(1).all(|line| !line.ends_with(',')), "{table}");
+        // At 1e7 s a second is less than a millionth.
+        assert_eq!(nearest([1e7, 1e7 + 1.0, 1e7 + 2.0], 1e7 + 1.0 + 1e-8), Some(1e7 + 1.0));
+        assert_eq!((nearest([0.3, 0.5], 0.1 + 0.2), nearest([0.3, 0.5], 0.4)), (Some(0.3), None));
         let names = |cases: &[&str]| names_of(&cases.iter().map(PathBuf::from).collect::<Vec<_>>());
         assert_eq!(names(&["/no/a/x/run", "/no/b/x/run", "/no/b/other"]), ["a/x/run", "b/x/run", "other"]);
         assert_eq!(names(&["/no/run", "/no/run"]), ["run"; 2]);

@@ -135,10 +135,11 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     let path = case.join("POSTPRO/series.csv");
     let series = compare::read(&path, &["time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure"])?;
     let times = &series["time"];
-    let until = until.unwrap_or(f64::INFINITY);
+    let as_there = |time: f64| compare::nearest(times.iter().copied(), time).unwrap_or(time);
+    let until = until.map_or(f64::INFINITY, as_there);
     let last = times.iter().copied().filter(|time| *time <= until).fold(f64::NAN, f64::max);
-    let taken: Vec<usize> =
-        (0..times.len()).filter(|&k| times[k] >= from.unwrap_or(last) && times[k] <= until).collect();
+    let counts = from.map_or(last, as_there)..=until;
+    let taken: Vec<usize> = (0..times.len()).filter(|&k| counts.contains(&times[k])).collect();
     if taken.is_empty() {
         let found = times.last().map_or("holds no snapshot".into(), |time| format!("ends at {time} s"));
         return Err(Fault::new(&path, None, "time", found, "expected a snapshot in the time of the means").into());

@@ -7,7 +7,7 @@ use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::Snapshot;
 
-use crate::compare::{self, reached, same_time};
+use crate::compare::{self, nearest, reached, same_time};
 use crate::derive::Field;
 use crate::snapshots;
 use crate::study::{Line, TIMED};
@@ -174,14 +174,20 @@ fn read(path: &Path) -> Result<Vec<Compared>, Faults> {
 /// The runs of the first realisation with the errors of all.
 fn realised(folders: &[PathBuf], all: &[Vec<Compared>]) -> Result<Vec<Compared>, Faults> {
     let mut faults = Faults::default();
+    let other = |folder: &Path, found: String| {
+        let expected = format!("expected the runs of {}", folders[0].display());
+        Fault::new(&table_of(folder), None, "run", found, expected)
+    };
+    let named = |runs: &[Compared], name: &str| runs.iter().find(|run| run.name == name).map(|run| run.values);
+    for (folder, runs) in folders.iter().zip(all) {
+        for run in runs.iter().filter(|run| named(&all[0], &run.name).is_none()) {
+            faults.push(other(folder, format!("{} as well", run.name)));
+        }
+    }
     let mut realised = Vec::new();
     for run in &all[0] {
         let of_each = |(folder, runs): (&PathBuf, &Vec<Compared>)| {
-            let found = runs.iter().find(|other| other.name == run.name).map(|found| found.values);
-            found.ok_or_else(|| {
-                let expected = format!("expected the runs of {}", folders[0].display());
-                Faults::from(Fault::new(&table_of(folder), None, "run", format!("no {}", run.name), expected))
-            })
+            named(runs, &run.name).ok_or_else(|| Faults::from(other(folder, format!("no {}", run.name))))
         };
         let values: Vec<[f64; 15]> = folders.iter().zip(all).filter_map(|each| faults.gather(of_each(each))).collect();
         let mean = |k: usize| values.iter().map(|of| of[k]).sum::<f64>() / values.len() as f64;
@@ -256,15 +262,22 @@ fn free_positions(snapshot: &Snapshot) -> Positions {
     (snapshot.meta.time, free.map(|(x, _)| *x).collect())
 }
 
-/// Where the free bodies are in the first snapshot after the start from a time (s) on, if there is one.
+/// Where the free bodies are in the first snapshot after the start from a time (s) on, if there is one; of those at that time
+/// the nearest, as in [`nearest`].
 fn early_positions(case: &Path, from: f64) -> Result<Option<Positions>, Faults> {
+    let away = |(time, _): &Positions| (time - from).abs();
+    let mut best: Option<Positions> = None;
     for (_, path) in &snapshots(&case.join("OUTBOX"))?[1..] {
         let found = free_positions(&Snapshot::read(path)?);
-        if reached(found.0, from) {
-            return Ok(Some(found));
+        let last = found.0 >= from;
+        if reached(found.0, from) && best.as_ref().is_none_or(|best| away(&found) < away(best)) {
+            best = Some(found);
+        }
+        if last {
+            break;
         }
     }
-    Ok(None)
+    Ok(best)
 }
 
 /// RMS distance over the mean radius; NaN at different times.
@@ -309,8 +322,9 @@ impl Exact<'_> {
     /// The snapshots from `from` (s) on, or the last, and the early positions from `early` (s) on, or the first.
     fn of(finest: &Run, from: Option<f64>, early: Option<f64>) -> Result<Exact<'_>, Faults> {
         let times: Vec<f64> = finest.observed.iter().map(|(time, _)| *time).collect();
-        let from = from.or(times.last().copied()).unwrap_or(f64::NAN);
-        let observed: Vec<_> = finest.observed.iter().copied().filter(|(time, _)| reached(*time, from)).collect();
+        let as_there = |time: f64| nearest(times.iter().copied(), time).unwrap_or(time);
+        let from = from.map(as_there).or(times.last().copied()).unwrap_or(f64::NAN);
+        let observed: Vec<_> = finest.observed.iter().copied().filter(|(time, _)| *time >= from).collect();
         if observed.is_empty() {
             let expected = "expected one at the time of --from or later";
             return Err(Fault::new(&series_of(&finest.case), None, "time", span(&times), expected).into());
@@ -328,7 +342,10 @@ impl Exact<'_> {
                 (format!("{count} are free"), format!("expected {expected}, as in {}", finest.name));
             faults.push(Fault::new(&run.case.join("OUTBOX"), None, "bodies", found, expected));
         }
-        let at = |time: f64| run.observed.iter().find(|(t, _)| same_time(*t, time)).map(|(_, found)| *found);
+        let at = |time: f64| {
+            let own = nearest(run.observed.iter().map(|(time, _)| *time), time)?;
+            run.observed.iter().find(|(time, _)| *time == own).map(|(_, found)| *found)
+        };
         let shared: Vec<([f64; 9], [f64; 9])> =
             self.observed.iter().filter_map(|(time, exact)| Some((at(*time)?, *exact))).collect();
         if shared.is_empty() {
@@ -542,8 +559,11 @@ mod tests {
         assert_eq!(found.of("worst"), found.of("Z"));
         // Others than the runs of the first, and what is no table of them.
         let told = realised(&folders, &[vec![one], vec![run("tol", 1.0, 1.0, 1.0)]]).unwrap_err().to_string();
-        let expected = format!("b/trade.csv: run: no dt2; expected the runs of {}", folders[0].display());
-        assert!(told.ends_with(&expected), "{told}");
+        let told: Vec<&str> = told.lines().collect();
+        let says = |line: &str, found: &str| {
+            line.ends_with(&format!("b/trade.csv: run: {found}; expected the runs of {}", folders[0].display()))
+        };
+        assert!(told.len() == 2 && says(told[0], "tol1 as well") && says(told[1], "no dt2"), "{told:?}");
         atomic::write(&table_of(&folders[1]), format!("{}x,y,1\n", header()).as_bytes()).unwrap();
         assert!(read(&table_of(&folders[1])).unwrap_err().to_string().contains("trade.csv:2: row: x,y,1; expected"));
     }
@@ -585,6 +605,21 @@ mod tests {
         let exact = Exact { finest: &finest, observed: finest.observed.clone(), early: None };
         let found = exact.compared(&bed(0.75, 9.0)).unwrap();
         assert_eq!(["nu", "pressure", "worst"].map(|name| found.of(name)), [0.5, 0.125, 0.5]);
+    }
+
+    #[test]
+    fn late_in_a_run_times_are_the_nearest() {
+        let mut run = measured(1e7, 1.0, 0.0);
+        let row = run.observed[0];
+        run.observed.extend((1..4).map(|k| {
+            let mut row = row;
+            row.0 += f64::from(k);
+            row.1[PRESSURE] += f64::from(k);
+            row
+        }));
+        let exact = Exact { finest: &run, observed: run.observed.clone(), early: None };
+        let found = exact.compared(&run).unwrap();
+        assert_eq!((found.of("worst"), found.of("pressure_single")), (0.0, 0.0));
     }
 
     #[test]

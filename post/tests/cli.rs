@@ -476,10 +476,19 @@ fn runs_are_compared_in_one_figure() {
     assert_eq!(alone.output().unwrap().status.code(), Some(0));
     assert_eq!(fs::read_to_string(folder.join("Z.csv")).unwrap().lines().next().unwrap().split(',').count(), 2);
     fs::remove_dir_all(folder).unwrap();
+    // The same folder twice has no name of its own.
+    let mut twice = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+    let twice = twice.arg("compare").args([one.path(), one.path()]).arg("-o").arg(output.path()).output().unwrap();
+    let told = String::from_utf8_lossy(&twice.stderr);
+    assert_eq!(twice.status.code(), Some(2));
+    assert!(told.starts_with("cd-post: options: runs: '"), "{told}");
+    assert!(told.ends_with("' stands there again as number 2; expected each name once\n"), "{told}");
     for (option, wrong) in [
         ("columns", "no_such"),
         ("labels", "one"),
         ("labels", "one,one"),
+        ("labels", "time,one"),
+        ("labels", ",one"),
         ("table", "no_such.csv"),
         ("columns", "depth"),
         ("against", "no_such"),
@@ -500,6 +509,12 @@ fn runs_are_compared_in_one_figure() {
         assert_eq!(told.status.code(), Some(2));
         assert!(String::from_utf8_lossy(&told.stderr).ends_with(&format!("series.csv:1: {message}\n")), "{told:?}");
     }
+    // One of no snapshot.
+    fs::write(&series, whole.lines().next().unwrap()).unwrap();
+    let told = compare(&[]);
+    assert_eq!(told.status.code(), Some(2));
+    let expected = "series.csv: table: holds no snapshot; expected one at least\n";
+    assert!(String::from_utf8_lossy(&told.stderr).ends_with(expected), "{told:?}");
     fs::write(&series, whole).unwrap();
     // The ways of a body, and the ground around it.
     for case in [&one, &two] {
@@ -628,6 +643,26 @@ fn runs_are_measured_at_the_times_that_they_share() {
 }
 
 #[test]
+fn late_in_a_run_snapshots_are_not_taken_for_others() {
+    // At 1e7 s a snapshot a second, of the finest less often: a millionth of the time is ten of them.
+    let late = 40_000_000;
+    let cases = [case(&[0, late, late + 4, late + 8, late + 12]), case(&[0, late + 8, late + 12])];
+    for case in &cases {
+        fs::write(case.path().join("TIMER.csv"), "step,gravity,detection,assembly,solve,integration\n1,1,2,3,4,5\n")
+            .unwrap();
+        fs::write(case.path().join("ERRORS.csv"), "source,option,error,seconds\n").unwrap();
+        assert!(cd_post(&["--no-plots", "--no-vtk"], case.path()).status.success());
+    }
+    let output = tempfile::tempdir().unwrap();
+    let mut trade = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+    trade.arg("trade").args(cases.iter().map(|case| case.path())).arg("-o").arg(output.path());
+    assert_eq!(trade.output().unwrap().status.code(), Some(0));
+    for name in ["worst", "positions_early", "positions"] {
+        assert_eq!(column(&output.path().join("trade.csv"), name), [0.0; 2], "{name}");
+    }
+}
+
+#[test]
 fn many_runs_are_points_of_one_study() {
     let cases = [case(&[0, 4]), case(&[0, 4])];
     for case in &cases {
@@ -657,6 +692,11 @@ fn many_runs_are_points_of_one_study() {
         ["1.0", "15.0", "0.5", "7.0", "21.0", "2.0"]
     );
 
+    // The first snapshot is at 0 s; times are sums of steps.
+    for times in [&["--until", "0.9999999999"][..], &["--from", "1.0000000001", "--until", "1.0000000001"]] {
+        assert_eq!(study(times), (0, String::new()));
+        assert_eq!(column(&folder.path().join("runs.csv"), "time"), [1.0; 2], "{times:?}");
+    }
     let (status, told) = study(&["--from", "2"]);
     assert!(status == 2 && told.contains("series.csv: time: ends at 1 s; expected"), "{told}");
     let (status, told) = study(&["--groups", "one"]);
@@ -719,4 +759,15 @@ fn a_report_is_one_page_that_needs_nothing_else() {
     );
     fs::write(case.path().join("OUTBOX/steps.csv"), "step\n4\n8\n10\n").unwrap();
     assert!(run().contains("<td>sweeps of the contact solver per step</td><td>2</td>"));
+}
+
+#[test]
+fn a_file_that_may_not_grow_is_refused() {
+    let case = case(&[0, 10, 20]);
+    let limited = ["-c", "ulimit -f 4; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_cd-post")];
+    let output = Command::new("sh").args(limited).arg(case.path()).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && said.contains(": cannot be written: "), "{said}");
+    let parts = ["POSTPRO", "DISPLAY"].map(|folder| names(&case.path().join(folder)));
+    assert!(parts.iter().flatten().all(|name| !name.ends_with(".part")), "{parts:?}");
 }

@@ -6,6 +6,7 @@
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::element::DynElement;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::write::scale::{digits, prefixed, rounded, superscript};
 
@@ -91,8 +92,13 @@ const LETTER: i32 = 8;
 const ROWS: usize = 26;
 const FIRST_ROW: i32 = 60;
 const ROW: i32 = 24;
-/// Radius of a dot with a name.
+/// Radius of a dot with a name, and about that of others.
 const NAMED: i32 = 5;
+const DOT: i32 = 3;
+/// From the middle of a dot to its name.
+const NEAR: i32 = NAMED + 3;
+/// Where a name may stand about its dot: steps to the right and down.
+const AROUND: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (1, 1), (-1, -1), (-1, 1)];
 /// Marks of an axis, at most.
 const MARKS: usize = 7;
 /// Okabe & Ito (2008): told apart by colour-blind eyes too.
@@ -214,27 +220,38 @@ impl Figure {
                 }
             }
         }
-        // Over the lines. What names may not lie on: the dots that have one, and the names before.
-        let curves = self.curves.iter().zip(&curves).filter(|(curve, _)| curve.marks == Marks::Named);
-        let named: Vec<(&str, (f64, f64))> =
-            curves.flat_map(|(curve, points)| points.iter().map(|point| (curve.name.as_str(), *point))).collect();
-        let named = || named.iter().filter(|(_, (_, y))| !y.is_nan());
+        // Over the lines: the dots that have names, and these.
+        let seen = |named: bool| {
+            let curves =
+                self.curves.iter().zip(&curves).filter(move |(curve, _)| (curve.marks == Marks::Named) == named);
+            let points = curves.flat_map(|(curve, points)| points.iter().map(|point| (curve.name.as_str(), *point)));
+            points.filter(|(_, (_, y))| !y.is_nan())
+        };
+        let about = |point: (f64, f64), half: i32| Rectangle::about(chart.backend_coord(&point), half);
+        let others = self.curves.iter().zip(&curves).filter(|(c, _)| !matches!(c.marks, Marks::Named | Marks::Dots));
+        let pieces = others.flat_map(|(_, points)| points.windows(2)).filter(|ends| ends.iter().all(|p| !p.1.is_nan()));
         let (across, down) = chart.plotting_area().get_pixel_range();
-        let plot = Rectangle { left: across.start, upper: down.start, right: across.end, lower: down.end };
-        let mut taken: Vec<Rectangle> =
-            named().map(|(_, point)| Rectangle::about(chart.backend_coord(point), NAMED)).collect();
-        let mut name = |(name, point): &(&str, (f64, f64))| {
-            let place = chart.backend_coord(point);
-            let around = beside(place, name.chars().count() as i32, &plot, &taken);
-            taken.push(around);
+        let mut room = Room {
+            plot: Rectangle { left: across.start, upper: down.start, right: across.end, lower: down.end },
+            names: seen(true).map(|(_, point)| about(point, NAMED)).collect(),
+            dots: seen(false).map(|(_, point)| about(point, DOT)).collect(),
+            lines: pieces.flat_map(|ends| along([ends[0], ends[1]].map(|point| chart.backend_coord(&point)))).collect(),
+        };
+        let mut name = |(name, point): (&str, (f64, f64))| {
+            let place = chart.backend_coord(&point);
+            let (side, around) = room.beside(place, name.chars().count() as i32);
+            room.names.push(around);
             let corners = [(around.left, around.upper), (around.right, around.lower)];
             let corners = corners.map(|(x, y)| (x - place.0, y - place.1));
             let ground = plotters::element::Rectangle::new(corners, WHITE.mix(0.8).filled());
-            EmptyElement::at(*point) + ground + Text::new(name.to_string(), corners[0], font(LETTERS))
+            // Letters may be narrower than their room: they begin or end at the dot.
+            let anchor = [HPos::Right, HPos::Center, HPos::Left][(1 + side) as usize];
+            let style = font(LETTERS).pos(Pos::new(anchor, VPos::Top));
+            EmptyElement::at(point) + ground + Text::new(name.to_string(), (side * NEAR, corners[0].1), style)
         };
-        let names: Vec<_> = named().map(&mut name).collect();
+        let names: Vec<_> = seen(true).map(&mut name).collect();
         chart.draw_series(names)?;
-        chart.draw_series(named().map(|(_, point)| Circle::new(*point, NAMED, INK.filled())))?;
+        chart.draw_series(seen(true).map(|(_, point)| Circle::new(point, NAMED, INK.filled())))?;
         self.legend(&right)
     }
 
@@ -332,19 +349,38 @@ impl Rectangle {
     }
 }
 
-/// Where a name of so many letters stands beside its dot: the first place in `plot` that meets nothing `taken`, right or left
-/// of it, above or below, then farther away; the first of all where there is none.
-fn beside((x, y): (i32, i32), letters: i32, plot: &Rectangle, taken: &[Rectangle]) -> Rectangle {
-    let (wide, high) = (LETTER * letters, 17);
-    let at = |left: i32, upper: i32| Rectangle { left, upper, right: left + wide, lower: upper + high };
-    let around = |away: i32| {
-        let (above, below) = (y - 3 - away - high, y + 3 + away);
-        let (right, left) = (x + NAMED + 1, x - NAMED - 1 - wide);
-        [at(right, below), at(right, above), at(left, above), at(left, below)]
-    };
-    let places: Vec<Rectangle> = (0..4).flat_map(|k| around(high * k)).collect();
-    let free = |place: &&Rectangle| plot.holds(place) && !taken.iter().any(|other| place.meets(other));
-    *places.iter().find(free).unwrap_or(&places[0])
+/// The plot, and what is in it: names and the dots that have one, on which no name may lie, the other dots, and lines.
+struct Room {
+    plot: Rectangle,
+    names: Vec<Rectangle>,
+    dots: Vec<Rectangle>,
+    lines: Vec<Rectangle>,
+}
+
+impl Room {
+    /// Where a name of so many letters stands about its dot, and on which side: 1 right, -1 left, else 0. Of the places in the
+    /// plot that are [`AROUND`] it, or farther away, the first that meets the fewest names, then the fewest dots, of which one
+    /// counts as much as half a row of letters farther away, then the least of lines.
+    fn beside(&self, (x, y): (i32, i32), letters: i32) -> (i32, Rectangle) {
+        let (wide, high) = (LETTER * letters / 2, 8);
+        let place = |away: i32, (across, down): (i32, i32)| {
+            let (x, y) = (x + across * (wide + NEAR), y + down * (high + NEAR + high * away));
+            (away as usize, across, Rectangle { left: x - wide, upper: y - high, right: x + wide, lower: y + high })
+        };
+        let cost = |(away, _, place): &(usize, i32, Rectangle)| {
+            let met = |all: &[Rectangle]| all.iter().filter(|other| place.meets(other)).count();
+            (!self.plot.holds(place), met(&self.names), met(&self.dots) + away, met(&self.lines))
+        };
+        let places = (0..12).flat_map(|away| AROUND.map(|direction| place(away, direction)));
+        let (_, side, place) = places.min_by_key(cost).expect("there are places");
+        (side, place)
+    }
+}
+
+/// Pieces of the line between two places, one in five pixels.
+fn along([a, b]: [(i32, i32); 2]) -> impl Iterator<Item = Rectangle> {
+    let count = ((b.0 - a.0).abs().max((b.1 - a.1).abs()) / 5).max(1);
+    (0..=count).map(move |k| Rectangle::about((a.0 + (b.0 - a.0) * k / count, a.1 + (b.1 - a.1) * k / count), 1))
 }
 
 fn dashes(again: usize) -> Option<(u32, u32)> {
@@ -656,18 +692,32 @@ mod tests {
         let place = |line: &str, name: &str| -> i32 {
             line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
         };
-        let named = lines.windows(2).filter(|pair| figure.curves.iter().any(|curve| curve.name == pair[1]));
-        let boxes: Vec<Rectangle> = named
-            .map(|pair| {
-                let (left, upper) = (place(pair[0], "x"), place(pair[0], "y"));
-                let right = left + LETTER * pair[1].chars().count() as i32;
-                Rectangle { left, upper, right, lower: upper + 13 }
+        let grounds = lines.iter().filter(|line| line.contains("opacity=\"0.8\""));
+        let boxes: Vec<Rectangle> = grounds
+            .map(|line| {
+                let (left, upper) = (place(line, "x"), place(line, "y"));
+                Rectangle { left, upper, right: left + place(line, "width"), lower: upper + place(line, "height") }
             })
             .collect();
         assert_eq!(boxes.len(), 6, "{text}");
         assert!((0..6).all(|k| (0..k).all(|j| !boxes[j].meets(&boxes[k]))), "{boxes:?}");
         let plot = SIZE.0 as i32 - figure.legend_width();
         assert!(boxes.iter().all(|name| name.right <= plot), "{boxes:?}");
+    }
+
+    #[test]
+    fn a_name_hides_few_dots_and_less_of_lines() {
+        let plot = Rectangle { left: 0, upper: 0, right: 400, lower: 200 };
+        let mut room = Room { plot, names: Vec::new(), dots: Vec::new(), lines: Vec::new() };
+        let side = |room: &Room| room.beside((200, 100), 5).0;
+        assert_eq!(side(&room), 1);
+        room.lines = along([(200, 100), (300, 100)]).collect();
+        assert_eq!(side(&room), -1);
+        room.dots = vec![Rectangle::about((180, 100), DOT)];
+        let (side, place) = room.beside((200, 100), 5);
+        assert!(side == 0 && place.lower < 100, "{place:?}");
+        // At the left end only what is right of the dot is in the plot.
+        assert_eq!(room.beside((5, 100), 5).0, 1);
     }
 
     #[test]
