@@ -5,7 +5,7 @@
 //!
 //! | source | estimate | option |
 //! |---|---|---|
-//! | contacts | the smaller of two changes of Σ f·l, three volumes times the pressure, over its median: twice the median one from one step to the next, and the median one of its mean over the steps between two snapshots from one such interval to the next, over √2 as both ends err. Each bounds what residuals leave from above: the first has what averages out in an interval, the second what really happens; the 2, as steps that follow each other are alike, is from the scenes of examples/trade | `tol` |
+//! | contacts | the smaller of two changes of Σ f·l, three volumes times the pressure, over its median: twice the median one from one step to the next, which has what averages out in an interval, too; and the median one of its mean over the n steps between two snapshots from one such interval to the next, over √n. That wavers by what happens, which all runs share, and by what each step leaves open, which averages out as 1/√n: runs whose intervals are a step each share nothing, and differ by as much as these do. The 2, as steps that follow each other are alike, is from the scenes of examples/trade | `tol` |
 //! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, pressure going as its -4th power; and of bodies in flight, that no contact acts on, Σ ¼ m \|h a\|² over the largest of the energies at play, a the acceleration beyond uniform gravity: by that kinetic energy wavers on a circular orbit | `dt` |
 //! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean of the looks | `gravity_error` |
 //! | narrow | 2 δ/r̄, δ the mean of what the fast narrow phase misses of the gap of a pair that touches, mean of the looks | `narrow_phase` |
@@ -146,12 +146,13 @@ impl Tally {
 /// Intervals from which their changes tell anything.
 const INTERVALS: usize = 4;
 
-/// What residuals leave in the mean of an interval at most: twice the median change between values of one step and the next, or
-/// the median change between means of one interval and the next over √2, as of two means that err alike.
+/// What steps leave open in the mean of an interval: twice the median change between values of one step and the next, or the
+/// median change between means of one interval and the next over √n of n steps, whichever is smaller.
 fn noise(steps: &[f64], means: &[f64]) -> f64 {
     let change = |values: &[f64]| median(values.windows(2).map(|pair| (pair[1] - pair[0]).abs()));
     let of_steps = 2.0 * change(steps);
-    if means.len() < INTERVALS { of_steps } else { of_steps.min(change(means) / 2f64.sqrt()) }
+    let number = (steps.len() as f64 / means.len() as f64).max(1.0);
+    if means.len() < INTERVALS { of_steps } else { of_steps.min(change(means) / number.sqrt()) }
 }
 
 /// The share of the forces of driven bodies on free ones that sums up to nothing, over the root of the number of such pairs.
@@ -245,8 +246,8 @@ mod tests {
 
     #[test]
     fn noise_is_the_smaller_bound() {
-        // What jumps to and fro by 2 each step, and averages out.
-        assert_eq!(noise(&[1.0, 3.0, 1.0, 3.0], &[2.0, 2.5, 2.0, 2.5]), 0.5 / 2f64.sqrt());
+        // What jumps to and fro by 2 each step, and averages out: four intervals of four steps.
+        assert_eq!(noise(&[1.0, 3.0].repeat(8), &[2.0, 2.5, 2.0, 2.5]), 0.25);
         // What grows by 0.1 a step, 1 an interval.
         assert_eq!(noise(&[1.0, 1.125, 1.25], &[1.0, 2.0, 3.0, 4.0]), 0.25);
         // A single change of means tells nothing.
