@@ -337,6 +337,18 @@ impl Scene {
         self.laws.iter().any(Law::bonds)
     }
 
+    /// What makes a contactor the candidate of a contact: the lower of the two. Spheres come before polyhedra before cylinders
+    /// before plates, then in general what is not driven, then the lower number.
+    pub fn candidacy(&self, body: u32, rank: u16) -> (u8, bool, u32, u16) {
+        let kind = match (self.part(body, rank).map(|part| &part.geometry), &self.bodies[body as usize].shape) {
+            (Some(Geometry::Sphere { .. }), _) | (None, Shape::Sphere { .. }) => 0,
+            (Some(Geometry::Polyhedron(_)), _) => 1,
+            (Some(Geometry::Cylinder { .. }), _) => 2,
+            (Some(Geometry::Plane { .. }) | None, _) => 3,
+        };
+        (kind, self.is_general() && self.bodies[body as usize].driven, body, rank)
+    }
+
     /// Class of the contactor `rank` of a body, if it has that many.
     pub fn class_of(&self, body: u32, rank: u16) -> Option<u16> {
         match self.bodies[body as usize].shape {

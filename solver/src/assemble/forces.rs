@@ -135,7 +135,8 @@ fn shaking(scene: &Scene, q_c: &Configuration, &Shake { speed, seed }: &Shake) -
 }
 
 /// The rigid rotation (rad/s) of the free bodies that has the angular momentum `impulse` (N m s) about their centre of
-/// mass; none if they lie on a line and have no inertia about it.
+/// mass; none if they lie on a line and have no inertia about it. Where a scene repeats along one axis, about which the impulse
+/// is, it turns about that alone: how far along it each body stands is as one likes.
 fn rigid_spin(scene: &Scene, x: &[Vec3], q: &[Quat], impulse: Vec3) -> Vec3 {
     let centre = centre_of_mass(scene, x);
     let momentum = |spin: Vec3| -> Vec3 {
@@ -145,6 +146,11 @@ fn rigid_spin(scene: &Scene, x: &[Vec3], q: &[Quat], impulse: Vec3) -> Vec3 {
         })
     };
     let inertia = Mat3::from_columns(&[Vec3::x(), Vec3::y(), Vec3::z()].map(momentum));
+    let repeats = [scene.options.xperiode, scene.options.yperiode].map(|period| period.is_some());
+    if let Some(k) = repeats.iter().position(|repeats| *repeats) {
+        let moment = inertia[(k, k)];
+        return Vec3::ith(k, if moment > 0.0 { impulse[k] / moment } else { 0.0 });
+    }
     inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * impulse)
 }
 

@@ -178,7 +178,9 @@ impl Setting<'_> {
         let bonds: Vec<Option<f64>> = contacts.par_iter().zip(history).with_min_len(256).map(bond).collect();
         let mut aggregates = Groups::new(self.scene.bodies.len());
         let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|body| body as usize);
-        for (contact, _) in contacts.iter().zip(&bonds).filter(|(_, bond)| bond.is_some()) {
+        let is_rigid = |contact: &Contact| self.state.laws[contact.law as usize].bonds_are_rigid();
+        let rigid = contacts.iter().zip(&bonds).filter(|(contact, bond)| bond.is_some() && is_rigid(contact));
+        for (contact, _) in rigid {
             let [a, b] = bodies(contact);
             aggregates.join(a, b);
         }

@@ -306,7 +306,7 @@ impl Setting<'_> {
         let turning = if stays { self.turning(contact) } else { Vec3::zeros() };
         // What keeps to a surface that curves does not approach it, nor does what bonds carry round part from it.
         let curve = match hold {
-            Hold { bond: Some(_), .. } => -turning.dot(&n),
+            Hold { bond: Some(_), .. } if law.bonds_are_rigid() => -turning.dot(&n),
             Hold { within: true, .. } => (contact.gap.max(0.0) / h - turning.dot(&n)).min(0.0),
             Hold { .. } => self.curve(contact),
         };

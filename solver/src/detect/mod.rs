@@ -2,8 +2,8 @@
 //!
 //! A pair is listed when its gap is at most the alert distance of its row in TACT_BEHAV.DAT, or
 //! the range of its cohesion, or what its two bodies can travel in the step at their free
-//! velocities, h (|v_a| + |v_b|): so no contact that can close in the step is missed, however
-//! short the alert distance.
+//! velocities, h (|v_a| + |v_b|), and what surfaces that turn add: so no contact that can close in the step
+//! is missed, however short the alert distance.
 
 pub mod broad;
 pub mod narrow;
@@ -24,16 +24,15 @@ use crate::integrate::Configuration;
 
 /// All listed contacts, in the order of [`Contact::key`].
 ///
-/// `v_free`: velocities after the step if nothing touched, m/s.
+/// `free`: velocities (m/s) and angular velocities (rad/s) after the step if nothing touched.
 /// `known`: of the last step, then of this one.
-pub fn contacts(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], known: &mut Known) -> Vec<Contact> {
-    let h = q_c.ahead;
-    let travel = travel(q_c, v_free);
+pub fn contacts(scene: &Scene, q_c: &Configuration, free: [&[Vec3]; 2], known: &mut Known) -> Vec<Contact> {
+    let ways = Ways::new(q_c, free);
     if scene.is_general() {
-        return parts::contacts(scene, q_c, &travel, scene.options.narrow_phase(), known);
+        return parts::contacts(scene, q_c, &ways, scene.options.narrow_phase(), known);
     }
-    let mut pairs = among_spheres(scene, q_c, &travel, known);
-    let mut of_planes = with_planes(scene, q_c, &travel, h);
+    let mut pairs = among_spheres(scene, q_c, &ways.travel, known);
+    let mut of_planes = with_planes(scene, q_c, &ways);
     if !of_planes.is_empty() {
         pairs.append(&mut of_planes);
         pairs.sort(); // runs in order, which it finds
@@ -41,9 +40,26 @@ pub fn contacts(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], known: &mut
     pairs.par_iter().with_min_len(256).map(|&(pair, law)| contact(scene, q_c, pair, law)).collect()
 }
 
-/// How far each body can get in the step beside the others, m.
-fn travel(q_c: &Configuration, v_free: &[Vec3]) -> Vec<f64> {
-    v_free.par_iter().with_min_len(MANY).map(|v| q_c.ahead * (v - q_c.drift).norm()).collect()
+/// How far bodies can get in the step.
+struct Ways<'a> {
+    /// Each beside the others, m.
+    travel: Vec<f64>,
+    w_free: &'a [Vec3],
+    /// s
+    ahead: f64,
+}
+
+impl<'a> Ways<'a> {
+    fn new(q_c: &Configuration, [v_free, w_free]: [&'a [Vec3]; 2]) -> Self {
+        let ahead = q_c.ahead;
+        let travel = v_free.par_iter().with_min_len(MANY).map(|v| ahead * (v - q_c.drift).norm()).collect();
+        Ways { travel, w_free, ahead }
+    }
+
+    /// The way of what turns with body `i`, at most `arm` (m) from its centre, m.
+    fn of_rim(&self, i: usize, arm: f64) -> f64 {
+        self.travel[i] + self.ahead * self.w_free[i].norm() * arm
+    }
 }
 
 /// What the fast narrow phase misses, m.
@@ -56,8 +72,8 @@ pub struct Missed {
 
 /// Compares `contacts` with what the accurate narrow phase finds; the other arguments are those of [`contacts`] that made
 /// them. A pair that only one of them lists counts with its overlap.
-pub fn missed(scene: &Scene, q_c: &Configuration, v_free: &[Vec3], known: &Known, contacts: &[Contact]) -> Missed {
-    let exact = parts::contacts(scene, q_c, &travel(q_c, v_free), NarrowPhase::Accurate, &mut known.clone());
+pub fn missed(scene: &Scene, q_c: &Configuration, free: [&[Vec3]; 2], known: &Known, contacts: &[Contact]) -> Missed {
+    let exact = parts::contacts(scene, q_c, &Ways::new(q_c, free), NarrowPhase::Accurate, &mut known.clone());
     let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
     let gaps = |contacts: &[Contact]| {
         let mut gaps = BTreeMap::new();
@@ -109,16 +125,16 @@ fn meet(scene: &Scene, pair: [u32; 2]) -> Option<([u32; 2], See)> {
     Some((pair, scene.visibility.see(a.class, b.class)?)).filter(|_| !(a.driven && b.driven))
 }
 
-fn with_planes(scene: &Scene, q_c: &Configuration, travel: &[f64], h: f64) -> Vec<Listed> {
+fn with_planes(scene: &Scene, q_c: &Configuration, ways: &Ways) -> Vec<Listed> {
     let with = |&plane: &u32| {
         let p = plane as usize;
         let Shape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
         // A wall's travel is that of its farthest corner.
-        let swept = travel[p] + h * q_c.w[p].norm() * half_lengths.norm();
+        let swept = ways.of_rim(p, half_lengths.norm());
         let into_axes = q_c.q[p].inverse().to_rotation_matrix();
         let near = move |&sphere: &u32| {
             let (s, pair) = (sphere as usize, [sphere, plane]);
-            let travel = travel[s] + swept;
+            let travel = ways.travel[s] + swept;
             // Most are far off: that takes no law and no geometry.
             let from = q_c.x[s] - q_c.x[p] - scene.image(&q_c.x[s], &q_c.x[p]);
             let gap = ((into_axes * from).abs() - half_lengths).max() - scene.bodies[s].radius;

@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 
 use cd_formats::compute::NarrowPhase;
 
-use crate::detect::narrow;
+use crate::detect::{Ways, narrow};
 use crate::geometry::{
     Apart, Manifold, Memory, Narrow, Point, Posed, Range, Sight, Together, polyhedron_cylinder,
     polyhedron_hollow_cylinder, polyhedron_sphere,
@@ -93,13 +93,12 @@ impl Known {
 pub fn contacts(
     scene: &Scene,
     q_c: &Configuration,
-    travel: &[f64],
+    ways: &Ways,
     narrow: NarrowPhase,
     known: &mut Known,
 ) -> Vec<Contact> {
-    let h = q_c.ahead;
     let mut places: Vec<Place> =
-        scene.parts.par_iter().with_min_len(64).map(|part| place(scene, part, q_c, travel, h)).collect();
+        scene.parts.par_iter().with_min_len(64).map(|part| place(scene, part, q_c, ways)).collect();
     known.renew(scene, &mut places, &q_c.order);
     let Known { pairs, memories, separations, .. } = known;
     let narrow = match narrow {
@@ -314,12 +313,12 @@ impl<'a> Ahead<'a> {
     }
 }
 
-fn place<'a>(scene: &Scene, part: &'a Part, q_c: &Configuration, travel: &[f64], h: f64) -> Place<'a> {
+fn place<'a>(scene: &Scene, part: &'a Part, q_c: &Configuration, ways: &Ways) -> Place<'a> {
     let i = part.body as usize;
     let q = &q_c.q[i];
     let arm = q * part.offset;
     let axes = q * part.axes;
-    let travel = travel[i] + h * q_c.w[i].norm() * (arm.norm() + part.radius);
+    let travel = ways.of_rim(i, arm.norm() + part.radius);
     Place {
         centre: q_c.x[i] + arm,
         axes,

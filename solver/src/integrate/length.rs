@@ -10,7 +10,7 @@
 //! - a step is at most twice as long as the one before, and ends at snapshots, events and the end of the run.
 //!
 //! Detection looks twice as far as a step goes ([`GROWTH`]): so a pair that the next step could bring into contact is
-//! known when its length is chosen. Where imposed velocities or forces change in time, all steps are `dt`.
+//! known when its length is chosen; at the start of a run none is, and the first step is `dt`. Where imposed velocities or forces change in time, all steps are `dt`.
 
 use std::f64::consts::TAU;
 
@@ -29,7 +29,8 @@ pub const GROWTH: u64 = 2;
 /// Units of `dt` in the next step. `disturbed`: something has changed velocities since the last one.
 pub fn units(scene: &Scene, state: &State, disturbed: bool) -> u64 {
     let adaptive = scene.options.adaptive();
-    if !adaptive.is_on() || disturbed || scene.changes_in_time() {
+    let knows_neighbours = state.step > scene.start.0 && !disturbed;
+    if !adaptive.is_on() || !knows_neighbours || scene.changes_in_time() {
         return 1;
     }
     let dt = scene.options.dt;

@@ -238,6 +238,11 @@ impl Law {
         matches!(self.cohesion(), Some(Cohesion::Bond { .. } | Cohesion::Wet { remembers: true, .. }))
     }
 
+    /// Whether bonds hold their bodies together as one: what a liquid bridge or a bond without shear joins slides and rolls.
+    pub fn bonds_are_rigid(&self) -> bool {
+        matches!(self.cohesion(), Some(Cohesion::Bond { tangential, .. }) if tangential > 0.0)
+    }
+
     /// Whether a contact's history decides more than its friction, or holds more than its impulse.
     pub fn remembers(&self) -> bool {
         self.bonds() || self.rolling().is_some()

@@ -18,9 +18,6 @@ use crate::state::{Contact, SolvedContact, Status, UNKNOWN};
 /// Names of the contactors that are told apart by the visibility table.
 const CONTACTORS: [[&str; 2]; 5] = [["SPHER", "SPHEb"], ["PLANx"; 2], ["POLYR"; 2], ["CYLND"; 2], ["DNLYC"; 2]];
 
-/// By kind of contactor, in the order of [`CONTACTORS`]: the lower is the candidate.
-const CANDIDACY: [u8; 5] = [0, 3, 1, 2, 2];
-
 fn kind_of(geometry: &Geometry) -> usize {
     match geometry {
         Geometry::Sphere { .. } => 0,
@@ -62,9 +59,10 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
     let file = datbox.join("TACT_BEHAV.DAT");
     // Only laws that some row of the table uses are needed.
     let mut number = vec![None; tact.laws.len()];
+    let mut looked_at = vec![false; tact.laws.len()];
     for see in &tact.visibility {
         let Some(k) = tact.laws.iter().position(|law| law.nickname == see.law) else { continue };
-        if number[k].is_some() {
+        if std::mem::replace(&mut looked_at[k], true) {
             continue;
         }
         let record = &tact.laws[k];
@@ -278,14 +276,13 @@ pub fn without_effect(scene: &Scene) -> Vec<String> {
     ];
     let of_option =
         |(name, idle, needs): (&str, bool, &str)| idle.then(|| format!("{name}: without effect; needs {needs}"));
-    let knows_bonds = scene.laws.iter().any(|law| matches!(law.cohesion, Some(Cohesion::Bond { .. })));
     let (start, end) = (scene.start.1, scene.end_time());
     let of_event = |(k, event): (usize, &Event)| {
         let why = match event.action {
             _ if event.time >= end && end > start => {
                 format!("at {} s the run is over, which ends at {end} s", event.time)
             }
-            Action::Bond if !knows_bonds => "Bond needs a law whose bonds can break".into(),
+            Action::Bond if !scene.bonds() => "Bond needs a law whose bonds or bridges can break".into(),
             _ => return None,
         };
         Some(format!("event {}: without effect; {why}", k + 1))
@@ -352,13 +349,8 @@ pub fn history(
             faults.push(Fault::new(&file, Some(record.line), "contact", "a normal of length 0", "expected length 1"));
             continue;
         };
-        // Detection has spheres before polyhedra before cylinders before plates, then in general what is not driven, then the
-        // lower number, as candidates.
-        let order = |kind: usize, side: &ContactSide| {
-            let driven = scene.is_general() && scene.bodies[side.body].driven;
-            (CANDIDACY[kind], driven, side.body, side.rank)
-        };
-        let turned = order(kind_a, sides[0]) > order(kind_b, sides[1]);
+        let candidacy = sides.map(|side| scene.candidacy(side.body as u32, side.rank as u16));
+        let turned = candidacy[0] > candidacy[1];
         let (sign, [candidate, antagonist], kinds) =
             if turned { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
         let normal = normal * sign;

@@ -8,9 +8,11 @@ use cd_formats::snapshot::{self, LawName, Parameters, STATUS_NO_CONTACT, STATUS_
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::geometry::Memory;
-use crate::math::Vec3;
+use crate::math::{Vec3, to_local, to_world};
 use crate::scene::Scene;
-use crate::state::{Attraction, Bonding, Contact, Exchange, Interval, Known, PairMemory, SolvedContact, State, Status};
+use crate::state::{
+    Attraction, Bonding, Contact, Exchange, Interval, Known, PairMemory, SolvedContact, State, Status, UNKNOWN,
+};
 
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
 /// A snapshot of other bodies or laws than the scene's is refused. Gives back what the run had done its last step with.
@@ -30,14 +32,23 @@ pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Optio
     }
     restore(snapshot, state);
     state.known = Known { read: kept, ..Known::default() };
-    // Steps may have been of another length before.
-    scene.from = (state.step, state.time);
+    scene.from = counted_from(scene, state);
     scene.events = schedule(&scene.options.events, scene.end_time());
     if state.step > scene.start.0 {
         state.bonding = Bonding::No;
         pass_events(scene, state);
     }
     Ok(Some(parameters))
+}
+
+/// Step and time (s) from which the steps up to `end_time` are counted: the start, as an unbroken run counts, unless steps
+/// have been of another length. The time is a sum, which each step may round.
+fn counted_from(scene: &Scene, state: &State) -> (u64, f64) {
+    let (first, start) = scene.start;
+    let steps = state.step.saturating_sub(first) as f64;
+    let away = (state.time - (start + steps * scene.options.dt)).abs();
+    let rounding = (steps + 1.0) * f64::EPSILON * state.time.abs().max(start.abs());
+    if away <= rounding { scene.start } else { (state.step, state.time) }
 }
 
 /// What events have set follows from the events, so that flags may change the rest.
@@ -137,6 +148,7 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
     restore(snapshot, &mut started);
     (state.step, state.time, state.h) = (started.step, started.time, started.h);
     state.interval.start = started.time;
+    state.ledger.penetration_left = started.ledger.penetration_left;
     for (row, &i) in body.iter().enumerate() {
         let i = i as usize;
         (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
@@ -171,6 +183,17 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         solved.contact.law = see.law;
         true
     });
+    // Bodies have other numbers, or other shapes beside them.
+    for (number, solved) in (0..).zip(&mut state.contacts) {
+        let Contact { candidate, antagonist, ranks, .. } = solved.contact;
+        let sides = [scene.candidacy(candidate, ranks.0), scene.candidacy(antagonist, ranks.1)];
+        if sides[0] > sides[1] {
+            turn_round(solved);
+            // Spheres touch in one place, of others the place tells which it is.
+            let spheres = sides.iter().all(|side| side.0 == 0);
+            solved.contact.features = if spheres { (0, 0) } else { (UNKNOWN, number) };
+        }
+    }
     for solved in &mut state.contacts {
         let law = &scene.laws[solved.contact.law as usize];
         solved.moment = if law.rolling.is_some() { solved.moment } else { Vec3::zeros() };
@@ -178,6 +201,19 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
     state.contacts.sort_by_key(|solved| solved.contact.key());
     state.bonding = Bonding::No;
     Ok(())
+}
+
+/// Makes the antagonist the candidate.
+fn turn_round(solved: &mut SolvedContact) {
+    let old = solved.contact.frame();
+    let contact = &mut solved.contact;
+    (contact.candidate, contact.antagonist) = (contact.antagonist, contact.candidate);
+    contact.ranks = (contact.ranks.1, contact.ranks.0);
+    contact.normal = -contact.normal;
+    let new = contact.frame();
+    for vector in [&mut solved.impulse, &mut solved.moment, &mut solved.velocity] {
+        *vector = to_local(&new, &-to_world(&old, vector));
+    }
 }
 
 /// Self-gravity as it was last evaluated.

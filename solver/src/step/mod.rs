@@ -52,8 +52,8 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     let mut free = assemble::free_velocity(scene, state, &q_c, &happened.shakes); // M2  V_free = V + h M⁻¹ F(x_c)
     state.attraction = free.attraction.take();
     lap.stop(&mut clock.gravity);
-    let contacts = detect::contacts(scene, &q_c, &free.v, &mut state.known); // M3  g, (n, t, s)
-    let missed = looked_at(scene, state, &q_c, &free.v, &contacts);
+    let contacts = detect::contacts(scene, &q_c, [&free.v, &free.w], &mut state.known); // M3  g, (n, t, s)
+    let missed = looked_at(scene, state, &q_c, [&free.v, &free.w], &contacts);
     lap.stop(&mut clock.detection);
     let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
     lap.stop(&mut clock.assembly);
@@ -79,11 +79,11 @@ fn looked_at(
     scene: &Scene,
     state: &State,
     q_c: &Configuration,
-    v_free: &[Vec3],
+    free: [&[Vec3]; 2],
     contacts: &[Contact],
 ) -> Option<Missed> {
     let looks = scene.narrow_phase_is_fast() && state.looks(q_c.units);
-    looks.then(|| detect::missed(scene, q_c, v_free, &state.known, contacts))
+    looks.then(|| detect::missed(scene, q_c, free, &state.known, contacts))
 }
 
 fn task(scene: &Scene, state: &State, units: u64) -> Task {
@@ -119,7 +119,7 @@ pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProbl
     assemble::interventions(scene, &mut state, units);
     let q_c = integrate::predict(scene, &state, units);
     let free = assemble::free_velocity(scene, &state, &q_c, &happened.shakes);
-    let contacts = detect::contacts(scene, &q_c, &free.v, &mut state.known);
+    let contacts = detect::contacts(scene, &q_c, [&free.v, &free.w], &mut state.known);
     let system = assemble::contact_problem(scene, &state, &q_c, &contacts, &free.v, &free.w);
     (units, assemble::stored_problem(&system, &contacts))
 }

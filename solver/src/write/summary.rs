@@ -3,6 +3,8 @@
 use std::fmt::Write;
 use std::time::Duration;
 
+use cd_formats::compute::ContactSolver;
+
 use crate::assemble::potential_energy;
 use crate::detect::Missed;
 use crate::gravity::sample::Sampled;
@@ -98,7 +100,8 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
     let last = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
     line("unconverged steps", format!("{} now, {} in all{last}", course.unconverged, ledger.steps_unconverged));
     if course.taken_over > 0 {
-        line("stored solvers", format!("found the solution in {} steps where sweeps had stalled", course.taken_over));
+        let stalled = if scene.options.solver == ContactSolver::Auto { " where sweeps had stalled" } else { "" };
+        line("stored solvers", format!("found the solution in {} steps{stalled}", course.taken_over));
     }
     if course.given_up > 0 {
         line("given up", format!("{} steps after one round of sweeps, as more was in vain before", course.given_up));

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use cd_formats::bodies::{Contactor, Shape};
 use cd_formats::compute::Action;
+use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
 use crate::case::{Case, Figures, Vec3, equal, near, solve};
@@ -385,4 +386,54 @@ fn a_face_holds_what_its_area_holds() {
     let (fallen, bonds) = drop(0.9);
     equal(fallen, 0.5 * 8.0 * 0.09, 0.01); // falls from some step on, of a hundred at first
     assert_eq!(bonds[299], 0.0);
+}
+
+#[test]
+fn what_a_bridge_or_a_bond_without_shear_joins_slides_without_sinking_in() {
+    for (kind, parameters) in [
+        ("IQS_WET_DS_CLB", &[1.0, 0.0, 0.01, 0.0, 0.0][..]),
+        ("xQS_WET_DS_CLB", &[1.0, 0.0, 0.01, 0.0, 0.0]),
+        ("IQS_MOHR_DS_CLB", &[COHESION, 0.0, 0.0, 0.0]),
+    ] {
+        let mut case = Case::new();
+        case.law(kind, parameters);
+        case.sphere(0.5, [0.0; 3]);
+        let spinning = case.sphere(0.5, [1.0, 0.0, 0.0]);
+        case.launch(spinning, [0.0; 3], [0.0, 0.0, 8.0]);
+        let end = case.run(1000);
+        // Without friction it spins on the spot. Rounding of 1000 steps.
+        near(end.x(1) - end.x(0), [1.0, 0.0, 0.0], 1e-12);
+        near(end.w(1), [0.0, 0.0, 8.0], 0.0);
+    }
+}
+
+#[test]
+fn bonds_go_on_where_other_shapes_have_come() {
+    let hanging = |others: bool| {
+        let mut case = Case::new();
+        case.law_of_all("IQS_MOHR_DS_CLB", &[1e4, 1e4, 0.125, 0.25]);
+        case.gravity = [0.0, 0.0, -8.0];
+        let above = case.sphere(0.5, [0.0, 0.0, 1.0]);
+        case.drive(above, [0.0; 6].map(Evolution::constant));
+        case.sphere(0.5, [0.0; 3]);
+        if others {
+            let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            case.block([0.5; 3], [8.0, 0.0, 0.0], axes);
+        }
+        case
+    };
+    let mut before = hanging(false);
+    before.run(10);
+    let mut after = hanging(true);
+    after.options.steps = Some(100);
+    after.write();
+    let start = before.path().join("OUTBOX/snapshot-000010.npz");
+    std::fs::copy(start, after.path().join("DATBOX/START.npz")).unwrap();
+    assert_eq!(after.solve(&[]), 0);
+    let end = after.last();
+    // Beside a block what is not driven is the candidate.
+    assert_eq!((bonded(&end), end.contacts.contact_body.clone()), (vec![1], vec![[1, 0]]));
+    let weight = 8.0 * end.mass(1);
+    near(end.force(1, 0).unwrap(), [-weight, 0.0, 0.0], 1e-9 * weight);
+    near(end.v(1), [0.0; 3], 1e-12);
 }

@@ -1,6 +1,6 @@
 //! Scenes that come again along x and y.
 
-use cd_formats::compute::Compute;
+use cd_formats::compute::{Action, Compute};
 use cd_formats::snapshot::Snapshot;
 
 use crate::case::{Case, Figures, Vec3, equal, near, shaken_lattice, uniform};
@@ -151,4 +151,28 @@ fn what_cannot_repeat_is_refused() {
     // The longest block measures 1.4 m.
     assert_eq!(refused(&|options| options.yperiode = Some(2.0)), 2);
     assert_eq!(refused(&|options| (options.steps, options.yperiode) = (Some(1), Some(4.0))), 0);
+}
+
+#[test]
+fn a_torque_turns_a_cell_about_its_period_whichever_images_its_bodies_are() {
+    let turned = |image: f64| {
+        let mut case = Case::new();
+        case.law("IQS_CLB", &[0.25]);
+        for x in [[1.5, 1.0, 0.0], [-1.5, -1.0, 0.0], [image, 0.0, 0.0]] {
+            case.sphere(0.25, x);
+        }
+        case.options.xperiode = Some(4.0);
+        case.event(0.0, Action::SetTorque([1.0, 0.0, 0.0]));
+        (case.options.dt, case.run(1))
+    };
+    let (h, end) = turned(1.75);
+    // I = 2 m + 3 (2/5) m/16.
+    let w = h / (end.mass(0) * (2.0 + 3.0 * 0.4 / 16.0));
+    for body in 0..3 {
+        near(end.w(body), [w, 0.0, 0.0], 1e-14 * w);
+    }
+    near(end.v(0), [0.0, 0.0, w], 1e-14 * w);
+    near(end.v(2), [0.0; 3], 1e-14 * w);
+    let other = turned(-2.25).1;
+    assert_eq!((end.bodies.body_v, end.bodies.body_w), (other.bodies.body_v, other.bodies.body_w));
 }

@@ -64,7 +64,7 @@ fn options_without_effect_are_told() {
     case.write();
     let expected = "cd-solve: gravity_error: without effect; needs self_gravity\n\
                     cd-solve: narrow_phase: without effect; needs polyhedra\n\
-                    cd-solve: event 1: without effect; Bond needs a law whose bonds can break\n\
+                    cd-solve: event 1: without effect; Bond needs a law whose bonds or bridges can break\n\
                     cd-solve: event 2: without effect; at 1 s the run is over, which ends at 0.002 s\n";
     let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
@@ -625,4 +625,25 @@ fn contactors_that_no_row_lets_meet_are_told_of() {
     assert_eq!(told(1, &["PLANx"]), None);
     let all = "SPHER GRAIN and SPHER GRAIN, SPHER GRAIN and PLANx WALLx: they pass through each other";
     assert_eq!(told(2, &[]).as_deref(), Some(all));
+}
+
+#[test]
+fn a_law_of_several_pairs_is_told_once() {
+    let mut case = sound();
+    case.law("RST_CLB", &[1.5, 0.0, 0.3]);
+    // One law for spheres among each other and with walls.
+    case.tact.visibility[1].law = "law00".into();
+    let line = "CASE/DATBOX/TACT_BEHAV.DAT:2: law 'law00': normal restitution 1.5; \
+                expected restitutions from 0 to 1, others >= 0, dynamic friction <= static";
+    written_refused(&case, &[], &[line]);
+}
+
+#[test]
+fn an_event_that_wets_contacts_has_an_effect() {
+    let mut case = sound();
+    case.law("xQS_WET_DS_CLB", &[1.0, 0.0, 0.01, 0.2, 0.3]);
+    case.event(1e-3, Action::Bond);
+    case.write();
+    let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
+    assert!(!String::from_utf8(output.stdout).unwrap().contains("without effect"));
 }

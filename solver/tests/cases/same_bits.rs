@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use cd_formats::compute::{Action, Event};
+use cd_formats::dof::Dof;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
@@ -403,4 +404,72 @@ fn the_alert_distance_changes_nothing() {
         assert!(many > 1.2 * few, "{law} {blocks}: {few} {many}"); // a check of the check
         assert!(near.0[2].iter().any(|sweeps| f64::from_bits(*sweeps) > 0.0), "{law} {blocks}");
     }
+}
+
+#[test]
+fn a_run_taken_up_at_its_start_is_the_unbroken_one() {
+    // Of two blocks so deep in each other it is open which way is out.
+    let deep = || {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.25]);
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        case.block([0.5; 3], [0.0; 3], axes);
+        let block = case.block([0.5; 3], [0.9375, 0.875, 0.0], axes);
+        case.launch(block, [-16.0, 0.0, 0.0], [0.0; 3]);
+        (case.options.dt, case.options.steps, case.options.output_every) = (0.0078125, Some(4), 2);
+        case
+    };
+    same(&files(&deep(), &[&[]]), &files(&deep(), &[&["--steps", "0"], &["--resume"]]));
+}
+
+#[test]
+fn a_resumed_run_ends_where_the_unbroken_one_does() {
+    // So late that the sum of the steps falls behind their product.
+    let late = || {
+        let mut case = Case::new();
+        case.sphere(0.5, [0.0; 3]);
+        (case.options.dt, case.options.end_time, case.options.output_every) = (0.1, Some(1e8 + 2500.0), 20_000);
+        case.write();
+        let dof = Dof { step: 0, time: 1e8, bodies: case.dof.clone() }.to_text();
+        std::fs::write(case.path().join("DATBOX/DOF.INI"), dof).unwrap();
+        case
+    };
+    let ends = [&[&[][..]][..], &[&["--steps", "20000"], &["--resume"], &["--resume"]]].map(|pieces| {
+        let case = late();
+        assert!(pieces.iter().all(|flags| case.solve(flags) == 0));
+        case.last().meta
+    });
+    assert_eq!([ends[0].step, ends[1].step], [25_000; 2]);
+    assert_eq!(ends[0].time, ends[1].time);
+}
+
+#[test]
+fn what_goes_on_from_a_snapshot_knows_how_far_it_has_sunk_in() {
+    let heap = || {
+        let mut case = Case::new();
+        case.law("IQS_CLB", &[0.4]);
+        case.gravity = [0.0, 0.0, -8.0];
+        for (radius, [x, y, z]) in shaken_lattice(3, 4) {
+            case.sphere(radius, [x, y, z + 1.7]);
+        }
+        case.tub(1.7);
+        // So loose that overlap adds up, and then asks for more.
+        (case.options.dt, case.options.tol) = (0.01, Some(0.1));
+        case.options.penetration_tol = Some(1e-6);
+        (case.options.steps, case.options.output_every, case.options.text) = (Some(200), 100, true);
+        case
+    };
+    let unbroken = heap();
+    unbroken.write();
+    assert_eq!(unbroken.solve(&[]), 0);
+    let mut from = heap();
+    from.options.steps = Some(100);
+    from.write();
+    for (there, here) in [("snapshot-000100.npz", "START.npz"), ("DOF.OUT.1", "DOF.INI")] {
+        let [there, here] = [unbroken.path().join("OUTBOX").join(there), from.path().join("DATBOX").join(here)];
+        std::fs::copy(there, here).unwrap();
+    }
+    assert_eq!(from.solve(&[]), 0);
+    assert!(unbroken.last().meta.ledger.penetration_left > 1e-6);
+    assert_eq!(from.last().bodies.body_x, unbroken.last().bodies.body_x);
 }

@@ -227,3 +227,13 @@ fn steps_are_solved_further_where_overlap_was_left() {
         assert!(grown(fine.2) < 0.3 * grown(plain.2), "{solver}: {:?} and {:?}", fine.2, plain.2);
     }
 }
+
+#[test]
+fn what_a_solver_leaves_unsolved_it_has_not_found() {
+    let mut case = pyramid(Admm);
+    (case.options.steps, case.options.max_sweeps) = (Some(3), Some(8));
+    case.write();
+    let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert!(told.contains("unconverged steps      3 now") && !told.contains("stored solvers"), "{told}");
+}
