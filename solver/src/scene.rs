@@ -337,7 +337,7 @@ impl Scene {
         self.laws.iter().any(Law::bonds)
     }
 
-    /// What makes a contactor the candidate of a contact: the lower of the two. Spheres come before polyhedra before cylinders
+    /// What makes a contactor the candidate of a contact, as in LMGC90: the lower of the two. Spheres come before polyhedra before cylinders
     /// before plates, then in general what is not driven, then the lower number.
     pub fn candidacy(&self, body: u32, rank: u16) -> (u8, bool, u32, u16) {
         let kind = match (self.part(body, rank).map(|part| &part.geometry), &self.bodies[body as usize].shape) {

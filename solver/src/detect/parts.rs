@@ -37,23 +37,11 @@ struct Place<'a> {
     shape: Shape<'a>,
 }
 
-/// In the order in which one is the candidate rather than the other, as in LMGC90; of two alike the one that is not driven.
 enum Shape<'a> {
     Sphere { radius: f64 },
     Polyhedron(Posed<'a>),
     Cylinder { half_height: f64, radius: f64, hollow: bool },
     Plane { half_lengths: Vec3, cuboid: Posed<'a> },
-}
-
-impl Shape<'_> {
-    fn precedence(&self) -> u8 {
-        match self {
-            Shape::Sphere { .. } => 0,
-            Shape::Polyhedron(_) => 1,
-            Shape::Cylinder { .. } => 2,
-            Shape::Plane { .. } => 3,
-        }
-    }
 }
 
 impl Known {
@@ -350,7 +338,7 @@ fn meet(scene: &Scene, places: &[Place], [i, j]: [u32; 2]) -> Option<([u32; 2], 
         return None;
     }
     let see = scene.visibility.see(a.class, b.class)?;
-    let first = (a.shape.precedence(), a.driven, i) <= (b.shape.precedence(), b.driven, j);
+    let first = scene.candidacy(a.body, a.rank) <= scene.candidacy(b.body, b.rank);
     Some((if first { [i, j] } else { [j, i] }, see))
 }
 
