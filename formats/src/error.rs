@@ -54,7 +54,7 @@ impl fmt::Display for Fault {
                 write!(f, ":{column}")?;
             }
         }
-        write!(f, ": {}: {}; {}", readable(&self.object), readable(&self.found), self.expected)
+        write!(f, ": {}: {}; {}", readable(&self.object), readable(&self.found), readable(&self.expected))
     }
 }
 

@@ -65,6 +65,9 @@ pub struct Inert {
 /// Relative difference of moments that is rounding of the file: such a body needs no equation for its rotation.
 const EQUAL_MOMENTS: f64 = 1e-7;
 
+/// By so much the volume of a radius may differ, relatively, that has been rounded to 7 digits.
+const DIGITS: f64 = 1e-6;
+
 impl Body {
     /// Of all contactors together. Errors: as of one of them.
     pub fn mass_properties(&self) -> Result<MassProperties, Vec<String>> {
@@ -82,16 +85,22 @@ impl Body {
         if about_centre { [0.0; 3] } else { own.centre }
     }
 
-    /// At a density (kg/m^3), `own` being the mass properties of all contactors together. A lone sphere, plate or cylinder
-    /// is what it looks like, with moments about its own axes; of others `avrd` and `I1 I2 I3` count where they are given.
+    /// At a density (kg/m^3), `own` being the mass properties of all contactors together. `avrd` and `I1 I2 I3` count where
+    /// they are given, but for the moments of a lone sphere, plate or cylinder, about its own axes, and the mass of a sphere.
     pub fn inert(&self, own: &MassProperties, density: f64) -> Inert {
         let lone = if let [lone] = self.contactors.as_slice() { Some(lone) } else { None };
         let simple = lone.filter(|contactor| !matches!(contactor.shape, Shape::Polyhedron { .. }));
         let given = self.inertia.filter(|inertia| simple.is_none() && *inertia != [0.0; 3]);
         let own_moments = || simple.map_or_else(|| own.principal().0, |contactor| contactor.own_moments(own));
         let inertia = given.unwrap_or_else(own_moments);
-        let told = self.equivalent_radius != 0.0 && simple.is_none() && (lone.is_some() || given.is_some());
-        let volume = if told { 4.0 / 3.0 * PI * self.equivalent_radius.powi(3) } else { own.volume };
+        let told = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
+        let counts = match simple.map(|contactor| &contactor.shape) {
+            // The volume itself has more digits.
+            Some(Shape::Plane { .. } | Shape::Cylinder { .. }) => (told / own.volume - 1.0).abs() > DIGITS,
+            Some(_) => false,
+            None => lone.is_some() || given.is_some(),
+        };
+        let volume = if counts && told != 0.0 { told } else { own.volume };
         let radius = match lone.map(|contactor| &contactor.shape) {
             Some(Shape::Sphere { radius }) => *radius,
             _ => (volume * 0.75 / PI).cbrt(),

@@ -27,7 +27,7 @@ struct Place {
 
 impl Places {
     pub fn of(text: &str) -> Self {
-        let mut walk = Walk { text: text.as_bytes(), at: 0, line: 1, places: HashMap::new() };
+        let mut walk = Walk::of(text);
         walk.skip_extensions();
         walk.value("", 1, 0);
         Places(walk.places)
@@ -107,7 +107,7 @@ fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
     let Some((path, value)) = pair.filter(|(path, _)| !path.is_empty()) else {
         return Err(refuse("is no pair", "PATH=VALUE, such as grains.1.number=2000"));
     };
-    let mut walk = Walk { text: value.as_bytes(), at: 0, line: 1, places: HashMap::new() };
+    let mut walk = Walk::of(&value);
     walk.value("", 1, 0);
     if walk.at < value.len() || walk.places[""].span.end < value.len() || value.is_empty() {
         return Err(refuse(&format!("'{value}'"), "one value in RON"));
@@ -143,10 +143,19 @@ struct Walk<'a> {
     text: &'a [u8],
     at: usize,
     line: usize,
+    /// Brackets that are open.
+    depth: usize,
     places: HashMap<String, Place>,
 }
 
-impl Walk<'_> {
+/// What is nested deeper RON refuses, and is not walked.
+const DEEPEST: usize = 256;
+
+impl<'a> Walk<'a> {
+    fn of(text: &'a str) -> Self {
+        Walk { text: text.as_bytes(), at: 0, line: 1, depth: 0, places: HashMap::new() }
+    }
+
     fn here(&self) -> u8 {
         self.text.get(self.at).copied().unwrap_or(0)
     }
@@ -259,6 +268,11 @@ impl Walk<'_> {
 
     /// From an opening bracket to behind its closing one.
     fn items(&mut self, path: &str) {
+        if self.depth == DEEPEST {
+            self.advance(self.text.len());
+            return;
+        }
+        self.depth += 1;
         self.advance(1);
         for index in 0.. {
             self.skip_blank();
@@ -274,6 +288,7 @@ impl Walk<'_> {
             }
         }
         self.advance(1);
+        self.depth -= 1;
     }
 }
 
@@ -309,6 +324,10 @@ mod tests {
             assert_eq!(set_to(&text, "a=7"), Ok(text.replacen(after, &after.replacen("a: 1", "a: 7", 1), 1)));
             assert_eq!(set_to(&text, "new=7").map(|text| text.matches("(new: 7, ").count()), Ok(1), "{text}");
         }
+        // What is nested so deeply that it ends the walk, as a setting too; RON refuses it.
+        let deep = format!("(b: {}{}, a: 1)", "(".repeat(100_000), ")".repeat(100_000));
+        assert_eq!(Places::of(&deep).line("b"), Some(1));
+        assert!(set_to("(a: 1)", &format!("a={}", &deep[4..deep.len() - 7])).is_ok_and(|text| text.len() > 200_000));
         // What has no end, which RON refuses.
         for text in ["(a: 1, /* /* */", "(a: 1, r#\"\"", "#![enable("] {
             Places::of(text);

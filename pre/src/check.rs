@@ -235,6 +235,11 @@ pub(crate) fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
 /// Fewest and most vertices or sides of a shape: a plane needs three, and a pair of polyhedra costs as the square.
 const CORNERS: std::ops::RangeInclusive<usize> = 3..=1000;
 
+/// Whether nothing is said of how polyhedra stand and are measured.
+fn plain(grains: &Grains) -> bool {
+    grains.standing == Standing::default() && grains.radius == Radius::default()
+}
+
 /// Shape, and how polyhedra of it stand and are measured.
 fn check_shape(report: &mut Report, path: &str, grains: &Grains) {
     let shape = format!("{path}.shape");
@@ -279,12 +284,23 @@ fn check_shape(report: &mut Report, path: &str, grains: &Grains) {
                 report.expect(!files.is_empty(), &shape, "no files of pieces", "at least one");
             }
         }
-        Shape::Sphere => {
-            let plain = grains.standing == Standing::default() && grains.radius == Radius::default();
-            report.expect(plain, path, "standing or radius given for spheres", "neither: they are for polyhedra");
+        Shape::Sphere if !matches!(grains.place, Place::Fragments { .. }) => {
+            report.expect(
+                plain(grains),
+                path,
+                "standing or radius given for spheres",
+                "neither: they are for polyhedra",
+            );
         }
-        Shape::Tetrahedron | Shape::Cube | Shape::Octahedron | Shape::Dodecahedron | Shape::Icosahedron => {}
+        Shape::Sphere
+        | Shape::Tetrahedron
+        | Shape::Cube
+        | Shape::Octahedron
+        | Shape::Dodecahedron
+        | Shape::Icosahedron => {}
     }
+    let measured = grains.shape == Shape::Sphere || grains.sizes.is_some() || grains.radius == Radius::default();
+    report.expect(measured, path, "radius given without sizes", "sizes, whose meaning it says");
     let standing = format!("{path}.standing");
     match &grains.standing {
         Standing::Random => {}
@@ -445,8 +461,9 @@ fn check_amount(report: &mut Report, path: &str, grains: &Grains) {
     }
     let sized = grains.place.envelope().is_none_or(Envelope::sized);
     if let Place::Fragments { .. } = grains.place {
-        let plain = grains.shape == Shape::Sphere && grains.sizes.is_none() && grains.solid_fraction.is_none();
-        let others = "shape, sizes or solid_fraction given for fragments";
+        let shape = grains.shape == Shape::Sphere && plain(grains);
+        let plain = shape && grains.sizes.is_none() && grains.solid_fraction.is_none();
+        let others = "shape, standing, radius, sizes or solid_fraction given for fragments";
         report.expect(plain, path, others, "none of them: fragments fill the envelope");
         let both = grains.number.is_some_and(|number| number <= MOST_FRAGMENTS) && sized;
         let expected = format!("both, and at most {MOST_FRAGMENTS} fragments");

@@ -125,7 +125,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
 }
 
 fn in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed) -> Vec<Grain> {
-    let density = scene.materials.iter().find(|m| m.name == grains.material).map_or(0.0, |m| m.density);
+    let density = scene.materials.iter().find(|m| m.name == grains.material).map_or(1.0, |m| m.density);
     let masses: Vec<f64> = placed.grains.iter().map(|grain| density * grain.volume()).collect();
     let (velocity, spin) = match &grains.driven {
         Some(driven) => {

@@ -488,7 +488,9 @@ fn a_broken_monolith_moves_as_one_and_fills_its_solid() {
     let wrong =
         datbox(folder.path(), "number: 5, sizes: Single(1), place: Fragments(envelope: Ball(radius: 1))").unwrap_err();
     assert!(
-        wrong.contains("grains 1: shape, sizes or solid_fraction given for fragments; expected none of them"),
+        wrong.contains(
+            "grains 1: shape, standing, radius, sizes or solid_fraction given for fragments; expected none of them"
+        ),
         "{wrong}"
     );
     let wrong = datbox(folder.path(), "place: Fragments(envelope: Ball())").unwrap_err();

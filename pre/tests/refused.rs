@@ -316,6 +316,11 @@ fn shapes_and_how_they_stand() {
     );
     at(
         shape,
+        "shape: Box(lengths: (1, 1, 1)), radius: Circumscribed,",
+        "6: grains 1: radius given without sizes; expected sizes, whose meaning it says",
+    );
+    at(
+        shape,
         "sizes: Single(1), shape: Cube, standing: List([(axis: (0, 0, 0), angle: 1)]),",
         "9: grains 1, standing 1: axis [0.0, 0.0, 0.0]; expected a finite vector that is not 0\nscene.ron:9: grains 1, standing: 1 turns for 0 listed positions; expected one for each listed position",
     );
@@ -345,6 +350,30 @@ fn said_of(changes: &[(&str, &str)]) -> String {
     });
     cd_pre::read(Path::new("scene.ron"), &scene, &[])
         .map_or_else(|faults| faults.to_string(), |_| String::from("nothing"))
+}
+
+/// More than can be counted are not drawn one by one first.
+#[test]
+fn more_grains_than_there_are_numbers_for() {
+    for shape in ["Sphere", "Cube"] {
+        let said = said_of(&[
+            ("number: 20,", &format!("solid_fraction: 0.1, shape: {shape},")),
+            ("Ball(radius: 10.0)", "Ball(radius: 1.0e6)"),
+        ]);
+        let expected = "more than 9999999 grains for a solid fraction of 0.1 in a ball of radius 1000000.00000 m";
+        assert!(said.contains(expected), "{said}");
+    }
+}
+
+/// What is nested deeper than RON reads, in a scene and in a value that is set.
+#[test]
+fn brackets_without_end() {
+    let deep = format!("{}{}", "(".repeat(100_000), ")".repeat(100_000));
+    assert!(said_of(&[("gravity:", &format!("x: {deep}, gravity:"))]).starts_with("scene.ron:"));
+    let settings = [format!("seed={deep}")];
+    let text = cd_formats::places::set(GOOD, &settings).unwrap();
+    let faults = cd_pre::read(Path::new("scene.ron"), &text, &settings).err().unwrap();
+    assert!(faults.to_string().starts_with("options: set seed"), "{faults}");
 }
 
 #[test]

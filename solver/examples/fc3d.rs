@@ -19,12 +19,13 @@ struct Arguments {
     /// Problem, see cd-formats, module fc3d
     file: PathBuf,
     /// Residual to reach, |F| / (rho |q|)
-    #[arg(long, default_value_t = 1e-8, value_parser = limit)]
+    #[arg(long, default_value_t = 1e-8, value_parser = limit, allow_negative_numbers = true)]
     tol: f64,
+    /// auto, nlgs, nlgs-anderson, prox-newton, admm or interior-point
     #[arg(long, default_value = "auto", value_parser = by_name)]
     solver: Solver,
     /// Seconds after which the best so far is written; inf for no limit
-    #[arg(long, default_value_t = 60.0, value_parser = limit)]
+    #[arg(long, default_value_t = 60.0, value_parser = limit, allow_negative_numbers = true)]
     max_time: f64,
     /// Passes over the contacts after which the best so far is written
     #[arg(long, default_value_t = 10_000_000)]
@@ -47,8 +48,9 @@ fn limit(text: &str) -> Result<f64, String> {
 fn run(arguments: &Arguments) -> Result<bool, Faults> {
     let path = &arguments.file;
     let Fc3d { mu, q, blocks, .. } = Fc3d::read(path)?;
-    let problem = Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w)))
-        .map_err(|found| Fault::new(path, None, "problem", found, "expected finite numbers"))?;
+    let problem = Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).map_err(|found| {
+        Fault::new(path, None, "problem", found, "expected finite numbers below 1e100, and frictions of 0 or more")
+    })?;
     let limits = Limits {
         tol: arguments.tol,
         max_sweeps: arguments.max_sweeps,
@@ -94,13 +96,19 @@ mod tests {
         let r: Vec<f64> = text.split_whitespace().map(|number| number.parse().unwrap()).collect();
         assert!(r.len() == 3 && r.iter().zip([2.0, 0.0, -1.0]).all(|(a, b)| (a - b).abs() < 1e-7), "{text}");
         assert!(run(&Arguments::parse_from(["fc3d", "absent.fc3d", "-o", "r.txt"])).is_err());
+        // Whose square is no number.
+        let huge = "fc3d 1\nname one\ncontacts 1\nblocks 1\nmu\n0.5\nq\n-2.0 0.0 3.0\nW\n0 0 1e200 0.0 0.0 0.0 1.0 0.0 0.0 0.0 1.0\nend\n";
+        std::fs::write(&file, huge).unwrap();
+        assert!(run(&Arguments::parse_from(words)).unwrap_err().to_string().ends_with("frictions of 0 or more"));
     }
 
     #[test]
     fn limits_that_mean_nothing_are_refused() {
         let arguments = |limit: &str| Arguments::try_parse_from(["fc3d", "one.fc3d", "-o", "r.txt", limit]);
-        for limit in ["--tol=nan", "--tol=-1", "--max-time=nan", "--max-time=-1", "--max-time=soon"] {
-            let error = arguments(limit).err().expect(limit);
+        let apart = Arguments::try_parse_from(["fc3d", "one.fc3d", "-o", "r.txt", "--tol", "-1"]);
+        let together = ["--tol=nan", "--tol=-1", "--max-time=nan", "--max-time=-1", "--max-time=soon"].map(arguments);
+        for refused in together.into_iter().chain([apart]) {
+            let error = refused.err().unwrap();
             assert!(error.exit_code() == 2 && error.to_string().contains("expected a number, 0 or more"), "{error}");
         }
         assert!(arguments("--tol=0").is_ok() && arguments("--max-time=inf").is_ok());

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use cd_solve::gravity::{Gravity, LEAST_ERROR, Method};
+use cd_solve::gravity::{Gravity, HIGHEST_ORDER, LEAST_ERROR, LOWEST_ORDER, Method};
 use cd_solve::math::{Vec3, morton};
 use clap::Parser;
 
@@ -55,24 +55,42 @@ fn main() -> ExitCode {
     }
 }
 
+/// More are a slip of the keyboard.
+const MOST_THREADS: usize = 1024;
+
 fn run(arguments: &Arguments) -> Result<(), String> {
     let named = |e: &dyn std::fmt::Display| format!("{}: {e}", arguments.input.display());
     let text = std::fs::read_to_string(&arguments.input).map_err(|e| named(&e))?;
     if arguments.method != Method::Direct && (arguments.error.is_nan() || arguments.error < LEAST_ERROR) {
         return Err(format!("--error {}; expected {LEAST_ERROR:e} or more, or --method direct", arguments.error));
     }
+    let range = |holds: bool, what: String, expected: &str| {
+        if holds { Ok(()) } else { Err(format!("{what}; expected {expected}")) }
+    };
+    let Arguments { error, order, opening, leaf, threads, repeat, .. } = arguments;
+    range(*error < 1.0, format!("--error {error}"), "less than 1")?;
+    let orders = order.is_none_or(|order| (LOWEST_ORDER..=HIGHEST_ORDER).contains(&order));
+    let order = order.unwrap_or_default();
+    range(orders, format!("--order {order}"), &format!("{LOWEST_ORDER} to {HIGHEST_ORDER}"))?;
+    let opens = opening.is_none_or(|opening| opening > 0.0 && opening < 1.0);
+    range(opens, format!("--opening {}", opening.unwrap_or_default()), "more than 0 and less than 1")?;
+    range(*leaf != Some(0), "--leaf 0".into(), "1 or more")?;
+    range(*repeat > 0, "--repeat 0".into(), "1 or more")?;
+    range(*threads <= MOST_THREADS, format!("--threads {threads}"), &format!("at most {MOST_THREADS}"))?;
     let (mut positions, mut masses) = (Vec::new(), Vec::new());
     for (k, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
         let numbers: Result<Vec<f64>, _> = line.split(',').take(4).map(|word| word.trim().parse()).collect();
         match numbers.as_deref() {
-            // Names of columns.
-            Err(_) if k == 0 => {}
+            Err(_) if k == 0 && !line.split(',').any(|word| word.trim().parse::<f64>().is_ok()) => {} // names of columns
             Ok(&[x, y, z, m]) if [x, y, z, m].iter().all(|x| x.is_finite()) => {
                 positions.push(Vec3::new(x, y, z));
                 masses.push(m);
             }
             _ => return Err(format!("{}:{}: {line}; expected x,y,z,m", arguments.input.display(), k + 1)),
         }
+    }
+    if positions.is_empty() {
+        return Err(format!("{}: no bodies; expected rows of x,y,z,m", arguments.input.display()));
     }
     let mut gravity = Gravity::new(arguments.method, arguments.error);
     gravity.order = arguments.order;
@@ -82,7 +100,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     let mut seconds = Vec::new();
     let mut field = Default::default();
     let mut order = Vec::new();
-    for _ in 0..arguments.repeat.max(1) {
+    for _ in 0..arguments.repeat {
         let start = Instant::now();
         field = pool.install(|| gravity.attraction(&positions, &masses, 1.0, &order));
         seconds.push(start.elapsed().as_secs_f64());
@@ -90,6 +108,10 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         if order.is_empty() {
             order = morton::order(&positions, &[]);
         }
+    }
+    if let Some(k) = field.acceleration.iter().position(|a| !a.iter().all(|x| x.is_finite())) {
+        let found = format!("body {}: its acceleration is too large for a number", k + 1);
+        return Err(format!("{}: {found}; expected smaller masses or larger distances", arguments.input.display()));
     }
     seconds.sort_by(f64::total_cmp);
     let median = seconds[seconds.len() / 2];
@@ -121,5 +143,35 @@ mod tests {
         assert_eq!(a, [1.0, 0.0, 0.0, -0.25, 0.0, 0.0], "{text}"); // 4/2^2 and 1/2^2
         std::fs::write(&input, "x,y,z,m\n0,0,0\n").unwrap();
         assert!(run(&arguments).unwrap_err().ends_with("in.csv:2: 0,0,0; expected x,y,z,m"));
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused_and_nothing_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let (input, output) = (folder.path().join("in.csv"), folder.path().join("out.csv"));
+        let refused = |table: &str, flag: &str| {
+            std::fs::write(&input, table).unwrap();
+            let words = ["gravity".as_ref(), input.as_os_str(), flag.as_ref(), "-o".as_ref(), output.as_os_str()];
+            let message = run(&Arguments::parse_from(words)).unwrap_err();
+            assert!(!output.exists());
+            message
+        };
+        let two = "x,y,z,m\n0,0,0,1\n2,0,0,4\n";
+        for (flag, expected) in [
+            ("--order=9", "2 to 8"),
+            ("--opening=nan", "more than 0 and less than 1"),
+            ("--leaf=0", "1 or more"),
+            ("--repeat=0", "1 or more"),
+            ("--error=2", "less than 1"),
+            ("--threads=100000", "at most 1024"),
+        ] {
+            let message = refused(two, flag);
+            assert!(message.ends_with(&format!("; expected {expected}")), "{message}");
+        }
+        assert!(refused("x,y,z,m\n", "--leaf=8").ends_with("no bodies; expected rows of x,y,z,m"));
+        // A slip in the first row is no header.
+        assert!(refused("0,0,o,1\n2,0,0,4\n", "--leaf=8").ends_with("in.csv:1: 0,0,o,1; expected x,y,z,m"));
+        let message = refused("0,0,0,1e300\n1e-10,0,0,1e300\n", "--method=direct");
+        assert!(message.contains("too large for a number"), "{message}");
     }
 }

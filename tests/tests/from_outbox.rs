@@ -400,6 +400,28 @@ fn new_bodies_meet_old_ones_of_their_colour_and_another_shape() {
 }
 
 #[test]
+fn new_bodies_wear_the_colour_of_some_that_were_left_behind() {
+    let scene = spheres("[(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)]", "").replace(
+        "            )],",
+        r#"            ), (material: "ROCKx", colour: "REDxx", sizes: Single(0.5), place: List(positions: [(50.0, 0.0, 0.0)]))],"#,
+    );
+    let law = r#"contacts: [(between: ("BLUEx", "REDxx"), law: "iqsc0", alert: 0.25), (between: ("REDxx", "REDxx"), law: "iqsc0", alert: 0.5),"#;
+    let from = Case::of(&scene.replace("contacts: [", law)).solved(&[]);
+    let red = r#"material: "ROCKx", colour: "REDxx", sizes: Single(0.5), place: List(positions: [(0.0, 9.0, 0.0)])"#;
+    let case = next(&from, &format!("(bodies: [(keep: Largest)], grains: [({red})])"));
+    let rows = TactBehav::read(&case.datbox("TACT_BEHAV.DAT")).unwrap().visibility;
+    let alert = |a: &str, b: &str| {
+        let row = rows.iter().find(|row| (&row.candidate.colour[..], &row.antagonist.colour[..]) == (a, b));
+        row.map(|row| row.alert)
+    };
+    assert_eq!((alert("BLUEx", "REDxx"), alert("REDxx", "REDxx")), (Some(0.25), Some(0.5)));
+    // Where nobody wears it, its rows are gone.
+    let without = next(&from, "(bodies: [(keep: Largest)])");
+    let rows = TactBehav::read(&without.datbox("TACT_BEHAV.DAT")).unwrap().visibility;
+    assert_eq!(rows.len(), 1);
+}
+
+#[test]
 fn a_lander_of_another_shape_comes_to_rest_on_what_was_there() {
     let scene = r#"(
         gravity: (0.0, 0.0, -1.0),
@@ -767,10 +789,20 @@ fn a_start_that_does_not_belong_to_its_datbox_is_refused() {
     let from = pair_and_one();
     let case = next(&from, "");
     let start = case.datbox("START.npz");
-    let mut other = Snapshot::read(&start).unwrap();
-    other.bodies.body_x[1][2] += 1.0;
-    other.write(&start).unwrap();
-    assert_eq!(case.solve(&[]), 2);
+    let own = Snapshot::read(&start).unwrap();
+    let changes: [fn(&mut Snapshot); 3] = [
+        |other| other.bodies.body_x[1][2] += 1.0,
+        |other| other.bodies.body_v[1][2] += 1.0,
+        |other| other.bodies.body_w_world[1][2] += 1.0,
+    ];
+    for change in changes {
+        let mut other = own.clone();
+        change(&mut other);
+        other.write(&start).unwrap();
+        assert_eq!(case.solve(&["--force"]), 2);
+    }
+    own.write(&start).unwrap();
+    assert_eq!(case.solve(&["--force"]), 0);
     // A new scene takes it away.
     let scene = case.path().join("scene.ron");
     fs::write(&scene, spheres("[(0.0, 0.0, 0.0)]", "")).unwrap();

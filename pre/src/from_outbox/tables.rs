@@ -187,9 +187,11 @@ fn visibility(
 ) -> Vec<See> {
     let all = worn(&records.0);
     let named: Vec<(&str, &str)> = changes.contacts.iter().map(|c| pair(&c.between.0, &c.between.1)).collect();
+    let newcomers = &records.0[parts.iter().map(|part| part.records.len()).sum()..];
+    let newcomers: BTreeSet<&str> = worn(newcomers).into_iter().map(|(colour, _)| colour).collect();
     let mut rows: Vec<See> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
-        for mut row in part.rows_of_table() {
+        for mut row in part.rows_of_table(&newcomers) {
             row.alert = row.alert.max(laws.iter().find(|law| law.nickname == row.law).map_or(0.0, range));
             let sides = |row: &See| (row.candidate.clone(), row.antagonist.clone());
             let known = rows.iter_mut().find(|known| {
@@ -210,6 +212,8 @@ fn visibility(
     }
     rows.retain(|row| !named.contains(&colours(row)));
     rows.extend(rows_of_new_shapes(parts, &all, &rows, report));
+    let is_worn = |side: &Side| all.contains(&(&side.colour[..], &side.contactor[..]));
+    rows.retain(|row| is_worn(&row.candidate) && is_worn(&row.antagonist));
     for (k, contact) in changes.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
         let (a, b) = named[k];
@@ -327,8 +331,8 @@ fn default_alert(parts: &[Part], grains: &[Grain], options: &Compute) -> f64 {
 }
 
 impl Part<'_> {
-    /// The rows of the source's table between colours that this part has, under their new names.
-    fn rows_of_table(&self) -> Vec<See> {
+    /// The rows of the source's table between colours that this part has, under their new names, or that new bodies wear.
+    fn rows_of_table(&self, newcomers: &BTreeSet<&str>) -> Vec<See> {
         let old = |k: usize| &self.source.bodies.0[self.rows[k]].contactors;
         let renamed: BTreeSet<(&str, &str, &str)> = (0..self.rows.len())
             .flat_map(|k| {
@@ -338,16 +342,17 @@ impl Part<'_> {
             .collect();
         let mut rows = Vec::new();
         for row in &self.source.tact.visibility {
-            let news = |side: &Side| -> Vec<&str> {
+            let news = |side: &Side| -> BTreeSet<String> {
                 let mine = renamed.iter().filter(|(old, _, shape)| *old == side.colour && *shape == side.contactor);
-                mine.map(|(_, new, _)| *new).collect()
+                let own = newcomers.get(side.colour.as_str());
+                mine.map(|(_, new, _)| new).chain(own).map(|colour| colour.to_string()).collect()
             };
-            for a in news(&row.candidate) {
-                for b in news(&row.antagonist) {
+            for a in &news(&row.candidate) {
+                for b in &news(&row.antagonist) {
                     let mut row = row.clone();
                     row.line = 0;
-                    row.candidate.colour = a.into();
-                    row.antagonist.colour = b.into();
+                    row.candidate.colour = a.clone();
+                    row.antagonist.colour = b.clone();
                     rows.push(row);
                 }
             }

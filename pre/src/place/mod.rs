@@ -23,7 +23,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::random::{Purpose, Random};
 use crate::scene::{Grains, Place, Rotation, Sizes};
 use crate::shapes::{Drawn, Polyhedron, Shapes, Solid};
-use crate::sizes::{MOST_BODIES, Until};
+use crate::sizes::{MOST_BODIES, Until, volume};
 use crate::{round_point, round14, scene};
 use inside::Inside;
 use room::Room;
@@ -92,9 +92,15 @@ pub fn place(
         (None, Some(share)) => Until::Volume(share * room.volume()),
         (number, _) => Until::Number(number.unwrap_or(0)),
     };
-    let mut drawn = draw(until)?;
-    if drawn.is_empty() || drawn.len() > MOST_BODIES {
-        let count = if drawn.is_empty() { "no grain".to_string() } else { format!("more than {MOST_BODIES} grains") };
+    // No grain is larger than the ball of the largest radius.
+    let least = match (until, &grains.sizes) {
+        (_, Some(Sizes::List(_)) | None) | (Until::Number(_), _) => 0.0,
+        (Until::Volume(wanted), Some(sizes)) => wanted / volume(sizes.range().1),
+    };
+    let mut drawn = if least > MOST_BODIES as f64 { Vec::new() } else { draw(until)? };
+    let many = least > MOST_BODIES as f64 || drawn.len() > MOST_BODIES;
+    if drawn.is_empty() || many {
+        let count = if many { format!("more than {MOST_BODIES} grains") } else { "no grain".to_string() };
         let found = format!("{count} for a solid fraction of {:?} in {room}", grains.solid_fraction.unwrap_or(0.0));
         return Err(Misfit { found, expected: "another solid fraction, envelope or size of grains" });
     }

@@ -389,6 +389,9 @@ fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
         if body.driven {
             return Matrix3::zeros();
         }
+        if body.is_isotropic() {
+            return Matrix3::from_diagonal_element(1.0 / body.inertia[0]);
+        }
         let axes = q.to_rotation_matrix();
         axes * Matrix3::from_diagonal(&Vec3::from(body.inertia.map(|j| 1.0 / j))) * axes.transpose()
     };

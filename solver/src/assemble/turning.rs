@@ -8,8 +8,8 @@ use crate::state::Contact;
 impl Setting<'_> {
     /// How fast surfaces that stick part at the step's end where they rest upon each other in the contact configuration, m/s, world
     /// frame: arms turn with the bodies, their angular velocities change in free rotation by α, and where one rolls the point of
-    /// contact goes on, τ(ω_a, l_a) + ½ h α_a×l_a - τ(ω_b, l_b) - ½ h α_b×l_b + τ(ω_a - ω_b, R n), 1/R the sum of the curvatures;
-    /// see [`turned`]. So what turns as one body does so for ever.
+    /// contact goes on, τ(ω_a, l_a) + ½ h α_a×l_a - τ(ω_b, l_b) - ½ h α_b×l_b + τ_R, 1/R the sum of the curvatures;
+    /// see [`turned`] and [`rolled`]. So what turns as one body does so for ever.
     pub(super) fn turning(&self, contact: &Contact) -> Vec3 {
         let bodies = [contact.candidate, contact.antagonist].map(|body| body as usize);
         // Those of the step's start: what turns as one body has one then, and free rotation differs from body to body.
@@ -24,7 +24,7 @@ impl Setting<'_> {
             turned(w, arm, half) + free
         };
         let [at_a, at_b] = arms(contact, &self.q_c.x);
-        let rolling = turned(&(a - b), &(contact.normal * self.rolling_radius(contact)), half);
+        let rolling = rolled(&a, &b, &(contact.normal * self.rolling_radius(contact)), half);
         at(0, &a, &at_a) - at(1, &b, &at_b) + rolling
     }
 
@@ -77,4 +77,12 @@ impl Setting<'_> {
 fn turned(w: &Vec3, arm: &Vec3, half: f64) -> Vec3 {
     let velocity = w.cross(arm);
     w.cross(&(velocity + w.cross(&velocity) * half)) * (half / (1.0 + half * half * w.norm_squared()))
+}
+
+/// τ_R, m/s: the same of the point of contact that goes on along `arm` = R n, with ω = ω_a - ω_b, v = ω×R n and k half a step:
+/// k (ω×v + k (ω_a + ω_b)×(ω×v)) / (1 + k² ω²). Where one body is at rest it is τ(±ω, R n) of the other, and the same whichever is the candidate.
+fn rolled(a: &Vec3, b: &Vec3, arm: &Vec3, half: f64) -> Vec3 {
+    let w = a - b;
+    let bend = w.cross(&w.cross(arm));
+    (bend + (a + b).cross(&bend) * half) * (half / (1.0 + half * half * w.norm_squared()))
 }

@@ -131,7 +131,7 @@ fn look<'a>(scene: &Scene, places: &'a [Place<'a>], narrow: Narrow, hands: &mut 
     let near = &near[..count];
     let Hands { polyhedra, ahead } = hands;
     near.iter().take(AHEAD).for_each(|&k| ahead.fetch(pairs[k].0));
-    let mut listed = Listed::new(count);
+    let mut listed = Listed::new(count, scene.periods());
     for (place, &k) in near.iter().enumerate() {
         if let Some(&later) = near.get(place + AHEAD) {
             ahead.fetch(pairs[later].0);
@@ -192,26 +192,31 @@ struct Listed {
     contacts: Vec<Contact>,
     /// Candidates of contacts that follow each other, and where these begin.
     runs: Vec<(u32, usize)>,
+    /// Of the scene, m.
+    periods: [Option<f64>; 2],
 }
 
 /// Part of the balls' radii within which rounding may make something of a distance.
 const ROUNDING: f64 = 1e-9;
 
 impl Listed {
-    fn new(pairs: usize) -> Self {
-        Listed { contacts: Vec::with_capacity(4 * pairs), runs: Vec::new() }
+    fn new(pairs: usize, periods: [Option<f64>; 2]) -> Self {
+        Listed { contacts: Vec::with_capacity(4 * pairs), runs: Vec::new(), periods }
     }
 
     /// Adds what is seen of a pair: points up to its range, of which those on its area share it; keeps what is known of it.
     fn add(&mut self, meeting: &Meeting, sight: Sight, memories: &mut [Memory], separations: &mut [Separation]) {
-        let Meeting { pair, a, b, range, .. } = meeting;
+        let Meeting { pair, a, b, c, range, .. } = meeting;
         let manifold = match sight {
             Ok((memory, manifold)) => {
                 memories[*pair] = memory;
                 manifold
             }
             Err(Apart { n, s }) => {
-                let until = s + meeting.moved() - ROUNDING * (a.reach + b.reach);
+                // Of another image, nearest from half a period on, nothing is known.
+                let of_image =
+                    self.periods.iter().zip(c.as_slice()).filter_map(|(period, c)| Some((*period)? / 2.0 - c.abs()));
+                let until = of_image.fold(s, f64::min) + meeting.moved() - ROUNDING * (a.reach + b.reach);
                 separations[*pair] = Separation { n: Some([n.x, n.y, n.z].map(|x| x as f32)), until };
                 return;
             }

@@ -150,8 +150,17 @@ impl Pair<'_> {
     /// Takes a direction that is clearly better.
     fn attempt(&self, best: &mut Axis, m: Vec3, feature: Feature) {
         let reach = self.radius * m.xy().norm() + self.half_height * m.z.abs();
-        let s = m.dot(&self.vertices[self.lowest(&m)]) - reach;
+        let least = m.dot(&self.vertices[self.lowest(&m)]);
+        let s = least - reach;
         if s > best.s + self.tie {
+            // An edge on the far side has the direction too.
+            let is_lowest = |end: u16| m.dot(&self.vertices[usize::from(end)]) <= least + self.tie;
+            let feature = match feature {
+                Feature::Edge(e) if !self.a.shape.edges()[e as usize].ends.into_iter().any(is_lowest) => {
+                    Feature::Vertex
+                }
+                feature => feature,
+            };
             *best = Axis { m, s, feature };
         }
     }
@@ -434,4 +443,32 @@ fn area_in_disc(polygon: &[[f64; 3]], radius: f64) -> f64 {
         }
     }
     (0.5 * doubled).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Polyhedron;
+
+    /// A cube that meets a cylinder with an edge along its axis, each of its edges in turn: the far one has the same direction.
+    #[test]
+    fn the_edge_that_is_near_is_the_one_that_touches() {
+        let cube = Polyhedron::cuboid(&Vec3::repeat(0.5));
+        let tilt = Quat::from_scaled_axis(Vec3::new(0.3, -0.5, 0.7));
+        for k in 0..4 {
+            let turn = Quat::from_axis_angle(&Vec3::z_axis(), std::f64::consts::FRAC_PI_4 * f64::from(2 * k + 1));
+            let axes = tilt * turn;
+            let posed = cube.posed(&axes);
+            let away = 0.5f64.sqrt() + 1.0 + 0.01;
+            let c = tilt * Vec3::new(-away, 0.0, 0.0);
+            let found = polyhedron_cylinder(&posed, &c, &tilt, [2.0, 1.0], 0.1).unwrap();
+            // Halfway between the edge and the round side, at its two ends; roundings of numbers of order 1.
+            let expected = [-0.5, 0.5].map(|z| tilt * Vec3::new(-0.5f64.sqrt() - 0.005, 0.0, z));
+            assert_eq!(found.points.len(), 2, "{k}: {found:?}");
+            for point in &found.points {
+                let distance = expected.map(|at| (point.position - at).norm());
+                assert!(distance[0].min(distance[1]) < 1e-14 && (point.gap - 0.01).abs() < 1e-14, "{k}: {point:?}");
+            }
+        }
+    }
 }

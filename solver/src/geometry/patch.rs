@@ -99,18 +99,28 @@ impl Patch {
         let between = |a: u32, b: u32| [flat(b)[0] - flat(a)[0], flat(b)[1] - flat(a)[1]];
         let length = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
         let size = order.iter().map(|&k| length(between(order[0], k))).fold(0.0, f64::max);
-        let mut round = round(&self.corners);
         let gap = |k: u32| self.corners[k as usize].gap;
+        let round = round(&self.corners);
+        let (all, mut count) = (round.len(), round.len());
+        let mut place = SmallVec::<[usize; 12]>::from_elem(0, all);
+        (0..all).for_each(|at| place[round[at] as usize] = at);
+        let mut is_left = SmallVec::<[bool; 12]>::from_elem(true, all);
         order.retain(|k| {
-            let count = round.len();
-            let Some(at) = round.iter().position(|other| other == k) else { return true };
-            let [before, after] = [count - 1, 1].map(|step| round[(at + step) % count]);
-            let (side, to) = (between(before, after), between(before, *k));
-            let stands_out = (side[0] * to[1] - side[1] * to[0]).abs() > FLAT * size * length(side);
-            let stays = count <= 3 || stands_out || gap(*k) < gap(before).min(gap(after)) - TIES * tie;
-            if !stays {
-                round.remove(at);
-            }
+            let at = place[*k as usize];
+            // All that has been left out between the neighbours that there are now must lie on the line between these, too.
+            let from = (1..all).map(|step| (at + all - step) % all).find(|&at| is_left[at]).unwrap_or(at);
+            let to = (1..all).map(|step| (at + step) % all).find(|&at| is_left[at]).unwrap_or(at);
+            let (before, after) = (round[from], round[to]);
+            let side = between(before, after);
+            let stands_out = |k: u32| {
+                let to = between(before, k);
+                (side[0] * to[1] - side[1] * to[0]).abs() > FLAT * size * length(side)
+            };
+            let mut within = (1..all).map(|step| (from + step) % all).take_while(|&at| at != to);
+            let deeper = gap(*k) < gap(before).min(gap(after)) - TIES * tie;
+            let stays = count <= 3 || deeper || within.any(|at| stands_out(round[at]));
+            is_left[at] = stays;
+            count -= usize::from(!stays);
             stays
         });
     }
@@ -249,6 +259,31 @@ mod tests {
             of = left;
         }
         of
+    }
+
+    /// Corners of regular polygons, whose order is that of going round or any: what is left spans all of them to [`FLAT`].
+    #[test]
+    fn many_corners_that_are_hardly_bent_are_not_left_out_one_after_the_other() {
+        for (count, stride) in [(5, 1), (12, 1), (64, 1), (400, 1), (400, 37), (1000, 1)] {
+            let at = |k: usize| {
+                let angle = k as f64 * std::f64::consts::TAU / count as f64;
+                [angle.cos(), angle.sin()]
+            };
+            let corner = |k: usize| {
+                let [x, y] = at(k);
+                Corner { point: [x, y, 0.0], flat: [x, y], gap: 0.0, features: ((k * stride % count) as u32, 0) }
+            };
+            let mut patch = Patch { corners: (0..count).map(corner).collect(), normal: Vec3::z(), area: 0.0 };
+            let mut manifold = Manifold::default();
+            patch.manifold(Range::from(1.0), 1e-12, &mut manifold);
+            let mut left: Vec<f64> = manifold.points.iter().map(|p| p.position.y.atan2(p.position.x)).collect();
+            left.sort_by(f64::total_cmp);
+            let gap = |k: usize| (left[(k + 1) % left.len()] - left[k]).rem_euclid(std::f64::consts::TAU);
+            let widest = (0..left.len()).map(gap).fold(0.0, f64::max);
+            // A chord under an angle α is 1 - cos α/2 from its arc; the size of the patch is 2.
+            assert!(1.0 - (widest / 2.0).cos() <= 2.0 * FLAT || left.len() == count, "{count}: {}", left.len());
+            assert!(left.len() <= 24, "{count}: {}", left.len());
+        }
     }
 
     #[test]

@@ -40,8 +40,7 @@ pub fn scene(
         part_starts.push(parts.len() as u32);
         frames.push((made.shift, made.axes));
     }
-    let mut notes = Vec::new();
-    let (drives, loads) = motion_imposed(datbox, driven, &mut bodies, &mut notes, faults);
+    let (drives, loads) = motion_imposed(datbox, driven, &mut bodies, faults);
     for part in parts.iter().filter(|part: &&Part| !bodies[part.body as usize].driven) {
         let (name, kind) = match part.geometry {
             Geometry::Plane { .. } => ("PLANx", "plates"),
@@ -106,7 +105,7 @@ pub fn scene(
         planes,
         parts,
         part_starts,
-        notes: moved(&bodies, &frames).into_iter().chain(notes).collect(),
+        notes: moved(&bodies, &frames).into_iter().collect(),
         turning,
         oriented,
         mean_radius: radii.iter().sum::<f64>() / radii.len().max(1) as f64,
@@ -215,13 +214,7 @@ pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], 
     }
 }
 
-fn motion_imposed(
-    datbox: &Path,
-    driven: &DrvDof,
-    bodies: &mut [Body],
-    notes: &mut Vec<String>,
-    faults: &mut Faults,
-) -> (Vec<Drive>, Vec<Load>) {
+fn motion_imposed(datbox: &Path, driven: &DrvDof, bodies: &mut [Body], faults: &mut Faults) -> (Vec<Drive>, Vec<Load>) {
     let file = datbox.join("DRV_DOF.DAT");
     let mut velocities: Vec<(usize, usize, [Option<Evolution>; 6])> = Vec::new();
     let mut loads = Vec::new();
@@ -265,18 +258,10 @@ fn motion_imposed(
         drives.push(Drive { body, velocity });
     }
     drives.sort_by_key(|drive| drive.body);
-    for load in &loads {
-        if bodies[load.body].imposed() & (1 << load.component) != 0 {
-            let (body, component) = (load.body + 1, load.component + 1);
-            notes.push(format!(
-                "DRV_DOF.DAT: the force on component {component} of body {body} does nothing: its velocity is imposed"
-            ));
-        }
-    }
     (drives, loads)
 }
 
-/// Positions, orientations, velocities and angular velocities (world frame).
+/// Positions, orientations, velocities and angular velocities (world frame); what is imposed is as DRV_DOF.DAT has it.
 pub fn motion(
     datbox: &Path,
     records: &Bodies,
@@ -314,6 +299,11 @@ pub fn motion(
             UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(&axes, 1e-15, 100, Rotation3::identity()));
         v[i] = Vec3::from_row_slice(&row.velocity[..3]);
         w[i] = q[i] * Vec3::from_row_slice(&row.velocity[3..]);
+    }
+    for Drive { body, velocity } in &scene.drives {
+        let imposed = |k: usize, there: f64| velocity[k].as_ref().map_or(there, |value| value.at(dof.time));
+        v[*body] = Vec3::from_fn(|k, _| imposed(k, v[*body][k]));
+        w[*body] = q[*body] * Vec3::from_fn(|k, _| imposed(3 + k, 0.0));
     }
     debug_assert_eq!(scene.bodies.len(), count);
     (x, q, v, w)

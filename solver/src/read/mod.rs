@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic::{is_there, read_text};
 use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::compute::{Compute, Flags, schedule};
+use cd_formats::compute::{Action, Compute, Event, Flags, schedule};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
@@ -99,10 +99,23 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     }
     scene.notes.extend(behaviour::without_effect(&scene));
     scene.events = schedule(&scene.options.events, scene.end_time());
-    if started {
-        resume::pass_events(&scene, &mut state);
+    resume::pass_events(&scene, &mut state);
+    if !started {
+        scene.notes.extend(events_passed(&scene, &state));
     }
     faults.into_result((scene, state))
+}
+
+/// Tells of events before the start that would have added something.
+fn events_passed(scene: &Scene, state: &State) -> Option<String> {
+    let adds = |event: &&Event| {
+        matches!(event.action, Action::AddSpin(_) | Action::AddVelocity(_) | Action::Shake { .. } | Action::Bond)
+    };
+    let count = scene.events[..state.events_done].iter().filter(adds).count();
+    let time = state.time;
+    (count > 0).then(|| {
+        format!("events: {count} before the start at {time} s count as done: what they add or bond is not done again")
+    })
 }
 
 /// Refuses what the program is built without.

@@ -102,24 +102,28 @@ fn check(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> 
     faults.into_result(())
 }
 
-/// Relative to the farthest body, by how much START.npz may differ from DOF.INI: digits of that file.
+/// Relative to the farthest and the fastest body, by how much START.npz may differ from DOF.INI: digits of that file.
 const DIGITS: f64 = 1e-6;
+/// By how much axes may, rad: they drift by less than this between writings.
+const TURN: f64 = 1e-5;
 
 /// Puts time, motion and contacts of `DATBOX/START.npz` into `state`, which stands as the text files
 /// have it; its row of body k is that of `body_id` k, and a body without a row stays as it is.
 ///
 /// The law of a contact is that of TACT_BEHAV.DAT for its two bodies; without one it is dropped.
-/// Refused are bodies that DATBOX has not and positions other than those of the text files, which
-/// somebody has changed then.
+/// Refused are bodies that DATBOX has not, and positions, axes and velocities other than those of the text files,
+/// which somebody has changed then. Velocities that DRV_DOF.DAT imposes are no part of that.
 pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults> {
     let snapshot = Snapshot::read(path)?;
     let mut faults = Faults::default();
     let mut refuse = |object: String, found: String, expected: String| {
         faults.push(Fault::new(path, None, object, found, expected));
     };
-    let extent = state.x.iter().map(|x| x.norm()).fold(f64::MIN_POSITIVE, f64::max);
+    // Smaller numbers the text files cannot hold.
+    let largest = |of: &[Vec3]| of.iter().map(|x| x.norm()).fold(1e-90, f64::max);
+    let (extent, speed, spin) = (largest(&state.x), largest(&state.v), largest(&state.w));
     let mut known = vec![false; scene.bodies.len()];
-    for (&id, &x) in snapshot.bodies.body_id.iter().zip(&snapshot.bodies.body_x) {
+    for (row, &id) in snapshot.bodies.body_id.iter().enumerate() {
         let object = format!("body {id}");
         let Some(known) = known.get_mut((id as usize).wrapping_sub(1)) else {
             refuse(object, "is not in DATBOX".into(), format!("expected 1 to {}", scene.bodies.len()));
@@ -129,11 +133,27 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
             refuse(object, "is there twice".into(), "expected once".into());
             continue;
         }
-        let there = state.x[id as usize - 1];
-        let distance = (Vec3::from(x) - there).norm();
-        if distance.is_nan() || distance > DIGITS * extent {
-            let expected = format!("expected {:?} as in BODIES.DAT and DOF.INI, or no START.npz", there.as_slice());
-            refuse(object, format!("at {x:?} m"), expected);
+        let (i, bodies) = (id as usize - 1, &snapshot.bodies);
+        let mut agree = |what: &str, here: [f64; 3], there: Vec3, unit: &str, most: f64| {
+            let agrees = (Vec3::from(here) - there).norm() <= DIGITS * most;
+            if !agrees {
+                let expected = format!("expected {:?} as in BODIES.DAT and DOF.INI, or no START.npz", there.as_slice());
+                refuse(object.clone(), format!("{what} {here:?} {unit}"), expected);
+            }
+            agrees
+        };
+        let stands = agree("at", bodies.body_x[row], state.x[i], "m", extent);
+        if stands && !scene.bodies[i].driven {
+            agree("velocity", bodies.body_v[row], state.v[i], "m/s", speed);
+            agree("angular velocity", bodies.body_w_world[row], state.w[i], "rad/s", spin);
+        }
+        if stands && scene.oriented[i] {
+            let [w, x, y, z] = bodies.body_q[row];
+            let turned = state.q[i].angle_to(&UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)));
+            if turned > TURN {
+                let expected = "expected axes a, b, g as in DOF.INI, or no START.npz".into();
+                refuse(object, format!("turned by {turned:.1e} rad"), expected);
+            }
         }
     }
     faults.into_result(())?;

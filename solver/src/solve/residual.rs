@@ -103,6 +103,15 @@ impl<'a> Judge<'a> {
         if self.unsolved > 0.0 { self.floor / self.unsolved } else { 0.0 }
     }
 
+    /// The rounding of impulses over the momenta of the bodies and |F(r_0)|: the share of these that may be lost.
+    pub fn rounding(&self, impulses: &[Vec3]) -> f64 {
+        let given: f64 = self.rows.iter().map(|&k| impulses[k as usize].norm_squared()).sum();
+        let of_body = |record: &&Record| record.inverse_mass > 0.0;
+        let momenta =
+            self.system.records.iter().filter(of_body).map(|record| (record.v / record.inverse_mass).norm_squared());
+        f64::EPSILON * given.sqrt() / momenta.sum::<f64>().sqrt().max(self.unsolved).max(self.floor)
+    }
+
     /// E of the impulses r̂ (one a row of the system, world frame, N s; 0 in rows that are not judged).
     pub fn residual(&self, impulses: &[Vec3]) -> Residual {
         self.residual_at(impulses, &self.motions(impulses))

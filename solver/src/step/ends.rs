@@ -85,6 +85,9 @@ impl End<'_> {
                 let virial = self.gives(row, r, end, &mut given);
                 given.virial += virial;
                 exchanges.push(Exchange { bodies: row.bodies, virial });
+            } else if end.moment != Vec3::zeros() {
+                // What holds two bodies presses them as it pulls: nothing is left but what resists rolling.
+                self.gives(row, r, end, &mut given);
             }
         }
         (given, exchanges)

@@ -77,6 +77,29 @@ fn blocks_meet_through_the_border() {
     near(border.momentum(), apart.momentum(), 1e-14);
 }
 
+/// Of a pair half a cell apart the nearest image changes, and what is known of how far apart they are with it: a ball that comes round
+/// to a tilted plate from the other side strikes it, whatever else the scene holds.
+#[test]
+fn what_comes_round_from_the_other_side_is_met() {
+    let run = |blocks: bool| {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.0]);
+        let tilted = [[0.6, 0.0, 0.8], Y, [-0.8, 0.0, 0.6]];
+        case.plate([3.0, 1.0, 0.125], [0.0; 3], tilted);
+        let ball = case.sphere(0.25, [4.75, 0.0, -2.0]);
+        case.launch(ball, [1.0, 0.0, 0.0], [0.0; 3]);
+        if blocks {
+            case.block([0.5; 3], [0.0, 0.0, 50.0], [X, Y, Z]);
+        }
+        (case.options.dt, case.options.xperiode) = (0.03125, Some(10.0));
+        case.run(160)
+    };
+    let (spheres, any) = (run(false), run(true));
+    assert!((spheres.v(1) - Vec3::x()).norm() > 0.5, "{}", spheres.v(1));
+    near(any.v(1), spheres.v(1), 1e-12);
+    near(any.x(1), spheres.x(1), 1e-12);
+}
+
 /// Without walls momentum is kept, and the ledger of angular momentum knows of what goes through the border.
 #[test]
 fn momentum_is_kept() {

@@ -1,5 +1,8 @@
 //! A sphere that rolls and slides.
 
+use cd_formats::compute::Field;
+use cd_formats::drv_dof::Evolution;
+
 use crate::case::{Case, Figures, Vec3, equal, near};
 
 /// A sphere of radius 1/2 on a floor that slopes by a 3-4-5 triangle, tan = 3/4, under 10 m/s^2.
@@ -312,4 +315,50 @@ fn angular_momentum_is_kept_in_a_heap(block: bool, tol: f64) {
     near(states[1].angular_momentum(), states[0].angular_momentum(), 1e-12 * scale);
     assert!(states[1].memory.as_ref().unwrap().contact_moment.iter().flatten().any(|m| *m != 0.0));
     assert!(case.column("residual").iter().all(|e| *e <= tol), "every step converges");
+}
+
+/// Round a ball that stays another rolls without sliding, whichever of the two is numbered first: to the square of the angle of a step.
+#[test]
+fn which_of_two_balls_comes_first_changes_nothing() {
+    let run = |fixed_first: bool| {
+        let mut case = Case::new();
+        case.law("IQS_CLB", &[1.0]);
+        let places = if fixed_first { [0.0, 1.0] } else { [1.0, 0.0] };
+        let balls = places.map(|x| case.sphere(0.5, [x, 0.0, 0.0]));
+        let [fixed, free] = if fixed_first { balls } else { [balls[1], balls[0]] };
+        case.drive(fixed, [0.0; 6].map(Evolution::constant));
+        case.launch(free, [0.0, 8.0, 0.0], [0.0, 0.0, 16.0]);
+        case.options.fields = vec![Field::PointMass { mass: 1e14, position: [0.0; 3] }];
+        (case.options.dt, case.options.tol) = (0.0078125, Some(1e-13));
+        let end = case.run(50);
+        (end.v(free), end.w(free), end.x(free))
+    };
+    let ((v, w, x), other) = (run(true), run(false));
+    // Solved to 1e-13, fifty times.
+    near(v, other.0, 1e-10);
+    near(w, other.1, 1e-10);
+    // It has gone round by 3 rad, and what touches moves by less than the square of hω = 1/8 of its speed.
+    assert!((x - Vec3::x()).norm() > 0.1 && (v.norm() - 0.5 * w.norm()).abs() < 8.0 / 64.0, "{v} {w} {x}");
+}
+
+/// Held together by a liquid, without anything that presses or pulls from outside, a ball that spins takes the other along: their net
+/// force is nothing, but not the work of what resists spinning.
+#[test]
+fn spinning_is_resisted_and_booked_where_no_net_force_is() {
+    let mut case = Case::new();
+    case.law("IQS_WET_DS_ROLL_CLB", &[16.0, 0.0, 0.125, 0.3, 0.3, 0.1, 0.1]);
+    let spins = case.sphere(0.5, [0.0; 3]);
+    case.sphere(0.5, [0.0, 0.0, 1.0]);
+    case.launch(spins, [0.0; 3], [0.0, 0.0, 1.0]);
+    (case.options.dt, case.options.tol) = (0.0078125, Some(1e-12));
+    let states = case.states(400, 400);
+    let end = &states[1];
+    for body in 0..2 {
+        near(end.w(body), [0.0, 0.0, 0.5], 1e-12);
+    }
+    // Half of it is lost to friction; roundings of 400 steps.
+    let (start, ledger) = (states[0].kinetic(), &end.meta.ledger);
+    equal(end.kinetic(), 0.5 * start, 1e-12 * start);
+    equal(ledger.contact_work, -0.5 * start, 1e-12 * start);
+    equal(ledger.friction_work, ledger.contact_work, 1e-14 * start);
 }

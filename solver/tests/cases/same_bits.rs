@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
-use cd_formats::compute::{Action, Event};
+use cd_formats::compute::{Action, Event, Flags};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
@@ -472,4 +472,26 @@ fn what_goes_on_from_a_snapshot_knows_how_far_it_has_sunk_in() {
     assert_eq!(from.solve(&[]), 0);
     assert!(unbroken.last().meta.ledger.penetration_left > 1e-6);
     assert_eq!(from.last().bodies.body_x, unbroken.last().bodies.body_x);
+}
+
+/// A run that begins late, from text, has what events before have set, and is told that what they add is not added again.
+#[test]
+fn events_before_a_late_start_have_happened() {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.4]);
+    let ball = case.sphere(0.5, [0.0; 3]);
+    case.options.dt = 0.25;
+    case.options.events.push(Event { every: Some(10.0), ..Event::once(0.0, Action::AddVelocity([1.0, 0.0, 0.0])) });
+    case.event(50.0, Action::SetGravity([0.0, 0.0, -8.0]));
+    case.options.end_time = Some(105.0);
+    case.write();
+    let file = case.path().join("DATBOX/DOF.INI");
+    let text = std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, text.replacen("time= 0.0000000D+00", "time= 0.1000000D+03", 1)).unwrap();
+    let (scene, _) = cd_solve::read::case(&case.path(), &Flags::default()).unwrap();
+    let told = "events: 10 before the start at 100 s count as done: what they add or bond is not done again";
+    assert!(scene.notes.iter().any(|note| note == told), "{:?}", scene.notes);
+    assert_eq!(case.solve(&[]), 0);
+    // That of 100 s happens.
+    assert_eq!(case.last().bodies.body_v[ball], [1.0, 0.0, -40.0]);
 }

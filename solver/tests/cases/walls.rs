@@ -306,10 +306,37 @@ fn a_plate_that_begins_to_turn_meets_what_lies_far_out() {
     case.options.dt = 0.0078125;
     let plate = case.plate([5.0, 1.0, 0.5], [0.0, 0.0, -0.5], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
     let ball = case.sphere(0.5, [4.5, 0.0, 0.5078125]);
-    case.drive_along(plate, 4, Evolution::constant(-1.0));
     // At rest before: the gap is far beyond the alert distance, and what 4.5 m/s closes in a step.
-    case.dof[plate].velocity = [0.0; 6];
+    let points = vec![[0.0, 0.0], [0.0078125, -1.0], [1.0, -1.0]];
+    case.drive_along(plate, 4, Evolution::Table { name: "turn.dat".into(), points });
     let end = case.run(1);
     // In the step the rim rises by 4.5 h where the gap is 1 h: (1 - 4.5) h is made good by the ball's velocity.
     near(end.v(ball), [0.0, 0.0, 3.5], 1e-9);
+}
+
+/// What is imposed is so from the beginning, whatever DOF.INI says of it.
+#[test]
+fn an_imposed_velocity_is_that_of_drv_dof_at_the_start_too() {
+    let mut case = lift(Evolution::constant(0.5));
+    case.launch(0, [0.0; 3], [0.0, 0.0, 3.0]);
+    let states = case.states(128, 128);
+    near(states[0].v(0), [0.0, 0.0, 0.5], 0.0);
+    near(states[0].w(0), [0.0; 3], 0.0);
+    near(states[1].x(0), [0.0, 0.0, 0.0], 1e-14); // from -1/2 in a second
+}
+
+/// A plate that a force pushes weighs what avrd says, as in LMGC90; what is left of its volume by seven digits, its volume.
+#[test]
+fn a_plate_weighs_what_the_file_says() {
+    let pushed = |radius: f64| {
+        let mut case = Case::new();
+        let plate = press(&mut case, 0.0);
+        case.bodies[plate].equivalent_radius = radius;
+        case.sphere(0.5, [9.0, 9.0, 9.0]); // somebody must be free
+        case.run(1).mass(plate)
+    };
+    let own = pushed(0.0);
+    assert_eq!(pushed(2.0), 4.0 / 3.0 * std::f64::consts::PI * 8.0);
+    let radius: f64 = format!("{:.7e}", (own * 0.75 / std::f64::consts::PI).cbrt()).parse().unwrap();
+    assert_eq!(pushed(radius), own);
 }

@@ -49,9 +49,12 @@ pub struct Problem {
     blocks: Vec<Block>,
 }
 
+/// Squares of larger numbers, and of their products, are none.
+const LARGEST: f64 = 1e100;
+
 impl Problem {
     /// From the blocks (row, column, block) of W in any order; blocks of one place are added up. A number
-    /// that is not finite, a negative friction or a contact out of range is refused.
+    /// that is not finite or as large as 1e100, a negative friction or a contact out of range is refused.
     pub fn new(
         mu: Vec<f64>,
         q: Vec<Triple>,
@@ -68,7 +71,7 @@ impl Problem {
         let mut problem = Problem { mu, q, starts: vec![0; n + 1], columns: Vec::new(), blocks: Vec::new() };
         let mut last = None;
         for (i, j, w) in blocks {
-            if i >= n || j >= n || !w.as_flattened().iter().all(|x| x.is_finite()) {
+            if i >= n || j >= n || !w.as_flattened().iter().all(|x| x.abs() < LARGEST) {
                 return Err(format!("block ({i}, {j}) of {n} contacts is {w:?}"));
             }
             if last == Some((i, j)) {
@@ -82,7 +85,7 @@ impl Problem {
             }
         }
         for (k, (mu, q)) in problem.mu.iter().zip(&problem.q).enumerate() {
-            if !(mu.is_finite() && *mu >= 0.0 && q.iter().all(|x| x.is_finite())) {
+            if !(mu.abs() < LARGEST && *mu >= 0.0 && q.iter().all(|x| x.abs() < LARGEST)) {
                 return Err(format!("contact {k} has friction {mu:?} and q = {q:?}"));
             }
         }
