@@ -808,7 +808,7 @@ fn a_start_that_does_not_belong_to_its_datbox_is_refused() {
     fs::write(&scene, spheres("[(0.0, 0.0, 0.0)]", "")).unwrap();
     assert_eq!(cd_tests::case::pre(&scene, case.path()), 0);
     assert!(!start.exists() && !case.datbox("ORIGIN.csv").exists());
-    assert_eq!(case.solve(&[]), 0);
+    assert_eq!(case.solve(&["--force"]), 0);
 }
 
 #[test]
