@@ -7,11 +7,12 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 
 use crate::derive::Row;
+use crate::snapshots;
 use crate::state;
 use crate::track;
 use crate::write::figure::{Axis, Curve, Figure};
 use crate::write::plots::PLOTS;
-use crate::write::series::{Column, csv};
+use crate::write::series::{Column, csv, named};
 
 /// The columns of a table of numbers by their names.
 pub type Columns = BTreeMap<String, Vec<f64>>;
@@ -113,22 +114,17 @@ pub fn write(
     let known: Vec<&str> = asked.map(|(_, name)| name).filter(|name| kind.column(name).is_some()).collect();
     let mut names = names_of(cases);
     names.iter_mut().zip(labels).for_each(|(name, label)| name.clone_from(label));
-    let heads: Vec<String> = names.iter().map(|name| head(name)).collect();
-    for (k, name) in heads.iter().enumerate() {
-        let (again, expected) = match name.as_str() {
-            "" => ("", "expected a name"),
-            name if name == against => ("", "expected another name than that of the horizontal axis"),
-            _ if heads[..k].contains(name) => (" again", "expected each name once"),
-            _ => continue,
-        };
-        let naming = if labels.is_empty() { "runs" } else { "labels" };
-        faults.push(option(naming, format!("'{name}' stands there{again} as number {}", k + 1), expected.into()));
-    }
+    faults.0.extend(alike(if labels.is_empty() { "runs" } else { "labels" }, &names, Some(against)));
     // Of a state there may be nothing to tell, such as forces of grains that do not touch; a run has snapshots.
     let by_snapshot = kind.column("time").is_some();
     let measured = |case: &PathBuf| {
         let path = place(case, table);
-        let columns = read(&path, &known)?;
+        let columns = read(&path, &known).map_err(|mut faults| {
+            if !atomic::is_there(&path) {
+                faults.0.iter_mut().for_each(|fault| fault.expected = origin(case, table));
+            }
+            faults
+        })?;
         if by_snapshot && columns.values().all(Vec::is_empty) {
             return Err(Fault::new(&path, None, "table", "holds no snapshot", "expected one at least").into());
         }
@@ -158,7 +154,22 @@ fn place(case: &Path, table: &Path) -> PathBuf {
     let number = |name: &str| name.strip_prefix("state-")?.parse::<u64>().ok();
     let entries = atomic::entries(&folder).unwrap_or_default().into_iter();
     let states = entries.filter_map(|path| Some((number(path.file_name()?.to_str()?)?, path)));
-    states.max().map_or(folder.join("state"), |(_, path)| path).join(rest)
+    // What an earlier, longer run has left is none of this one; without its snapshots nothing tells which that is.
+    let steps: Option<Vec<u64>> =
+        snapshots(&case.join("OUTBOX")).ok().map(|all| all.into_iter().map(|(step, _)| step).collect());
+    let of_this_run = |step: &u64| steps.as_ref().is_none_or(|steps| steps.contains(step));
+    states.filter(|(step, _)| of_this_run(step)).max().map_or(folder.join("state"), |(_, path)| path).join(rest)
+}
+
+/// What is expected of a case that has no such table: the command that writes it.
+fn origin(case: &Path, table: &Path) -> String {
+    let case = case.display();
+    let command = match table.file_name().and_then(|name| name.to_str()) {
+        Some("series.csv") => format!("cd-post {case}"),
+        Some("track.csv" | "crater.csv") => format!("cd-post track {case} --body N"),
+        _ => format!("cd-post state {case}"),
+    };
+    format!("expected a table that {command} has written: run it first")
 }
 
 /// The names of the cases' folders, each with as many of those above as tell it from the others.
@@ -193,18 +204,49 @@ pub fn nearest(times: impl IntoIterator<Item = f64>, time: f64) -> Option<f64> {
     same.min_by(|a, b| (a - time).abs().total_cmp(&(b - time).abs()))
 }
 
-/// The name of a run at the head of its column; a comma would make two of it.
-fn head(name: &str) -> String {
-    name.replace(',', ";")
+/// What is wrong with names that `option` gives: as fields of a table they are blank, that of the axis, or one stands there twice.
+pub fn alike(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fault> {
+    let names: Vec<String> = names.iter().map(|name| named(name)).collect();
+    let fault = |(k, name): (usize, &String)| {
+        let (again, expected) = match name.as_str() {
+            blank if blank.trim().is_empty() => ("", "expected a name"),
+            name if Some(name) == axis => ("", "expected another name than that of the horizontal axis"),
+            _ if names[..k].contains(name) => (" again", "expected each name once"),
+            _ => return None,
+        };
+        let found = format!("'{name}' stands there{again} as number {}", k + 1);
+        Some(Fault::new(Path::new("options"), None, option, found, expected))
+    };
+    names.iter().enumerate().filter_map(fault).collect()
+}
+
+/// What is wrong with the names of groups: blank ones.
+pub fn blank(groups: &[String]) -> Vec<Fault> {
+    let blank = groups.iter().enumerate().filter(|(_, name)| name.trim().is_empty());
+    let found = |k: usize| format!("'{}' stands there as number {}", named(&groups[k]), k + 1);
+    blank.map(|(k, _)| Fault::new(Path::new("options"), None, "groups", found(k), "expected a name")).collect()
 }
 
 /// The columns of a table of numbers, those `needed` among them; empty fields are NaN.
 pub fn read(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
-    let text = atomic::read_text(path).map_err(|mut faults| {
+    parsed(path, &text_of(path)?, needed)
+}
+
+/// The same of a table that a run writes row by row: a last one without its end, where the run was cut off, is left out.
+pub fn read_log(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
+    let text = text_of(path)?;
+    parsed(path, &text[..text.rfind('\n').map_or(0, |end| end + 1)], needed)
+}
+
+fn text_of(path: &Path) -> Result<String, Faults> {
+    atomic::read_text(path).map_err(|mut faults| {
         let expected = "expected a table of cd-solve or, series.csv, of cd-post";
         faults.0.iter_mut().for_each(|fault| fault.expected = expected.into());
         faults
-    })?;
+    })
+}
+
+fn parsed(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Faults> {
     let mut lines = text.lines();
     let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
     let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
@@ -267,7 +309,7 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
     }
     places.sort_by(f64::total_cmp);
     places.dedup();
-    let heads: Vec<String> = runs.iter().map(|run| head(&run.name)).collect();
+    let heads: Vec<String> = runs.iter().map(|run| named(&run.name)).collect();
     let header: Vec<&str> = std::iter::once(against).chain(heads.iter().map(String::as_str)).collect();
     let rows = places.into_iter().map(|x| {
         let at = |points: &Vec<(f64, f64)>| {

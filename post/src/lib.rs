@@ -266,9 +266,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
                 notes
             })
         }
-        Some(Command::Track { dir, body }) => track::write(dir, *body).map(|folder| {
+        Some(Command::Track { dir, body }) => track::write(dir, *body).map(|(folder, notes)| {
             tell(format_args!("cd-post: {}", folder.display()));
-            Vec::new()
+            notes
         }),
         Some(Command::Report { dir, every }) => report::write(dir, *every).map(|page| {
             tell(format_args!("cd-post: {}", page.display()));
@@ -309,11 +309,12 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
         atomic::write(&postpro.join("snapshots.svg"), write::picture::snapshots(&frames).as_bytes())?;
         tell(format_args!("  plots    {}", postpro.join("*.svg").display()));
     }
+    let mut notes = notes(&rows);
     if !options.no_vtk {
-        finish_display(&options.dir, &rows, last)?;
+        notes.extend(finish_display(&options.dir, &rows, last)?);
         tell(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
     }
-    Ok(notes(&rows))
+    Ok(notes)
 }
 
 /// A row for each snapshot that is taken, and what `keep` makes of the k-th of so many; writes the ParaView files by the way.
@@ -431,8 +432,8 @@ fn draw(dir: &Path, frame: &Frame) -> Result<(), Faults> {
     Ok(())
 }
 
-/// Writes the collections, and takes away the files of an earlier run that they do not name.
-fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<(), Faults> {
+/// Writes the collections, and takes away the files of an earlier run that they do not name; returns what is worth a report.
+fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<String>, Faults> {
     let display = dir.join("DISPLAY");
     let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
     let mut current = HashSet::new();
@@ -450,7 +451,13 @@ fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<(), Faults> 
             fs::remove_file(&path).map_err(|error| Fault::io(&path, "removed", &error))?;
         }
     }
-    Ok(())
+    let nameless = folder.to_str().is_none();
+    Ok(nameless.then(|| {
+        format!(
+            "{}: the folder has a name that is not UTF-8: a window that view.py is to fill is started in it",
+            display.display()
+        )
+    }))
 }
 
 /// What a user should know though the work is done.

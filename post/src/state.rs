@@ -1,6 +1,7 @@
 //! `cd-post state`: one snapshot in depth. Each table has its figure beside it.
 
 use std::collections::HashSet;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
@@ -22,7 +23,7 @@ use crate::snapshots;
 use crate::write::display::{cells, file, flat, scalars, vectors};
 use crate::write::figure::{Axis, Curve, Figure, Marks};
 use crate::write::map::{self, Sheet};
-use crate::write::series::{Column, csv, table};
+use crate::write::series::{Column, counted, csv, table};
 
 /// Name and bytes of a file.
 type File = (&'static str, Vec<u8>);
@@ -88,6 +89,32 @@ pub const COLUMNS: [Column; 5] = [
 pub const SLOPES: [Column; 2] =
     [("share_below", "1", "share of the surface"), ("slope", "°", "slope that a share of the surface is below")];
 
+/// Every file that a state may have.
+const NAMES: [&str; 22] = [
+    "ejecta.csv",
+    "ejecta.svg",
+    "fabric.csv",
+    "forces.csv",
+    "forces.svg",
+    "fragments.csv",
+    "layers.csv",
+    "layers_Z.svg",
+    "layers_nu.svg",
+    "layers_stress.svg",
+    "mobilisation.csv",
+    "mobilisation.svg",
+    "profile.csv",
+    "profile_Z.svg",
+    "profile_nu.svg",
+    "profile_stress.svg",
+    "slopes.csv",
+    "slopes.svg",
+    "surface.csv",
+    "surface.vtp",
+    "surface_height.svg",
+    "surface_slope.svg",
+];
+
 /// Shares of the surface whose slopes are told: every twentieth.
 const SHARES: usize = 20;
 /// Shells of the radial profiles, layers of a bed.
@@ -104,7 +131,11 @@ pub fn write(dir: &Path, step: Option<u64>, mean: u32) -> Result<(PathBuf, Vec<S
     let wanted = step.unwrap_or(last);
     let place = all.iter().position(|(step, _)| *step == wanted).ok_or_else(|| {
         let found = format!("holds no snapshot of step {wanted}");
-        Fault::new(&outbox, None, "folder", found, format!("expected one of steps {} to {last}", all[0].0))
+        let before = all.iter().rev().find(|(step, _)| *step < wanted);
+        let after = all.iter().find(|(step, _)| *step > wanted);
+        let nearest: Vec<String> = before.into_iter().chain(after).map(|(step, _)| step.to_string()).collect();
+        let expected = format!("expected one of steps {} to {last}, such as {}", all[0].0, nearest.join(" or "));
+        Fault::new(&outbox, None, "folder", found, expected)
     })?;
     let (step, path) = &all[place];
     let first = (place + 1).checked_sub(mean as usize).ok_or_else(|| {
@@ -115,6 +146,7 @@ pub fn write(dir: &Path, step: Option<u64>, mean: u32) -> Result<(PathBuf, Vec<S
     let frame = Frame::read(path, &shapes)?;
     let folder = dir.join("POSTPRO").join(format!("state-{step:06}"));
     if frame.grains.is_empty() {
+        clear(&folder, &[])?;
         return Ok((folder, vec![format!("the snapshot of step {step} holds no grain: nothing is written")]));
     }
     let mut files = files(&frame, &newcomers(dir)?);
@@ -128,17 +160,31 @@ pub fn write(dir: &Path, step: Option<u64>, mean: u32) -> Result<(PathBuf, Vec<S
         files.retain(|(name, _)| !name.starts_with("layers"));
         let (layers, count) = mean_layers(&frames);
         files.extend(layers);
-        if count < frames.len() {
+        if count == 0 {
+            notes.push(format!("a bed is in none of {mean} snapshots: there are no layers"));
+        } else if count < frames.len() {
             notes.push(format!("a bed is in {count} of {mean} snapshots: the mean layers are those of these"));
         }
     }
-    for (name, bytes) in files {
-        atomic::write(&folder.join(name), &bytes)?;
+    for (name, bytes) in &files {
+        atomic::write(&folder.join(name), bytes)?;
     }
+    clear(&folder, &files)?;
     if frame.cell().repeats() {
         notes.push("the scene repeats and has no centre: no profile by radius".into());
     }
     Ok((folder, notes))
+}
+
+/// Takes away what a state before has left in its folder and this one does not have, such as the layers of a bed.
+fn clear(folder: &Path, files: &[File]) -> Result<(), Faults> {
+    for name in NAMES.into_iter().filter(|name| files.iter().all(|(made, _)| made != name)) {
+        let path = folder.join(name);
+        if atomic::is_there(&path) {
+            fs::remove_file(&path).map_err(|error| Fault::io(&path, "removed", &error))?;
+        }
+    }
+    Ok(())
 }
 
 /// The numbers of the bodies that `cd-pre from-outbox` put to those of another run, such as a lander: in DATBOX/ORIGIN.csv
@@ -369,7 +415,7 @@ fn ejecta(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>) -> Ve
         }
         row
     };
-    let groups = csv(&header, fragments.iter().zip(orbits).enumerate().map(row));
+    let groups = counted(&header, &["fragment", "grains", "bound"], fragments.iter().zip(orbits).enumerate().map(row));
 
     let native = |grain: &&Grain| !newcomers.contains(&grain.id);
     let mass: f64 = frame.grains.iter().filter(native).map(|grain| grain.mass).sum();
@@ -379,13 +425,12 @@ fn ejecta(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>) -> Ve
     let mut speeds: Vec<(f64, f64)> = others.filter(native).map(|grain| (speed(grain), grain.mass / mass)).collect();
     speeds.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut faster = 0.0;
-    let cumulated: Vec<(f64, f64)> = speeds
-        .into_iter()
-        .map(|(speed, share)| {
-            faster += share;
-            (speed, faster)
-        })
-        .collect();
+    let mut cumulated: Vec<(f64, f64)> = Vec::new();
+    // Those of one speed have one share: each is as fast as the others.
+    for equal in speeds.chunk_by(|a, b| a.0 == b.0) {
+        faster += equal.iter().map(|(_, share)| share).sum::<f64>();
+        cumulated.extend(equal.iter().map(|(speed, _)| (*speed, faster)));
+    }
     let [a, b, c] = largest.semi_axes();
     let escape = (2.0 * constant * largest.mass / (a * b * c).cbrt()).sqrt();
     let rows = cumulated
@@ -558,6 +603,32 @@ mod tests {
         atomic::write(&path, b"body,case,step,number\nfirst,,,\n\n").unwrap();
         let faults = newcomers(folder.path()).unwrap_err().to_string();
         assert!(faults.lines().count() == 2 && faults.contains("ORIGIN.csv:2: row: first,,,; expected"), "{faults}");
+    }
+
+    #[test]
+    fn every_file_of_a_state_is_known_by_its_name() {
+        let mut scene = Scene::default();
+        scene.grain([0.0; 3], 1.0);
+        let made = files(&scene.frame(), &HashSet::new()).into_iter().chain(layers(&[]));
+        let made: HashSet<&str> = made.map(|(name, _)| name).collect();
+        assert_eq!(made, NAMES.into_iter().collect());
+    }
+
+    #[test]
+    fn equal_speeds_have_equal_shares() {
+        let mut scene = Scene::default();
+        scene.grain([0.0; 3], 2.0);
+        for (k, speed) in [1.0, 2.0, 1.0].into_iter().enumerate() {
+            let grain = scene.grain([10.0 * (k + 1) as f64, 0.0, 0.0], 1.0);
+            scene.snapshot.bodies.body_v[grain] = [speed, 0.0, 0.0];
+        }
+        let found = files(&scene.frame(), &HashSet::new());
+        let table = String::from_utf8(found.iter().find(|file| file.0 == "ejecta.csv").unwrap().1.clone()).unwrap();
+        let share = |line: &str| line.split(',').nth(2).unwrap().parse::<f64>().unwrap();
+        let shares: Vec<f64> = table.lines().skip(1).map(share).collect();
+        // Of 8 + 3; rounding of a few sums.
+        assert!(shares[0] == shares[1] && (shares[0] - 3.0 / 11.0).abs() < 1e-15, "{table}");
+        assert!((shares[2] - 1.0 / 11.0).abs() < 1e-15, "{table}");
     }
 
     #[test]

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::Snapshot;
+use cd_formats::snapshot::{Meta, Snapshot};
 
 use crate::compare::{self, Columns};
 use crate::derive::{Field, Row};
 use crate::snapshots;
 use crate::write::figure::{Axis, Curve, Figure, Marks};
-use crate::write::series::csv;
+use crate::write::series::{csv, named};
 
 /// Rooms of a step in TIMER.csv, as the figure of the cost has them.
 const ROOMS: [(&str, &[&str]); 3] =
@@ -104,6 +104,8 @@ pub fn write(
         faults.push(Fault::new(Path::new("options"), None, "groups", format!("{} names", groups.len()), expected));
     }
     let names = compare::names_of(cases);
+    faults.0.extend(compare::alike("runs", &names, None));
+    faults.0.extend(compare::blank(groups));
     let mut runs = Vec::new();
     for (k, case) in cases.iter().enumerate() {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
@@ -133,7 +135,7 @@ pub fn write(
 /// The values of a run.
 fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f64>, Faults> {
     let path = case.join("POSTPRO/series.csv");
-    let series = compare::read(&path, &["time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure"])?;
+    let series = compare::read(&path, &["step", "time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure"])?;
     let times = &series["time"];
     let as_there = |time: f64| compare::nearest(times.iter().copied(), time).unwrap_or(time);
     let until = until.map_or(f64::INFINITY, as_there);
@@ -152,12 +154,14 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     let mut values: Vec<f64> = Row::COLUMNS.iter().map(|(name, _, _)| mean(name)).collect();
 
     let outbox = case.join("OUTBOX");
-    let steps = compare::read(&outbox.join("steps.csv"), &["sweeps", "contacts_active", "converged"])?;
+    let steps = compare::read_log(&outbox.join("steps.csv"), &["sweeps", "contacts_active", "converged"])?;
     let timed = [&TIMED[..], &["writing"]].concat();
-    let timer = compare::read(&case.join("TIMER.csv"), &timed)?;
+    let timer = compare::read_log(&case.join("TIMER.csv"), &timed)?;
     let per_step = |table: &Columns, name: &str| table[name].iter().sum::<f64>() / table[name].len() as f64;
     let all = snapshots(&outbox)?;
-    let parameters = Snapshot::read(&all[all.len() - 1].1)?.meta.parameters;
+    let end = Snapshot::read(&all[all.len() - 1].1)?.meta;
+    of_this_run(case, &series, &end)?;
+    let parameters = end.parameters;
     let constant = if parameters.self_gravity { parameters.gravity_constant } else { f64::NAN };
     let homogeneous: f64 = taken
         .iter()
@@ -189,6 +193,23 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     Ok(values)
 }
 
+/// Whether the series of a case is that of its snapshots, and not of those of a run before; `end`: that of the last.
+pub fn of_this_run(case: &Path, series: &Columns, end: &Meta) -> Result<(), Faults> {
+    let last = |name: &str| series[name].last().copied().unwrap_or(f64::NAN);
+    let (step, time) = (last("step"), last("time"));
+    if step == end.step as f64 && compare::same_time(time, end.time) {
+        return Ok(());
+    }
+    let found = format!("ends at step {step} and {time} s");
+    let expected = format!(
+        "expected step {} and {} s, as the last snapshot of OUTBOX: run cd-post {} again",
+        end.step,
+        end.time,
+        case.display()
+    );
+    Err(Fault::new(&case.join("POSTPRO/series.csv"), None, "table", found, expected).into())
+}
+
 /// Neighbours per grain where 3 N - 6 contacts hold N spheres; NaN of two, which one holds, and of one.
 fn isostatic(grains: f64) -> f64 {
     if grains >= 3.0 { 6.0 - 12.0 / grains } else { f64::NAN }
@@ -199,9 +220,8 @@ fn table(runs: &[Run]) -> String {
     let names: Vec<&str> = Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| *name).collect();
     let mut text = format!("run,group,{}\n", names.join(","));
     for run in runs {
-        // A comma would make two columns of a name.
         let values: Vec<String> = run.values.iter().map(Field::text).collect();
-        text += &format!("{},{},{}\n", run.name.replace(',', ";"), run.group.replace(',', ";"), values.join(","));
+        text += &format!("{},{},{}\n", named(&run.name), named(&run.group), values.join(","));
     }
     text
 }
@@ -211,7 +231,7 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
     let mut fits = String::from("figure,group,law,slope,intercept,r2\n");
     let mut note = |figure: &str, group: &str, law: &str, line: Line| {
         let numbers = csv(&[], [vec![line.slope, line.intercept, line.r2]]);
-        fits += &format!("{figure},{},{law},{}", group.replace(',', ";"), numbers.trim_start());
+        fits += &format!("{figure},{},{law},{}", named(group), numbers.trim_start());
     };
     let mut figures = Vec::new();
     let of = |group: &str, x: &dyn Fn(&Run) -> f64, y: &dyn Fn(&Run) -> f64| -> Vec<(f64, f64)> {

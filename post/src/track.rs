@@ -7,15 +7,16 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::Outside;
 
+use crate::compare::reached;
 use crate::derive::bed::borne;
 use crate::derive::energy::{outside, self_gravity_constant};
 use crate::derive::fragments::{Fragment, fragments};
 use crate::derive::surface::attraction;
-use crate::frame::{Cell, Frame, Grain, Side, Vec3, WallShape};
+use crate::frame::{Cell, Frame, Grain, Side, Vec3, Wall, WallShape};
 use crate::select;
 use crate::shapes::Shapes;
 use crate::write::figure::{Axis, Curve, Figure};
-use crate::write::series::{Column, table};
+use crate::write::series::{Column, counted, table};
 
 /// Columns of track.csv: name, unit, meaning.
 pub const COLUMNS: [Column; 13] = [
@@ -43,7 +44,7 @@ pub const CRATER: [Column; 3] = [
 
 /// Columns of impact.csv.
 pub const IMPACT: [Column; 6] = [
-    ("contact_time", "s", "of the first snapshot in which it is touched, or has lost its free fall"),
+    ("contact_time", "s", "of the first snapshot in which it is touched, or has been since the one before"),
     ("impact_speed", "m/s", "along gravity, in the snapshot before"),
     ("restitution", "1", "its largest speed against gravity afterwards, 0 at least, over that"),
     ("largest_depth", "m", ""),
@@ -51,6 +52,10 @@ pub const IMPACT: [Column; 6] = [
     ("final_depth", "m", ""),
 ];
 
+/// Place of the depth in [`COLUMNS`].
+const DEPTH: usize = 7;
+/// Unit vectors that are no farther apart have one direction: rounding of a length.
+const SAME_DIRECTION: f64 = 1e-9;
 /// Rings of the crater's profile, and places in each.
 const RINGS: usize = 20;
 const PLACES: usize = 48;
@@ -65,38 +70,72 @@ struct Seen {
     reach: f64,
     force: Vec3,
     contacts: usize,
+    /// From when on its snapshot tells what contacts have done, s, NaN where it does not; and whether one has pushed or pulled
+    /// the body since then.
+    told: (f64, bool),
     /// Its acceleration where nothing touches it, m/s^2; none in axes that turn, where it is not of the place alone.
     fall: Option<Vec3>,
 }
 
-/// Reads the snapshots of a case and writes `POSTPRO/track-N/`: track.csv, impact.csv, crater.csv and their figures.
+/// Reads the snapshots of a case and writes `POSTPRO/track-N/`: track.csv, impact.csv, crater.csv and their figures. Returns
+/// the folder and what is worth a report.
 ///
 /// `body`: the number of the body in BODIES.DAT, free or with imposed motion.
-pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
-    let mut seen = Vec::new();
+pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
+    let mut seen: Vec<Seen> = Vec::new();
     let (mut first, mut last) = (None, None);
     let mut up = Vec3::z();
+    // Step and direction of the first uniform gravity, by which all is measured, and the first step of another.
+    let (mut gravity, mut turned) = (None, None);
     let shapes = Shapes::default();
-    for (_, path) in select(&dir.join("OUTBOX"), 1)? {
-        let frame = Frame::read(&path, &shapes)?;
-        // What attracts it from all sides has one direction where it starts.
-        up = against_gravity(&frame).unwrap_or(up);
+    let paths = select(&dir.join("OUTBOX"), 1)?;
+    let found = |frame: &Frame, path: &Path, up: &Vec3| -> Result<Seen, Faults> {
+        find(frame, body, up).ok_or_else(|| {
+            let expected = "expected the number of a sphere or polyhedron in BODIES.DAT";
+            Fault::new(path, None, format!("body {body}"), "is not there", expected).into()
+        })
+    };
+    for (k, (step, path)) in paths.iter().enumerate() {
+        let frame = Frame::read(path, &shapes)?;
+        match (gravity, against_gravity(&frame)) {
+            (None, Some(direction)) => {
+                gravity = Some((*step, direction));
+                up = direction;
+                // The lowest point of those before is another.
+                for (k, (_, path)) in paths[..k].iter().enumerate() {
+                    seen[k] = found(&Frame::read(path, &shapes)?, path, &up)?;
+                }
+            }
+            (Some((_, direction)), Some(other)) if (other - direction).norm() > SAME_DIRECTION => {
+                turned = turned.or(Some(*step));
+            }
+            _ => {}
+        }
         if first.is_none() {
-            up = against_gravity(&frame).or(away(&frame, body)).unwrap_or(up);
+            // What attracts it from all sides has one direction where it starts.
+            up = gravity.map(|(_, direction)| direction).or(away(&frame, body)).unwrap_or(up);
             first = Some(frame.clone());
         }
-        seen.push(find(&frame, body, &up).ok_or_else(|| {
-            let expected = "expected the number of a sphere or polyhedron in BODIES.DAT";
-            Fault::new(&path, None, format!("body {body}"), "is not there", expected)
-        })?);
+        seen.push(found(&frame, path, &up)?);
         last = Some(frame);
     }
     let (Some(first), Some(last)) = (first, last) else { unreachable!("select gives at least one") };
+    let mut notes = Vec::new();
+    if let (Some((step, _)), Some(turned)) = (gravity, turned) {
+        notes.push(format!(
+            "gravity has another direction at step {turned}: up is against that of step {step} throughout"
+        ));
+    }
     let level = level(&first, body, &up, &seen[0]);
     let rows: Vec<[f64; 13]> = seen.iter().map(|s| row(s, &up, level)).collect();
     let folder = dir.join(format!("POSTPRO/track-{body}"));
     let put = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
-    put("track.csv", table(&COLUMNS, rows.clone()))?;
+    // A plate stands at the side of a bed as well as on it.
+    let plate = |wall: &Wall| wall.id == body && matches!(wall.shape, WallShape::Plate(_));
+    if rows.iter().all(|row| row[DEPTH].is_nan()) && !first.walls.iter().any(plate) {
+        notes.push(format!("no surface is under body {body} in the first snapshot: its depth is empty"));
+    }
+    put("track.csv", counted(&COLUMNS.map(|column| column.0), &["contacts"], rows.clone()))?;
     put("impact.csv", table(&IMPACT, [bounce(&seen, &rows, &up)]))?;
     let crater = crater(&first, &last, body, &up, &seen[0].x, level);
     put("crater.csv", table(&CRATER, crater.clone()))?;
@@ -116,7 +155,7 @@ pub fn write(dir: &Path, body: u64) -> Result<PathBuf, Faults> {
         curves: vec![profile("before", 1), profile("after", 2)],
     };
     put("crater.svg", figure.svg())?;
-    Ok(folder)
+    Ok((folder, notes))
 }
 
 /// Against uniform gravity, length 1; none without it.
@@ -178,7 +217,9 @@ fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
     }
     // A wall that is driven in part falls with what pushes it.
     let fall = side.grain().and_then(|grain| free_fall(frame, grain));
-    Some(Seen { time: frame.meta.time, x, v, reach, force, contacts, fall })
+    let exchanged = frame.interval.exchanges.iter().any(|exchange| exchange.sides.contains(&side));
+    let told = (frame.meta.time - frame.interval.length, exchanged);
+    Some(Seen { time: frame.meta.time, x, v, reach, force, contacts, told, fall })
 }
 
 fn row(seen: &Seen, up: &Vec3, level: f64) -> [f64; 13] {
@@ -191,8 +232,9 @@ fn row(seen: &Seen, up: &Vec3, level: f64) -> [f64; 13] {
 /// Change of velocity beside that of free fall, over the larger speed, that tells of a shock between two snapshots.
 const SHOCK: f64 = 0.01;
 
-/// The row of impact.csv; empty where nothing touched it. Where the acceleration of the free fall is not known, contacts
-/// alone tell that it is touched. Between two snapshots it is the mean of both, give or take half of their difference.
+/// The row of impact.csv; empty where nothing touched it. What contacts have done between two snapshots the second tells; where
+/// it does not, or not of all that time, a velocity tells that is not of free fall. Where the acceleration of this is not known,
+/// contacts alone tell; between two snapshots it is the mean of both, give or take half of their difference.
 fn bounce(seen: &[Seen], rows: &[[f64; 13]], up: &Vec3) -> [f64; 6] {
     let speed = |s: &Seen| s.v.map_or(f64::NAN, |v| v.dot(up));
     let largest = |k: usize| rows.iter().map(|row| row[k]).fold(f64::NAN, f64::max);
@@ -202,7 +244,14 @@ fn bounce(seen: &[Seen], rows: &[[f64; 13]], up: &Vec3) -> [f64; 6] {
         let half = 0.5 * (now.time - before.time);
         Some((w - v - (a + b) * half).norm() > SHOCK * v.norm().max(w.norm()) + (b - a).norm() * half)
     };
-    let struck = |k: usize| k > 0 && between(&seen[k - 1], &seen[k]) == Some(true);
+    let struck = |k: usize| {
+        let (before, now) = (&seen[k - 1], &seen[k]);
+        match now.told {
+            (since, exchanged) if reached(before.time, since) => exchanged,
+            _ => between(before, now) == Some(true),
+        }
+    };
+    let struck = |k: usize| k > 0 && struck(k);
     let Some(touched) = (0..seen.len()).find(|&k| seen[k].contacts > 0 || struck(k)) else {
         return [f64::NAN, f64::NAN, f64::NAN, largest(7), largest(11), final_depth];
     };
@@ -231,7 +280,7 @@ fn circle(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
 }
 
 /// What the surface is made of beside the body: the groups of touching grains that a wall touches with force, and the heaviest; all where
-/// nothing touches.
+/// nothing touches, or where no wall bears any and the heaviest has less than half of the mass, as while they fall.
 fn ground(frame: &Frame, body: u64) -> Vec<&Grain> {
     let fragments = fragments(frame);
     let others = |fragment: &Fragment| -> Vec<usize> {
@@ -241,9 +290,12 @@ fn ground(frame: &Frame, body: u64) -> Vec<&Grain> {
     let groups = fragments.iter().map(others).filter(|grains| grains.len() > 1);
     let heaviest = groups.max_by(|a, b| mass(a).total_cmp(&mass(b))).unwrap_or_default();
     let mut held = vec![false; frame.grains.len()];
-    borne(frame, &fragments).into_iter().chain(heaviest).for_each(|i| held[i] = true);
+    let borne = borne(frame, &fragments);
+    let most: Vec<usize> = (0..frame.grains.len()).filter(|&i| frame.grains[i].id != body).collect();
+    let falling = borne.is_empty() && 2.0 * mass(&heaviest) < mass(&most);
+    borne.into_iter().chain(heaviest).for_each(|i| held[i] = true);
     let all = || frame.grains.iter().zip(&held).filter(|(grain, _)| grain.id != body);
-    let loose = !all().any(|(_, held)| *held);
+    let loose = falling || !all().any(|(_, held)| *held);
     all().filter(|(_, held)| **held || loose).map(|(grain, _)| grain).collect()
 }
 
@@ -382,6 +434,30 @@ mod tests {
     }
 
     #[test]
+    fn what_contacts_do_not_do_is_no_impact() {
+        let up = Vec3::z();
+        // Slower at once: by an event, or by a contact between the snapshots.
+        let touched = |since: Option<f64>, exchanged: bool| {
+            let frames = [(3.0, -2.0), (2.0, -0.5)].map(|(z, v)| frame(z, v, false));
+            let mut seen: Vec<Seen> = frames.iter().map(|frame| find(frame, 5, &up).unwrap()).collect();
+            assert!(seen[1].told.0.is_nan() && !seen[1].told.1);
+            seen[1].told = (since.unwrap_or(f64::NAN), exchanged);
+            let rows: Vec<[f64; 13]> = seen.iter().map(|s| row(s, &up, 1.0)).collect();
+            bounce(&seen, &rows, &up)[0]
+        };
+        assert!(touched(Some(7.0), false).is_nan());
+        assert_eq!(touched(Some(7.0), true), 8.0);
+        // Where not all of the time since the snapshot before is told, the velocity tells.
+        assert_eq!((touched(Some(7.5), false), touched(None, false)), (8.0, 8.0));
+        let mut scene = Scene::default();
+        scene.grain([0.0; 3], 1.0);
+        scene.grain([0.0, 0.0, 2.0], 1.0);
+        scene.snapshot.meta.time = 1.0;
+        scene.since(0.25, &[([1, 0], 0.1)]);
+        assert_eq!(find(&scene.frame(), 1, &up).unwrap().told, (0.25, true));
+    }
+
+    #[test]
     fn up_is_away_from_what_attracts() {
         let mut scene = Scene::self_gravitating(2.0);
         scene.grain([1.0, 0.0, 0.0], 1.0);
@@ -410,6 +486,28 @@ mod tests {
         scene.grain([0.0; 3], 1.0);
         let lander = scene.grain([0.0, 0.0, 3.0], 1.0) as u64 + 1;
         assert_eq!(height_of(&scene.frame(), lander, &Vec3::zeros()), Some(1.0));
+    }
+
+    #[test]
+    fn of_grains_that_fall_all_are_the_surface() {
+        // Two that touch, four apart; no wall bears any.
+        let mut scene = Scene::default();
+        let first = scene.grain([0.0; 3], 1.0);
+        let second = scene.grain([2.0, 0.0, 0.0], 1.0);
+        for k in 2..6 {
+            scene.grain([5.0 * f64::from(k), 0.0, 0.0], 1.0);
+        }
+        scene.push(first, second, 1.0);
+        let height = |scene: &Scene| height_of(&scene.frame(), 99, &Vec3::new(10.0, 0.0, 0.0));
+        assert_eq!(height(&scene), Some(1.0));
+        // A heaviest with half of the mass, and a wall that bears it, are the bed.
+        scene.snapshot.bodies.body_mass[..2].iter_mut().for_each(|mass| *mass *= 2.0);
+        assert_eq!(height(&scene), None);
+        scene.snapshot.bodies.body_mass[..2].iter_mut().for_each(|mass| *mass /= 4.0);
+        let floor = scene.plate([0.0, 0.0, -1.1], [9.0, 9.0, 0.1]);
+        assert_eq!(height(&scene), Some(1.0));
+        scene.contact_at(first, floor, [0.0, 0.0, -1.0], Vec3::z());
+        assert_eq!(height(&scene), None);
     }
 
     #[test]

@@ -10,8 +10,9 @@ use cd_formats::snapshot::Snapshot;
 use crate::compare::{self, nearest, reached, same_time};
 use crate::derive::Field;
 use crate::snapshots;
-use crate::study::{Line, TIMED};
+use crate::study::{self, Line, TIMED};
 use crate::write::figure::{Axis, Curve, Figure, Marks};
+use crate::write::series::named;
 
 /// Columns of trade.csv behind the names: name, unit, meaning.
 pub const COLUMNS: [(&str, &str, &str); 15] = [
@@ -43,7 +44,26 @@ pub const COLUMNS: [(&str, &str, &str); 15] = [
 /// Where the free bodies are, m, and when, s.
 type Positions = (f64, Vec<[f64; 3]>);
 
-/// Places of the pressure and of that of the bed in [`Run::observed`].
+/// A snapshot by what is compared of it.
+#[derive(Debug, Clone, Copy)]
+struct Observed {
+    /// s
+    time: f64,
+    /// Since the snapshot before, s; NaN where the snapshot does not tell.
+    interval: f64,
+    /// Z, nu, pressure, a, b, c, the energy, nu and pressure of the bed; Z and pressures are those of the interval.
+    values: [f64; 9],
+}
+
+impl Observed {
+    /// Whether means over the interval may be compared: those of a longer one are larger where contacts come and go. What
+    /// is not known has no such means.
+    fn as_long_as(&self, other: &Observed) -> bool {
+        [self, other].iter().any(|of| of.interval.is_nan()) || same_time(self.interval, other.interval)
+    }
+}
+
+/// Places of the pressure and of that of the bed in [`Observed::values`].
 const PRESSURE: usize = 2;
 const BED_PRESSURE: usize = 8;
 
@@ -55,9 +75,8 @@ struct Run {
     value: f64,
     accuracy: Option<Accuracy>,
     seconds: f64,
-    /// Z, nu, pressure, a, b, c, the energy, nu and pressure of the bed at the times (s) of the series; Z and pressures are
-    /// those of the interval since the snapshot before.
-    observed: Vec<(f64, [f64; 9])>,
+    /// In the order of the series.
+    observed: Vec<Observed>,
     estimated: f64,
     end: Positions,
     mean_radius: f64,
@@ -122,6 +141,8 @@ fn of_runs(cases: &[PathBuf], asked: &Asked) -> Result<(Vec<Compared>, String), 
         }
     }
     let names = compare::names_of(cases);
+    faults.0.extend(compare::alike("runs", &names, None));
+    faults.0.extend(compare::blank(groups));
     let measured = |(k, case): (usize, &PathBuf)| -> Option<Run> {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
         faults.gather(measured(case, names[k].clone(), group, values.get(k).copied().unwrap_or(f64::NAN)))
@@ -215,17 +236,19 @@ fn series_of(case: &Path) -> PathBuf {
 fn measured(case: &Path, name: String, group: String, value: f64) -> Result<Run, Faults> {
     let energies = ["n_grains", "Ec_mean", "E_grav", "E_uniform", "E_fields"];
     let shown = ["Z_interval", "nu", "pressure_interval", "a", "b", "c", "bed_nu", "bed_pressure_interval"];
-    let series = compare::read(&series_of(case), &[&["time"], &shown[..], &energies[..]].concat())?;
+    let series = compare::read(&series_of(case), &[&["step", "time", "interval"], &shown[..], &energies[..]].concat())?;
     let observed = |k: usize| {
         let [z, nu, pressure, a, b, c, bed_nu, bed_pressure] = shown.map(|name| series[name][k]);
         let [count, kinetic, gravity, uniform, fields] = energies.map(|name| series[name][k]);
         let energy = count * kinetic + (gravity + uniform + fields);
-        (series["time"][k], [z, nu, pressure, a, b, c, energy, bed_nu, bed_pressure])
+        let values = [z, nu, pressure, a, b, c, energy, bed_nu, bed_pressure];
+        Observed { time: series["time"][k], interval: series["interval"][k], values }
     };
-    let timer = compare::read(&case.join("TIMER.csv"), &TIMED)?;
+    let timer = compare::read_log(&case.join("TIMER.csv"), &TIMED)?;
     let seconds = TIMED.iter().flat_map(|room| &timer[*room]).sum();
     let all = snapshots(&case.join("OUTBOX"))?;
     let last = Snapshot::read(&all[all.len() - 1].1)?;
+    study::of_this_run(case, &series, &last.meta)?;
     let free: Vec<usize> = (0..last.bodies.body_x.len()).filter(|&i| last.bodies.body_driven[i] == 0).collect();
     let mean_radius = free.iter().map(|&i| last.bodies.body_radius[i]).sum::<f64>() / free.len().max(1) as f64;
     Ok(Run {
@@ -314,17 +337,17 @@ fn span(times: &[f64]) -> String {
 struct Exact<'a> {
     finest: &'a Run,
     /// Of the snapshots that count: what [`Run::observed`] has.
-    observed: Vec<(f64, [f64; 9])>,
+    observed: Vec<Observed>,
     early: Option<Positions>,
 }
 
 impl Exact<'_> {
     /// The snapshots from `from` (s) on, or the last, and the early positions from `early` (s) on, or the first.
     fn of(finest: &Run, from: Option<f64>, early: Option<f64>) -> Result<Exact<'_>, Faults> {
-        let times: Vec<f64> = finest.observed.iter().map(|(time, _)| *time).collect();
+        let times: Vec<f64> = finest.observed.iter().map(|seen| seen.time).collect();
         let as_there = |time: f64| nearest(times.iter().copied(), time).unwrap_or(time);
         let from = from.map(as_there).or(times.last().copied()).unwrap_or(f64::NAN);
-        let observed: Vec<_> = finest.observed.iter().copied().filter(|(time, _)| *time >= from).collect();
+        let observed: Vec<_> = finest.observed.iter().copied().filter(|seen| seen.time >= from).collect();
         if observed.is_empty() {
             let expected = "expected one at the time of --from or later";
             return Err(Fault::new(&series_of(&finest.case), None, "time", span(&times), expected).into());
@@ -332,7 +355,8 @@ impl Exact<'_> {
         Ok(Exact { finest, observed, early: early_positions(&finest.case, early.unwrap_or(0.0))? })
     }
 
-    /// Faults of a run that cannot be compared: other bodies, or no snapshot at a time that counts.
+    /// Faults of a run that cannot be compared: other bodies, or no snapshot at a time that counts or none after an equal
+    /// interval.
     fn compared(&self, run: &Run) -> Result<Compared, Faults> {
         let finest = self.finest;
         let mut faults = Faults::default();
@@ -343,26 +367,41 @@ impl Exact<'_> {
             faults.push(Fault::new(&run.case.join("OUTBOX"), None, "bodies", found, expected));
         }
         let at = |time: f64| {
-            let own = nearest(run.observed.iter().map(|(time, _)| *time), time)?;
-            run.observed.iter().find(|(time, _)| *time == own).map(|(_, found)| *found)
+            let own = nearest(run.observed.iter().map(|seen| seen.time), time)?;
+            run.observed.iter().find(|seen| seen.time == own)
         };
-        let shared: Vec<([f64; 9], [f64; 9])> =
-            self.observed.iter().filter_map(|(time, exact)| Some((at(*time)?, *exact))).collect();
-        if shared.is_empty() {
-            let times = |rows: &[(f64, [f64; 9])]| span(&rows.iter().map(|row| row.0).collect::<Vec<_>>());
+        let at_once: Vec<(&Observed, &Observed)> =
+            self.observed.iter().filter_map(|exact| Some((at(exact.time)?, exact))).collect();
+        let shared: Vec<([f64; 9], [f64; 9])> = at_once
+            .iter()
+            .filter(|(found, exact)| found.as_long_as(exact))
+            .map(|(found, exact)| (found.values, exact.values))
+            .collect();
+        if let ([(found, exact), ..], []) = (&at_once[..], &shared[..]) {
+            let found = format!("of {} s at {} s", found.interval, found.time);
+            let expected =
+                format!("expected {} s, as in {}: the same output_every in time", exact.interval, finest.name);
+            faults.push(Fault::new(&series_of(&run.case), None, "interval", found, expected));
+        } else if shared.is_empty() {
+            let times = |rows: &[Observed]| span(&rows.iter().map(|seen| seen.time).collect::<Vec<_>>());
             let expected = format!("expected a time of those that count of {}, {}", finest.name, times(&self.observed));
             faults.push(Fault::new(&series_of(&run.case), None, "time", times(&run.observed), expected));
         }
         faults.into_result(())?;
+        // Of those in which both have a value.
+        let both = |k: usize| {
+            let values = shared.iter().map(move |(found, exact)| (found[k], exact[k]));
+            values.filter(|(found, exact)| found.is_finite() && exact.is_finite())
+        };
         let of_means = |k: usize| {
-            let [away, all] = shared.iter().fold([0.0; 2], |[away, all], (found, exact)| {
-                [away + (found[k] - exact[k]), all + exact[k]] // both over the number of them
+            let [away, all] = both(k).fold([0.0; 2], |[away, all], (found, exact)| {
+                [away + (found - exact), all + exact] // both over the number of them
             });
             (away / all).abs()
         };
         let of_singles = |k: usize| {
-            let away = median(shared.iter().map(|(found, exact)| (found[k] - exact[k]).abs()));
-            away / median(shared.iter().map(|(_, exact)| exact[k].abs()))
+            let away = median(both(k).map(|(found, exact)| (found - exact).abs()));
+            away / median(both(k).map(|(_, exact)| exact.abs()))
         };
         let [z, nu, pressure, a, b, c, energy, bed_nu, bed_pressure] = std::array::from_fn(of_means);
         // The ball around a bed is as large as its highest grain is high.
@@ -392,9 +431,8 @@ fn header() -> String {
 fn table(runs: &[Compared]) -> String {
     let mut text = header();
     for run in runs {
-        // A comma would make two columns of a name.
         let values: Vec<String> = run.values.iter().map(Field::text).collect();
-        text += &format!("{},{},{}\n", run.name.replace(',', ";"), run.group.replace(',', ";"), values.join(","));
+        text += &format!("{},{},{}\n", named(&run.name), named(&run.group), values.join(","));
     }
     text
 }
@@ -423,7 +461,7 @@ fn orders(runs: &[Compared]) -> String {
             let points: Vec<(f64, f64)> = members.iter().map(|run| (run.of(x).ln(), run.of(y).ln())).collect();
             Line::through(&points)
         };
-        text += &format!("{},{}", name.replace(',', ";"), members.len());
+        text += &format!("{},{}", named(name), members.len());
         for error in ["worst", "positions_early"] {
             let order = line("value", error);
             let digit = line(error, "seconds").map(|price| 10f64.powf(-price.slope));
@@ -577,7 +615,11 @@ mod tests {
             value: f64::NAN,
             accuracy: None,
             seconds: 1.0,
-            observed: vec![(time, [4.0, 0.5, pressure, 3.0, 2.0, 1.0, -1.0, f64::NAN, f64::NAN])],
+            observed: vec![Observed {
+                time,
+                interval: 0.5,
+                values: [4.0, 0.5, pressure, 3.0, 2.0, 1.0, -1.0, f64::NAN, f64::NAN],
+            }],
             estimated: 0.01,
             end: (time, vec![[0.0, 0.0, x], [0.0; 3]]),
             mean_radius: 2.0,
@@ -598,7 +640,7 @@ mod tests {
         // Of a bed its own solid fraction and pressure count.
         let bed = |nu: f64, pressure: f64| {
             let mut run = measured(1.0, 1.0, 0.0);
-            run.observed[0].1[7..].copy_from_slice(&[nu, pressure]);
+            run.observed[0].values[7..].copy_from_slice(&[nu, pressure]);
             run
         };
         let finest = bed(0.5, 8.0);
@@ -608,13 +650,36 @@ mod tests {
     }
 
     #[test]
+    fn means_count_where_intervals_are_equal_and_both_have_a_value() {
+        let at = |time: f64, interval: f64, z: f64, pressure: f64| Observed {
+            time,
+            interval,
+            values: [z, 0.5, pressure, 3.0, 2.0, 1.0, -1.0, f64::NAN, f64::NAN],
+        };
+        let of = |rows: &[Observed]| Run { observed: rows.to_vec(), ..measured(3.0, 1.0, 0.0) };
+        // The first has no pressure, the second follows another interval; of the rest pressures of 3 against 2.
+        let finest = of(&[at(1.0, 1.0, 4.0, f64::NAN), at(2.0, 1.0, 4.0, 9.0), at(3.0, 1.0, 4.0, 2.0)]);
+        let exact = Exact { finest: &finest, observed: finest.observed.clone(), early: None };
+        let found = exact.compared(&of(&[at(1.0, 1.0, 5.0, 9.0), at(2.0, 0.5, 9.0, 1.0), at(3.0, 1.0, 5.0, 3.0)]));
+        let found = found.unwrap();
+        assert_eq!(["Z", "pressure", "worst", "pressure_single"].map(|name| found.of(name)), [0.25, 0.5, 0.5, 0.5]);
+        let faults = exact.compared(&of(&[at(3.0, 0.5, 4.0, 2.0)])).unwrap_err().to_string();
+        let expected = "run/POSTPRO/series.csv: interval: of 0.5 s at 3 s; \
+                        expected 1 s, as in run: the same output_every in time";
+        assert_eq!(faults, expected);
+        // What does not tell its interval has no means of it; the rest is compared.
+        let found = exact.compared(&of(&[at(3.0, f64::NAN, f64::NAN, f64::NAN)])).unwrap();
+        assert!(found.of("Z").is_nan() && found.of("nu") == 0.0);
+    }
+
+    #[test]
     fn late_in_a_run_times_are_the_nearest() {
         let mut run = measured(1e7, 1.0, 0.0);
         let row = run.observed[0];
         run.observed.extend((1..4).map(|k| {
             let mut row = row;
-            row.0 += f64::from(k);
-            row.1[PRESSURE] += f64::from(k);
+            row.time += f64::from(k);
+            row.values[PRESSURE] += f64::from(k);
             row
         }));
         let exact = Exact { finest: &run, observed: run.observed.clone(), early: None };
@@ -635,7 +700,7 @@ mod tests {
         let exact = Exact { finest: &finest, observed: finest.observed.clone(), early: None };
         // It ends before, but has the time that counts; nothing of it can be told but that.
         let mut short = measured(1.0, 1.0, 0.0);
-        short.observed.push((2.0, [f64::NAN; 9]));
+        short.observed.push(Observed { time: 2.0, interval: 0.5, values: [f64::NAN; 9] });
         let found = exact.compared(&short).unwrap();
         assert!(found.of("positions").is_nan() && found.of("worst").is_nan());
         let front = figure(&[found], "").curves.into_iter().find(|curve| curve.marks == Marks::Expected).unwrap();

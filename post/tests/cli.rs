@@ -366,7 +366,16 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
     let output = cd_post(&["state", "--mean", "3"], case.path());
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(said.contains("a bed is in 2 of 3 snapshots: the mean layers are those of these"), "{said}");
-    assert_eq!(column(&case.path().join("POSTPRO/state-000002/layers.csv"), "v_x")[0], 0.5);
+    let layers = case.path().join("POSTPRO/state-000002/layers.csv");
+    assert_eq!(column(&layers, "v_x")[0], 0.5);
+    // Of a state without a bed the layers of the mean before are taken away.
+    let output = cd_post(&["state"], case.path());
+    assert_eq!((output.status.code(), layers.exists()), (Some(1), false));
+    scene.snapshot.meta.step = 3;
+    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 3)).unwrap();
+    let output = cd_post(&["state", "--mean", "2"], case.path());
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("a bed is in none of 2 snapshots: there are no layers\n"), "{said}");
 }
 
 #[test]
@@ -404,8 +413,13 @@ fn a_state_in_depth_has_its_tables_and_figures() {
     let none = cd_post(&["state", "--snapshot", "7"], case.path());
     assert_eq!(none.status.code(), Some(2));
     assert!(
-        String::from_utf8_lossy(&none.stderr).contains("holds no snapshot of step 7; expected one of steps 0 to 10")
+        String::from_utf8_lossy(&none.stderr)
+            .ends_with("holds no snapshot of step 7; expected one of steps 0 to 10, such as 0 or 10\n"),
+        "{none:?}"
     );
+    // Counts are whole numbers.
+    let fragments = fs::read_to_string(folder.join("fragments.csv")).unwrap();
+    assert!(fragments.lines().nth(1).unwrap().starts_with("0,3,"), "{fragments}");
     let nowhere = cd_post(&["state"], Path::new("nosuch"));
     assert_eq!(nowhere.status.code(), Some(2));
     let expected = "nosuch/OUTBOX: folder: is not there; expected snapshot-*.npz, the results of cd-solve\n";
@@ -532,7 +546,13 @@ fn runs_are_compared_in_one_figure() {
     // The last states, whose steps differ.
     let missing = compare(&["--table", "state/slopes.csv"]);
     assert_eq!(missing.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&missing.stderr).contains("POSTPRO/state/slopes.csv"), "{missing:?}");
+    let told = String::from_utf8_lossy(&missing.stderr);
+    let [state, track] = [("state", ""), ("track", " --body N")].map(|(command, more)| {
+        format!("expected a table that cd-post {command} {}{more} has written: run it first\n", one.path().display())
+    });
+    assert!(told.contains("POSTPRO/state/slopes.csv") && told.contains(&state), "{told}");
+    let untracked = compare(&["--table", "track-2/track.csv"]);
+    assert!(String::from_utf8_lossy(&untracked.stderr).contains(&track), "{untracked:?}");
     for (case, steps) in [(&one, &["0", "10"][..]), (&two, &["20"])] {
         for step in steps {
             let state = Command::new(env!("CARGO_BIN_EXE_cd-post"))
@@ -554,6 +574,11 @@ fn runs_are_compared_in_one_figure() {
         let text = fs::read_to_string(output.path().join(format!("{column}.csv"))).unwrap();
         assert!(text.starts_with(axis), "{text}");
     }
+    // What a longer run before has left is none of this one.
+    let stale = one.path().join("POSTPRO/state-000030");
+    fs::create_dir(&stale).unwrap();
+    fs::write(stale.join("profile.csv"), "another run").unwrap();
+    assert_eq!(compare(&["--table", "state/profile.csv"]).status.code(), Some(0));
     let own = fs::read_to_string(one.path().join("POSTPRO/state-000010/profile.csv")).unwrap();
     let (inner, pressure) =
         (own.lines().nth(1).unwrap().split(',').next(), own.lines().nth(1).unwrap().split(',').nth(5));
@@ -571,9 +596,9 @@ fn runs_are_measured_by_the_finest() {
         command.arg("trade").args(cases.iter().map(|case| case.path())).arg("-o").arg(output.path()).args(more);
         command.output().unwrap()
     };
+    let timer = "step,gravity,detection,assembly,solve,integration,writing\n1,1,2,3,4,5,6\n2,1,2,3,4,5,6\n";
     for case in &cases {
         assert_eq!(cd_post(&["--no-plots", "--no-vtk"], case.path()).status.code(), Some(0));
-        let timer = "step,gravity,detection,assembly,solve,integration,writing\n1,1,2,3,4,5,6\n2,1,2,3,4,5,6\n";
         fs::write(case.path().join("TIMER.csv"), timer).unwrap();
     }
     assert_eq!(trade(&[]).status.code(), Some(2)); // without what the runs say of their errors
@@ -592,6 +617,22 @@ fn runs_are_measured_by_the_finest() {
     assert_eq!((of("Z"), of("worst"), of("positions"), of("positions_early")), ("0.0", "0.0", "0.0", "0.0"));
     assert_eq!(of("estimated").parse::<f64>().unwrap(), 1e-2 + 2e-2);
     assert_eq!(trade(&["--values", "1"]).status.code(), Some(2));
+    let told = trade(&["--groups", "dt,,finest"]);
+    assert!(String::from_utf8_lossy(&told.stderr).contains("groups: '' stands there as number 2"), "{told:?}");
+    let mut twice = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+    let twice = twice.arg("trade").args([cases[0].path(); 2]).arg("-o").arg(output.path()).output().unwrap();
+    let told = String::from_utf8_lossy(&twice.stderr);
+    assert!(told.contains("' stands there again as number 2; expected each name once"), "{told}");
+    // The last row of a run that was cut off does not count, nor does a series of the run before.
+    fs::write(cases[0].path().join("TIMER.csv"), format!("{timer}3,1,2")).unwrap();
+    assert_eq!(trade(&["--groups", "dt,dt,finest", "--values", "2,1,0.5"]).status.code(), Some(0));
+    assert_eq!(fs::read_to_string(output.path().join("trade.csv")).unwrap(), table);
+    let newer = snapshot::path(&cases[0].path().join("OUTBOX"), 8);
+    scene(8).snapshot.write(&newer).unwrap();
+    let told = trade(&[]);
+    assert_eq!(told.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&told.stderr).contains("ends at step 4 and 1 s; expected step 8"), "{told:?}");
+    fs::remove_file(newer).unwrap();
     let told = trade(&["--from", "3"]);
     let expected = "time: 2 from 0 to 1 s; expected one at the time of --from or later\n";
     assert_eq!(told.status.code(), Some(2));
@@ -701,6 +742,33 @@ fn many_runs_are_points_of_one_study() {
     assert!(status == 2 && told.contains("series.csv: time: ends at 1 s; expected"), "{told}");
     let (status, told) = study(&["--groups", "one"]);
     assert!(status == 2 && told.contains("options: groups: 1 names; expected 2"), "{told}");
+    let (status, told) = study(&["--groups", "one,"]);
+    assert!(status == 2 && told.contains("options: groups: '' stands there as number 2; expected a name"), "{told}");
+    let (status, told) = study(&[cases[0].path().to_str().unwrap()]);
+    assert!(status == 2 && told.contains("' stands there again as number 3; expected each name once"), "{told}");
+    // A name is one field of one line.
+    assert_eq!(study(&["--groups", "say \"one\",two\n\ttimes"]).0, 0);
+    let runs = fs::read_to_string(folder.path().join("runs.csv")).unwrap();
+    assert!(runs.lines().count() == 3 && runs.contains(",say 'one',") && runs.contains(",two  times,"), "{runs}");
+    // The last row of a run that was cut off does not count.
+    for table in ["OUTBOX/steps.csv", "TIMER.csv"] {
+        let path = cases[0].path().join(table);
+        let whole = fs::read_to_string(&path).unwrap();
+        fs::write(&path, whole + "3,1,5").unwrap();
+    }
+    assert_eq!(study(&[]), (0, String::new()));
+    assert_eq!(column(&folder.path().join("runs.csv"), "sweeps"), [15.0; 2]);
+    // A series of the run before.
+    let newer = snapshot::path(&cases[0].path().join("OUTBOX"), 8);
+    scene(8).snapshot.write(&newer).unwrap();
+    let (status, told) = study(&[]);
+    let expected = format!(
+        "POSTPRO/series.csv: table: ends at step 4 and 1 s; expected step 8 and 2 s, as the last snapshot of OUTBOX: \
+         run cd-post {} again\n",
+        cases[0].path().display()
+    );
+    assert!(status == 2 && told.ends_with(&expected), "{told}");
+    fs::remove_file(newer).unwrap();
     let series = cases[0].path().join("POSTPRO/series.csv");
     let whole = fs::read_to_string(&series).unwrap();
     fs::write(&series, whole.replace(",mass,", ",weight,")).unwrap();
@@ -744,6 +812,26 @@ fn a_report_is_one_page_that_needs_nothing_else() {
         let lasting = ["radius", "colour", "number"].contains(&quantity["name"].as_str().unwrap());
         assert_eq!(quantity["states"].as_array().unwrap().len(), if lasting { 1 } else { 2 }, "{quantity}");
     }
+    // A run that keeps the time of another has the steps after its first snapshot; counts have all their digits.
+    {
+        let kept = tempfile::tempdir().unwrap();
+        for step in [12_345_600, 12_345_678] {
+            let mut scene = scene(step).snapshot;
+            scene.meta.ledger.sweeps = 156 * (step - 12_345_600) / 78;
+            scene.write(&snapshot::path(&kept.path().join("OUTBOX"), step)).unwrap();
+        }
+        let of_sweeps = |sweeps: &str| format!("<td>sweeps of the contact solver per step</td><td>{sweeps}</td>");
+        let page = || {
+            assert_eq!(cd_post(&["report"], kept.path()).status.code(), Some(0));
+            fs::read_to_string(kept.path().join("POSTPRO/report.html")).unwrap()
+        };
+        assert!(page().contains(&of_sweeps("2")) && page().contains("<td>steps</td><td>78</td>"));
+        assert!(page().contains("<td>step</td><td class=\"number\">12345678</td>"));
+        // A row a step, but those after the last snapshot and one that was cut off.
+        let steps: String = (12_345_627..12_345_690).map(|step| format!("{step},1\n")).collect();
+        fs::write(kept.path().join("OUTBOX/steps.csv"), format!("step,sweeps\n{steps}1")).unwrap();
+        assert!(page().contains(&of_sweeps("3")), "of 52");
+    }
     // Steps of their own length are counted by steps.csv, where there is one.
     let path = snapshot::path(&case.path().join("OUTBOX"), 10);
     let mut last = scene(10).snapshot;
@@ -759,6 +847,57 @@ fn a_report_is_one_page_that_needs_nothing_else() {
     );
     fs::write(case.path().join("OUTBOX/steps.csv"), "step\n4\n8\n10\n").unwrap();
     assert!(run().contains("<td>sweeps of the contact solver per step</td><td>2</td>"));
+}
+
+#[test]
+fn a_body_is_tracked_along_the_first_gravity() {
+    // Gravity begins at the second snapshot, along -z, and turns to -x at the fourth.
+    let tracked = |turns: bool| {
+        let case = tempfile::tempdir().unwrap();
+        for step in 0..4 {
+            let mut scene = scene(step);
+            let gravity = [[0.0; 3], [0.0, 0.0, -2.0], [0.0; 3], [if turns { -2.0 } else { 0.0 }, 0.0, -2.0]];
+            scene.snapshot.meta.parameters.uniform_gravity = gravity[step as usize];
+            scene.grain([0.0, 0.0, 5.0], 0.5);
+            scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), step)).unwrap();
+        }
+        let output = cd_post(&["track", "--body", "5"], case.path());
+        let depth = column(&case.path().join("POSTPRO/track-5/track.csv"), "depth");
+        (output.status.code(), String::from_utf8(output.stderr).unwrap(), depth, case)
+    };
+    let (status, told, depth, case) = tracked(false);
+    assert_eq!((status, told.as_str()), (Some(0), ""));
+    // The grain below, of radius 1 at z = 1, is highest at 2, and within 0.375 around at 1.927.
+    assert!(depth == [depth[0]; 4] && (-2.573..-2.5).contains(&depth[0]), "{depth:?}");
+    let text = fs::read_to_string(case.path().join("POSTPRO/track-5/track.csv")).unwrap();
+    assert!(text.lines().skip(1).all(|line| line.ends_with(",0")), "{text}"); // contacts, a whole number
+    let (status, told, same, _) = tracked(true);
+    let expected = "cd-post: gravity has another direction at step 3: up is against that of step 1 throughout\n";
+    assert_eq!((status, told.as_str(), same), (Some(1), expected, depth));
+}
+
+#[test]
+fn a_depth_below_nothing_is_told() {
+    let case = case(&[0]);
+    let mut scene = scene(0);
+    scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -2.0];
+    scene.grain([30.0, 0.0, 5.0], 0.5);
+    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 0)).unwrap();
+    let output = cd_post(&["track", "--body", "5"], case.path());
+    let told = String::from_utf8(output.stderr).unwrap();
+    let expected = "cd-post: no surface is under body 5 in the first snapshot: its depth is empty\n";
+    assert_eq!((output.status.code(), told.as_str()), (Some(1), expected));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_no_text_names_is_told() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join(std::ffi::OsStr::from_bytes(b"bad\xff"));
+    scene(0).snapshot.write(&snapshot::path(&case.join("OUTBOX"), 0)).unwrap();
+    let (status, told) = refused(&case);
+    assert!(status == 1 && told.contains("DISPLAY: the folder has a name that is not UTF-8"), "{told}");
 }
 
 #[test]

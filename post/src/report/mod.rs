@@ -149,7 +149,7 @@ fn page(
         put("</div>\n");
     }
     put("<h2>The run</h2>\n");
-    put(&run(dir, last, seconds));
+    put(&run(dir, rows[0].step, last, seconds));
     put("</body></html>\n");
     page
 }
@@ -161,8 +161,13 @@ fn figure(svg: &str, caption: &str) -> String {
 /// The columns of the series at the end, with unit and meaning.
 fn numbers(row: &Row) -> String {
     let mut text = String::from("<table><tr><th>quantity</th><th>value</th><th>unit</th><th></th></tr>\n");
-    for ((name, unit, help), value) in Row::COLUMNS.iter().zip(row.numbers()) {
-        let value = if value.is_finite() { significant(value) } else { "not defined".into() };
+    for ((name, unit, help), (value, exact)) in Row::COLUMNS.iter().zip(row.numbers().into_iter().zip(row.texts())) {
+        // Counts are told to the last digit.
+        let value = match value.is_finite() {
+            true if exact.parse::<u64>().is_ok() => exact,
+            true => significant(value),
+            false => "not defined".into(),
+        };
         let unit = if *unit == "1" { "" } else { unit };
         let _ = writeln!(
             text,
@@ -173,18 +178,22 @@ fn numbers(row: &Row) -> String {
     text + "</table>\n"
 }
 
-/// Parameters, laws, cost and errors of the run.
-fn run(dir: &Path, last: &Frame, seconds: &[(&str, f64)]) -> String {
+/// Parameters, laws, cost and errors of the run; `first`: step of its first snapshot, above 0 where it keeps the time of another.
+fn run(dir: &Path, first: u64, last: &Frame, seconds: &[(&str, f64)]) -> String {
     let (meta, ledger) = (&last.meta, &last.meta.ledger);
     let mut rows: Vec<(String, String)> = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.to_string(), value));
-    // With steps of their own length the number of a step counts units of dt; a row of steps.csv is a step.
+    // With steps of their own length the number of a step counts units of dt; a row of steps.csv is a step. A run that was cut
+    // off has rows after its last snapshot, which the ledger does not know.
     let adaptive = meta.parameters.adaptive.is_some();
-    let rows_of_steps =
-        || atomic::read_text(&dir.join("OUTBOX/steps.csv")).map(|text| text.lines().skip(1).count() as u64);
-    let steps = if adaptive { rows_of_steps().ok() } else { Some(meta.step) };
+    let counted =
+        |line: &&str| line.split(',').next().and_then(|step| step.parse().ok()).is_some_and(|k: u64| k <= meta.step);
+    let rows_of_steps = atomic::read_text(&dir.join("OUTBOX/steps.csv"))
+        .map(|text| text[..text.rfind('\n').unwrap_or(0)].lines().skip(1).filter(counted).count() as u64);
+    let steps = rows_of_steps.ok().or((!adaptive).then_some(meta.step.saturating_sub(first)));
     row(if adaptive { "last time step" } else { "time step" }, format!("{} s", significant(meta.h)));
-    row(if adaptive { "units of dt" } else { "steps" }, meta.step.to_string());
+    let units = steps.filter(|_| !adaptive).unwrap_or(meta.step.saturating_sub(first));
+    row(if adaptive { "units of dt" } else { "steps" }, units.to_string());
     if let Some(steps) = steps {
         row("sweeps of the contact solver per step", significant(ledger.sweeps as f64 / steps.max(1) as f64));
     }

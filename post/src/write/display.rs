@@ -25,7 +25,7 @@ use crate::derive::fabric::mobilisation;
 use crate::derive::fragments::{fragments, membership};
 use crate::derive::motion::Whole;
 use crate::derive::stress::{grain_stresses, kinetic_stress, pressure};
-use crate::frame::{Frame, Grain, Mat3, Side, Vec3, WallShape};
+use crate::frame::{Cell, Frame, Grain, Mat3, Side, Vec3, Wall, WallShape};
 
 /// The kinds of files, each with its collection.
 pub const KINDS: [&str; 4] = ["grains", "polyhedra", "contacts", "walls"];
@@ -113,16 +113,19 @@ fn arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
     ]
 }
 
-/// The contacts as lines between the centres of two grains, or from a grain to the point on a wall.
-///
-/// The points are the grains in their order, then those on walls and the centres of images, so that lines meet the
-/// grains of `grains-NNNNNN.vtp` exactly.
-pub fn contacts(frame: &Frame) -> Vec<u8> {
+/// Points and lines of the contacts: the grains in their order, then points on walls and the centres of images, so that lines
+/// meet the grains of `grains-NNNNNN.vtp` exactly; the candidate first.
+fn lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
     let mut points: Vec<Vec3> = frame.grains.iter().map(|g| g.x).collect();
-    let lines: Vec<[u64; 2]> = frame
+    let lines = frame
         .contacts
         .iter()
         .map(|contact| {
+            // The grain is where it is drawn, also of a wall that meets an image of it elsewhere.
+            let (image, back) = match contact.candidate {
+                Side::Grain(_) => (contact.image, Vec3::zeros()),
+                Side::Wall(_) => (Vec3::zeros(), contact.image),
+            };
             let mut end = |side: Side, image: Vec3| match side {
                 Side::Grain(grain) if image == Vec3::zeros() => grain as u64,
                 Side::Grain(grain) => {
@@ -130,13 +133,19 @@ pub fn contacts(frame: &Frame) -> Vec<u8> {
                     points.len() as u64 - 1
                 }
                 Side::Wall(_) => {
-                    points.push(contact.point);
+                    points.push(contact.point - back);
                     points.len() as u64 - 1
                 }
             };
-            [end(contact.candidate, Vec3::zeros()), end(contact.antagonist, contact.image)]
+            [end(contact.candidate, Vec3::zeros()), end(contact.antagonist, image)]
         })
         .collect();
+    (points, lines)
+}
+
+/// The contacts as lines between the centres of two grains, or from a grain to the point on a wall.
+pub fn contacts(frame: &Frame) -> Vec<u8> {
+    let (points, lines) = lines(frame);
     let id = |side: Side| match side {
         Side::Grain(grain) => frame.grains[grain].id,
         Side::Wall(wall) => frame.walls[wall].id,
@@ -166,15 +175,30 @@ pub fn contacts(frame: &Frame) -> Vec<u8> {
 /// The corners of a box by the bits of their number (x, y, z), and its faces, outward, by corners.
 const FACES: [[u64; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
+/// Where a wall is drawn: in a scene that repeats, that of its images with the centre in the cell, along axes in which a plate
+/// is shorter than a period.
+fn drawn_at(wall: &Wall, cell: &Cell) -> Vec3 {
+    let moved = cell.nearest(wall.x);
+    let fits = |axis: usize| match (&wall.shape, cell.0.get(axis)) {
+        (WallShape::Plate(half), Some(Some(period))) => {
+            2.0 * (0..3).map(|k| (wall.rotation * Vec3::ith(k, half[k]))[axis].abs()).sum::<f64>() < *period
+        }
+        _ => true,
+    };
+    wall.x - Vec3::from_fn(|axis, _| if fits(axis) { moved[axis] } else { 0.0 })
+}
+
 /// The walls: plates as boxes, driven polyhedra by their faces, driven balls as points with a radius.
 pub fn walls(frame: &Frame) -> Vec<u8> {
+    let cell = frame.cell();
     let (mut points, mut radii, mut balls, mut faces) = (vec![], vec![], vec![], vec![]);
     let (mut ball_ids, mut face_ids) = (vec![], vec![]);
     for wall in &frame.walls {
         let first = points.len() as u64;
+        let x = drawn_at(wall, &cell);
         match &wall.shape {
             WallShape::Ball(radius) => {
-                points.push(wall.x);
+                points.push(x);
                 radii.push(*radius);
                 balls.push([first]);
                 ball_ids.push(wall.id);
@@ -183,7 +207,7 @@ pub fn walls(frame: &Frame) -> Vec<u8> {
                 for corner in 0..8 {
                     let sign = |axis: usize| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
                     let local = Vec3::from_fn(|axis, _| sign(axis) * half[axis]);
-                    points.push(wall.x + wall.rotation * local);
+                    points.push(x + wall.rotation * local);
                     radii.push(0.0);
                 }
                 faces.extend(FACES.map(|face| face.map(|corner| first + corner).to_vec()));
@@ -191,7 +215,7 @@ pub fn walls(frame: &Frame) -> Vec<u8> {
             }
             WallShape::Polyhedron(solid) => {
                 let (vertices, polygons) = solid.drawn();
-                points.extend(vertices.iter().map(|v| wall.x + wall.rotation * v));
+                points.extend(vertices.iter().map(|v| x + wall.rotation * v));
                 radii.resize(points.len(), 0.0);
                 faces.extend(polygons.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect()));
                 face_ids.resize(faces.len(), wall.id);
@@ -209,9 +233,12 @@ pub fn walls(frame: &Frame) -> Vec<u8> {
     })
 }
 
-/// `view.py`: what shows the files of this folder in ParaView without a step by hand.
+/// `view.py`: what shows the files of this folder in ParaView without a step by hand. A folder whose name is not UTF-8 no text
+/// can name: it is that in which ParaView is started.
 pub fn view(folder: &Path) -> String {
-    include_str!("view.py").replace("\"@FOLDER@\"", &format!("{:?}", folder.to_string_lossy()))
+    // What JSON writes as a text, Python reads as the same.
+    let path = serde_json::to_string(folder.to_str().unwrap_or(".")).expect("a text");
+    include_str!("view.py").replace("\"@FOLDER@\"", &path)
 }
 
 /// A ParaView collection: the files of one kind with their times, s.
@@ -285,6 +312,11 @@ pub(crate) fn file(piece: PolyDataPiece) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
+    #[cfg(unix)]
+    use std::os::unix::ffi::OsStrExt;
+
+    use cd_formats::snapshot::DRIVEN_ALL;
+
     use super::*;
     use crate::samples::Scene;
 
@@ -302,6 +334,50 @@ mod tests {
         let ours = ["grains-000012.vtp", "walls-1234567.vtp", "contacts.pvd"];
         let others = ["grains.vtp", "grains-12.vtp", "grains-a00012.vtp", "view.pvsm", "grains-000012.vtu", "my.pvd"];
         assert!(ours.into_iter().all(is_ours) && !others.into_iter().any(is_ours));
+    }
+
+    #[test]
+    fn what_is_driven_beyond_the_cell_is_drawn_in_it() {
+        // A ball and a short plate, in the cell and three periods beyond; a plate that spans the cell stays where it is.
+        let frame = |periods: f64| {
+            let mut scene = Scene::default();
+            scene.snapshot.meta.parameters.xperiode = Some(2.0);
+            let grain = scene.grain([0.9, 0.0, 0.0], 0.5);
+            let ball = scene.grain([-0.6 + 2.0 * periods, 0.0, 0.0], 0.5);
+            scene.snapshot.bodies.body_driven[ball] = DRIVEN_ALL;
+            scene.plate([0.5 + 2.0 * periods, 0.0, 3.0], [0.2, 5.0, 0.1]);
+            scene.contact_at(ball, grain, [-0.85 + 2.0 * periods, 0.0, 0.0], Vec3::x());
+            scene.frame()
+        };
+        let [inside, beyond] = [0.0, 3.0].map(frame);
+        // Rounding of a sum of periods.
+        let near = |a: &Vec3, b: &Vec3| (a - b).norm() < 1e-14;
+        for (wall, other) in inside.walls.iter().zip(&beyond.walls) {
+            assert!(near(&drawn_at(other, &beyond.cell()), &wall.x) && drawn_at(wall, &inside.cell()) == wall.x);
+        }
+        let mut long = beyond.walls[1].clone();
+        long.shape = WallShape::Plate(Vec3::new(1.0, 5.0, 0.1));
+        assert_eq!(drawn_at(&long, &beyond.cell()), long.x);
+        // The line of the contact goes from the grain to the ball beside it, which is an image of the one that is drawn.
+        for frame in [inside, beyond] {
+            let (points, lines) = lines(&frame);
+            let [ball, grain] = lines[0].map(|k| points[k as usize]);
+            assert!(near(&ball, &Vec3::new(1.15, 0.0, 0.0)) && grain == frame.grains[0].x, "{ball} {grain}");
+        }
+    }
+
+    #[test]
+    fn python_reads_the_path_of_any_folder() {
+        for (folder, text) in
+            [("/a/cafe\u{301}\u{ad}", "\"/a/cafe\u{301}\u{ad}\""), ("/a\"b\\c\n", "\"/a\\\"b\\\\c\\n\"")]
+        {
+            assert!(view(Path::new(folder)).contains(&format!(" else {text}\n")), "{folder}");
+        }
+        #[cfg(unix)]
+        {
+            let nameless = std::ffi::OsStr::from_bytes(b"/a/bad\xff");
+            assert!(view(Path::new(nameless)).contains(" else \".\"\n"));
+        }
     }
 
     #[test]

@@ -122,7 +122,7 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 
 impl Figure {
-    /// The text of the SVG file.
+    /// The text of the SVG file. Letters of names that XML does not know, such as an escape, are blanks.
     pub fn svg(&self) -> String {
         let mut text = String::new();
         let plot =
@@ -133,7 +133,12 @@ impl Figure {
             self.draw(&root).expect("drawing into memory");
             root.present().expect("drawing into memory");
         }
-        text
+        let unknown = |letter: char| match letter {
+            '\t' | '\n' | '\r' => false,
+            '\u{fffe}' | '\u{ffff}' => true,
+            letter => letter < ' ',
+        };
+        text.replace(unknown, " ")
     }
 
     /// What is to be told of a figure with more curves than there are colours with dashes or forms of dots.
@@ -258,9 +263,11 @@ impl Figure {
     /// What stands in the legend: the curve's number and name.
     fn listed(&self) -> Vec<(usize, String)> {
         let listed = self.curves.iter().enumerate().filter(|(_, curve)| curve.marks != Marks::Named);
+        let all = || self.curves.iter().flat_map(|curve| &curve.points);
+        let (x_least, y_least) = (least(&self.x, all().map(|p| p.0)), least(&self.y, all().map(|p| p.1)));
         let name = |(k, curve): (usize, &Curve)| {
-            let seen = |axis: &Axis, value: f64| value.is_finite() && (value > 0.0 || !axis.logarithmic);
-            let valued = curve.points.iter().any(|(x, y)| seen(&self.x, *x) && seen(&self.y, *y));
+            let seen = |axis: &Axis, value: f64, least: f64| !drawn(axis, value, 1.0, least).is_nan();
+            let valued = curve.points.iter().any(|(x, y)| seen(&self.x, *x, x_least) && seen(&self.y, *y, y_least));
             (k, if valued { curve.name.clone() } else { format!("{} (no value)", curve.name) })
         };
         listed.map(name).collect()
@@ -718,6 +725,23 @@ mod tests {
         assert!(side == 0 && place.lower < 100, "{place:?}");
         // At the left end only what is right of the dot is in the plot.
         assert_eq!(room.beside((5, 100), 5).0, 1);
+    }
+
+    #[test]
+    fn a_curve_of_round_off_alone_has_no_value() {
+        let mut figure = figure(vec![(0.0, 1.0), (1.0, 2.0)], true);
+        figure.curves.push(Curve::line("rotation", vec![(0.0, 1e-15), (1.0, 1.9e-14)]));
+        assert_eq!(figure.listed(), [(0, "all".into()), (1, "rotation (no value)".into())]);
+        figure.curves[1].points[0].1 = 2.1e-14;
+        assert_eq!(figure.listed()[1].1, "rotation");
+    }
+
+    #[test]
+    fn what_xml_does_not_know_is_blank() {
+        let mut figure = figure(vec![(0.0, 1.0), (1.0, 2.0)], false);
+        (figure.title, figure.curves[0].name) = ("Error \u{1b}[1m\u{ffff}".into(), "a\u{0}b".into());
+        let text = figure.svg();
+        assert!(text.contains("Error  [1m ") && text.contains("a b"), "{text}");
     }
 
     #[test]

@@ -14,8 +14,11 @@ const LEFT: f64 = 70.0;
 const TOP: f64 = 50.0;
 const RIGHT: f64 = 120.0;
 const BOTTOM: f64 = 60.0;
-/// Steps of the colour bar.
+/// Steps of the colour bar, and how high it is at least: five numbers stand beside it.
 const STEPS: usize = 60;
+const LEAST_BAR: f64 = 120.0;
+/// Width of a letter of the title, about.
+const TITLE_LETTER: f64 = 10.0;
 
 /// What a map shows its values on: cells row by row, from below.
 pub struct Sheet {
@@ -75,13 +78,17 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &Shee
     let room = if equal > 0.0 { 0.1 * equal } else { 0.5 };
     let (low, top) = if top - low > 1e-9 * equal { (low, top) } else { (low - room, low + room) };
     let (factor, unit) = if low.is_finite() { prefixed(low.abs().max(top.abs()), unit) } else { (1.0, unit.into()) };
-    let (width, height) = (LEFT + wide + RIGHT, TOP + high + BOTTOM);
+    // Of a narrow strip the title and the bar ask for more room than the map.
+    let titled = TITLE_LETTER * title.chars().count() as f64 + 40.0;
+    let (width, bar_high) = ((LEFT + wide + RIGHT).max(titled), high.max(LEAST_BAR));
+    let height = (TOP + high + BOTTOM).max(TOP + bar_high + 20.0);
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
          font-family=\"sans-serif\" font-size=\"14\" fill=\"#3c3c3c\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     );
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
-    put(format!("<text x=\"{}\" y=\"28\" font-size=\"20\" text-anchor=\"middle\">{title}</text>", LEFT + wide / 2.0));
+    let middle = (LEFT + wide / 2.0).clamp(titled / 2.0, width - titled / 2.0);
+    put(format!("<text x=\"{middle}\" y=\"20\" font-size=\"20\" text-anchor=\"middle\">{title}</text>"));
     put("<g shape-rendering=\"crispEdges\">".into());
     for (k, value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
         let (row, column) = (k / sheet.counts[0], k % sheet.counts[0]);
@@ -91,11 +98,11 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &Shee
     }
     let bar = LEFT + wide + 20.0;
     for step in 0..STEPS {
-        let y = TOP + high * (1.0 - (step + 1) as f64 / STEPS as f64);
+        let y = TOP + bar_high * (1.0 - (step + 1) as f64 / STEPS as f64);
         let fill = ramp((step as f64 + 0.5) / STEPS as f64);
         put(format!(
             "<rect x=\"{bar}\" y=\"{y:.2}\" width=\"18\" height=\"{:.2}\" fill=\"{fill}\"/>",
-            high / STEPS as f64 + 0.5
+            bar_high / STEPS as f64 + 0.5
         ));
     }
     put("</g>".into());
@@ -118,7 +125,7 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &Shee
     }
     // Without a known value the bar has no numbers.
     for share in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().filter(|_| low.is_finite()) {
-        let (y, value) = (TOP + high * (1.0 - share), (low + share * (top - low)) / factor);
+        let (y, value) = (TOP + bar_high * (1.0 - share), (low + share * (top - low)) / factor);
         let label = rounded(value, digits(low.abs().max(top.abs()), 0.25 * (top - low)).max(3));
         put(format!("<text x=\"{}\" y=\"{}\" font-size=\"13\">{label}</text>", bar + 24.0, y + 5.0));
     }
@@ -151,6 +158,33 @@ fn ramp(share: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_narrow_strip_has_room_for_title_and_numbers() {
+        for counts in [[160, 2], [2, 160]] {
+            let sheet = Sheet {
+                counts,
+                cell: [4.0; 2],
+                labels: ["x (m)".into(), "y (m)".into()],
+                ticks: [vec![(0.5, "0".into())], vec![(0.5, "0".into())]],
+            };
+            let values: Vec<f64> = (0..320).map(f64::from).collect();
+            let text = svg("Slope of the free surface", "slope", "°", &values, &sheet);
+            let number = |line: &str, name: &str| -> f64 {
+                line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+            };
+            let [width, height] = ["width", "height"].map(|name| number(text.lines().next().unwrap(), name));
+            let title = number(text.lines().find(|line| line.contains("Slope of")).unwrap(), "x");
+            let half = 0.5 * TITLE_LETTER * 25.0;
+            assert!(title - half >= 0.0 && title + half <= width, "{width} {title}");
+            let bar = format!("<text x=\"{}\"", LEFT + 4.0 * counts[0] as f64 + 44.0);
+            let places: Vec<f64> =
+                text.lines().filter(|line| line.starts_with(&bar)).map(|line| number(line, "y")).collect();
+            // From above 0 to 319, a letter of 13 pixels and more apart.
+            assert!(places.len() == 5 && places.windows(2).all(|two| two[0] - two[1] > 16.0), "{places:?}");
+            assert!(places[0] < height && places[4] > 0.0);
+        }
+    }
 
     #[test]
     fn every_known_cell_is_drawn_in_its_place() {

@@ -27,6 +27,12 @@ const ROOM: f64 = 50.0;
 /// Width of the edges of faces, pixels: what is behind them does not shine through where two meet.
 const EDGE: f64 = 0.7;
 
+/// Shapes of a smaller radius have no edges, pixels, which would be all that is seen of them; up to the other edges get wider.
+const EDGELESS: f64 = 3.0;
+const EDGED: f64 = 8.0;
+/// Radius of a grain at least, pixels of the file.
+const LEAST: f64 = 1.0;
+
 /// Counts from here on share a colour.
 const MOST: u32 = 10;
 /// Colours of a picture by energy, each for half a power of ten, down from the largest.
@@ -177,6 +183,17 @@ impl Outline {
         }
     }
 
+    /// Pixels; of a face half of its longer side.
+    fn radius(&self) -> f64 {
+        match self {
+            Outline::Circle { radius, .. } => *radius,
+            Outline::Face { corners, .. } => {
+                let [x, y] = [0, 1].map(|axis| bounds(corners.iter().map(|corner| corner[axis])));
+                0.5 * (x[1] - x[0]).max(y[1] - y[0])
+            }
+        }
+    }
+
     /// From where to where it reaches across at a height.
     fn width(&self, height: f64) -> [f64; 2] {
         match self {
@@ -204,12 +221,13 @@ fn bounds(values: impl Iterator<Item = f64>) -> [f64; 2] {
 /// The text of the SVG file of one state.
 ///
 /// Seen from the front, a little from the right and from above; z points up. The scale is set by
-/// most of the grains: at most one in twenty, far off the others, are left out, and a line says so.
+/// most of the grains: one in twenty, or more if they have less than a third of the mass, that are far off the others are
+/// left out, and a line says so. No grain is smaller than a pixel.
 pub fn svg(frame: &Frame, shade: Shade) -> String {
     let mut text = head(SIDE + STRIP, SIDE);
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
     let scale = Scale::of(shade, &[frame]);
-    draw(frame, &scale, 0, EDGE, &mut put);
+    draw(frame, &scale, 0, 1.0, &mut put);
     scale.draw(SIDE + 20.0, &mut put);
     put("</svg>".into());
     text
@@ -231,7 +249,7 @@ pub fn snapshots(frames: &[&Frame]) -> String {
                 SMALL * column as f64,
                 0.9 * LETTERS * SIDE / SMALL
             ));
-            draw(frame, &scale, row * frames.len() + column, EDGE * SIDE / SMALL, &mut put);
+            draw(frame, &scale, row * frames.len() + column, SIDE / SMALL, &mut put);
             put("</svg>".into());
         }
         put(format!("<g transform=\"translate(0 {top})\">"));
@@ -250,10 +268,11 @@ fn head(width: f64, height: f64) -> String {
     )
 }
 
-/// One state on a square; `number` tells it from others of the same file. Edges are so wide in its own pixels.
-fn draw(frame: &Frame, scale: &Scale, number: usize, edge: f64, put: &mut impl FnMut(String)) {
+/// One state on a square; `number` tells it from others of the same file. A pixel of this has so many of its own.
+fn draw(frame: &Frame, scale: &Scale, number: usize, pixel: f64, put: &mut impl FnMut(String)) {
     let most = scale.most();
-    let (discs, pixels) = project(frame, &scale.classes(frame));
+    let (discs, pixels) = project(frame, &scale.classes(frame), LEAST * pixel);
+    let edge = EDGE * pixel;
     let (inside, outside): (Vec<Disc>, Vec<Disc>) = discs.into_iter().partition(|disc| {
         let within = |c: f64| c > -disc.radius && c < SIDE + disc.radius;
         within(disc.x) && within(disc.y)
@@ -268,14 +287,22 @@ fn draw(frame: &Frame, scale: &Scale, number: usize, edge: f64, put: &mut impl F
          stroke-linejoin=\"round\">"
     ));
     for Shape { class, outline, .. } in visible(inside.into_iter().flat_map(|disc| disc.shapes).collect()) {
+        let share = (outline.radius() / pixel - EDGELESS) / (EDGED - EDGELESS);
+        let thin = match share {
+            share if share >= 1.0 => String::new(),
+            share if share > 0.0 => format!(" stroke-width=\"{:.2}\"", share * edge),
+            _ => " stroke=\"none\"".into(),
+        };
         put(match outline {
             Outline::Circle { x, y, radius } => {
-                format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" fill=\"url(#c{number}-{class})\"/>")
+                format!(
+                    "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" fill=\"url(#c{number}-{class})\"{thin}/>"
+                )
             }
             Outline::Face { corners, light } => {
                 let [r, g, b] = lit(colour(class, most), light);
                 let corners: Vec<String> = corners.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
-                format!("<polygon points=\"{}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"/>", corners.join(" "))
+                format!("<polygon points=\"{}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"{thin}/>", corners.join(" "))
             }
         });
     }
@@ -302,8 +329,20 @@ fn draw(frame: &Frame, scale: &Scale, number: usize, edge: f64, put: &mut impl F
     }
 }
 
-/// The grains on the picture's plane, and pixels per metre (NaN without grains).
-fn project(frame: &Frame, classes: &[u32]) -> (Vec<Disc>, f64) {
+/// The value up to which the grains have a share of all mass, the least such.
+fn quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let wanted = share * values.iter().map(|(_, mass)| mass).sum::<f64>();
+    let mut below = 0.0;
+    let reached = values.iter().find(|(_, mass)| {
+        below += mass;
+        below >= wanted
+    });
+    reached.or(values.last()).map_or(f64::NAN, |(value, _)| *value)
+}
+
+/// The grains on the picture's plane, none of a radius of fewer pixels than `least`, and pixels per metre (NaN without grains).
+fn project(frame: &Frame, classes: &[u32], least: f64) -> (Vec<Disc>, f64) {
     let view = Rotation3::from_axis_angle(&Vec3::x_axis(), 0.35) * Rotation3::from_axis_angle(&Vec3::z_axis(), -0.5);
     let seen: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
     if seen.is_empty() {
@@ -313,21 +352,29 @@ fn project(frame: &Frame, classes: &[u32]) -> (Vec<Disc>, f64) {
         values.sort_by(f64::total_cmp);
         values[((values.len() - 1) as f64 * share).round() as usize]
     };
-    let middle = |axis: usize| share(&mut seen.iter().map(|x| x[axis]).collect(), 0.5);
+    let with_mass = |values: &mut dyn Iterator<Item = f64>| values.zip(frame.grains.iter().map(|g| g.mass)).collect();
+    let middle = |axis: usize| quantile(with_mass(&mut seen.iter().map(|x| x[axis])), 0.5);
     let (x, z) = (middle(0), middle(2));
-    // How far each grain reaches from the middle; all of them if the farthest is no outlier.
+    // How far each grain reaches from the middle; all of them if the farthest is no outlier. Two thirds of a line are within two
+    // thirds of its half length, of a ball within more of its radius: three times as far is beyond what hangs together.
     let mut reach: Vec<f64> = seen
         .iter()
         .zip(&frame.grains)
         .map(|(seen, g)| (seen.x - x).abs().max((seen.z - z).abs()) + g.reach())
         .collect();
-    let half = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95));
+    let most = 3.0 * quantile(with_mass(&mut reach.iter().copied()), 2.0 / 3.0);
+    let most = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95)).min(most);
+    let half = reach.iter().copied().filter(|reach| *reach <= most).fold(0.0, f64::max);
     let scale = (SIDE / 2.0 - ROOM) / half;
     let at = |seen: &Vec3| [SIDE / 2.0 + scale * (seen.x - x), SIDE / 2.0 - scale * (seen.z - z)];
     let disc = |((seen, grain), &class): ((&Vec3, &Grain), &u32)| {
         let [x, y] = at(seen);
-        let radius = scale * grain.reach();
+        let radius = (scale * grain.reach()).max(least);
         let mut shapes = Vec::new();
+        if scale * grain.reach() <= least {
+            shapes.push(Shape { depth: seen.y, class, outline: Outline::Circle { x, y, radius } });
+            return Disc { x, y, radius, shapes };
+        }
         if let Some(solid) = &grain.solid {
             let turn = |v: &Vec3| view * (grain.rotation * v);
             for face in &solid.faces {
@@ -442,7 +489,7 @@ mod tests {
     fn of_a_cube_three_faces_are_seen_and_the_upper_is_the_brightest() {
         let mut scene = Scene::default();
         scene.cube([0.0; 3], 1.0);
-        let (discs, scale) = project(&scene.frame(), &[0]);
+        let (discs, scale) = project(&scene.frame(), &[0], LEAST);
         assert!((discs[0].radius / scale - 3f64.sqrt()).abs() < 1e-14);
         let height_and_light = |shape: &Shape| match &shape.outline {
             Outline::Face { corners, light } => (corners.iter().map(|[_, y]| y).sum::<f64>() / 4.0, *light),
@@ -485,7 +532,7 @@ mod tests {
         // A sphere of 1 m fills the picture but for the room around.
         let mut scene = Scene::default();
         scene.grain([0.0, 0.0, 0.0], 1.0);
-        let (discs, scale) = project(&scene.frame(), &[0]);
+        let (discs, scale) = project(&scene.frame(), &[0], LEAST);
         assert!((discs[0].radius - (SIDE / 2.0 - ROOM)).abs() < 1e-9);
         let text = svg(&scene.frame(), Shade::Neighbours);
         let bar = text.split("<path d=\"M30 770h").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
@@ -501,7 +548,46 @@ mod tests {
         }
         scene.grain([1e9, 0.0, 0.0], 0.5);
         assert!(svg(&scene.frame(), Shade::KineticEnergy).contains("1 of them outside the picture"));
-        assert!(project(&scene.frame(), &[0; 101]).1 > 20.0);
+        assert!(project(&scene.frame(), &[0; 101], LEAST).1 > 20.0);
+    }
+
+    #[test]
+    fn many_grains_far_away_leave_the_rest_in_the_picture() {
+        // A fifth of the mass has left.
+        let mut scene = Scene::default();
+        for k in 0..80 {
+            scene.grain([(k % 10) as f64, 0.0, (k / 10) as f64], 0.5);
+        }
+        for k in 0..20 {
+            scene.grain([1e5 * (k as f64 - 9.5), 0.0, 2e5], 0.5);
+        }
+        assert!(svg(&scene.frame(), Shade::Neighbours).contains("20 of them outside the picture"));
+        assert!(project(&scene.frame(), &[0; 100], LEAST).1 > 20.0);
+    }
+
+    #[test]
+    fn small_grains_are_dots_without_edges() {
+        // Two of 1 m, 1 km apart, are less than a pixel of 3 m: dots of that size, in the small pictures of twice as many
+        // pixels of their own. Of a cube nothing but a dot is left.
+        let mut scene = Scene::default();
+        scene.grain([0.0; 3], 1.0);
+        scene.cube([1000.0, 0.0, 0.0], 0.9);
+        let frame = scene.frame();
+        let dots = |text: &str, size: &str| text.matches(&format!("r=\"{size}\"")).count();
+        let text = svg(&frame, Shade::Neighbours);
+        assert_eq!((dots(&text, "1.00"), text.matches("stroke=\"none\"").count()), (2, 2), "{text}");
+        assert_eq!(dots(&snapshots(&[&frame]), "2.00"), 4);
+        // Edges of what is larger get wider with it.
+        let edge = |distance: f64| {
+            let mut scene = Scene::default();
+            scene.grain([0.0; 3], 1.0);
+            scene.grain([0.0, 0.0, distance], 1.0);
+            let text = svg(&scene.frame(), Shade::Neighbours);
+            let circle = text.lines().find(|line| line.starts_with("<circle")).unwrap().to_string();
+            circle.split("stroke-width=\"").nth(1).map(|rest| rest.split('"').next().unwrap().parse::<f64>().unwrap())
+        };
+        assert_eq!(edge(10.0), None); // that of all
+        assert!(edge(60.0) > edge(100.0) && edge(100.0) > Some(0.0));
     }
 
     #[test]

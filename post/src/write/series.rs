@@ -27,7 +27,16 @@ pub fn table<const N: usize>(columns: &[Column; N], rows: impl IntoIterator<Item
 
 /// Lines of a CSV file: names, then numbers; what is not defined is an empty field.
 pub fn csv(header: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]>>) -> String {
-    let lines = rows.into_iter().map(|row| row.as_ref().iter().map(Field::text).collect::<Vec<_>>().join(","));
+    counted(header, &[], rows)
+}
+
+/// The same where the columns of `counts` hold whole numbers and are written so, `38` and not `38.0`.
+pub fn counted(header: &[&str], counts: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]>>) -> String {
+    let whole: Vec<bool> = header.iter().map(|name| counts.contains(name)).collect();
+    let field = |(k, value): (usize, &f64)| {
+        if whole.get(k) == Some(&true) && value.is_finite() { format!("{value:.0}") } else { value.text() }
+    };
+    let lines = rows.into_iter().map(|row| row.as_ref().iter().enumerate().map(field).collect::<Vec<_>>().join(","));
     let mut text = header.join(",") + "\n";
     for line in lines {
         text += &line;
@@ -36,10 +45,29 @@ pub fn csv(header: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]>>) -
     text
 }
 
+/// The name of a run or group as a field: what would part it, quote it or end the line is replaced.
+pub fn named(name: &str) -> String {
+    let letter = |letter: char| match letter {
+        ',' => ';',
+        '"' => '\'',
+        '\u{2028}' | '\u{2029}' => ' ', // ends of lines to some readers
+        letter if letter.is_control() => ' ',
+        letter => letter,
+    };
+    name.chars().map(letter).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::samples::Scene;
+
+    #[test]
+    fn a_name_is_one_field_and_a_count_has_no_point() {
+        assert_eq!(named("a,b \"c\"\nd\te\u{85}f\u{2028}é"), "a;b 'c' d e f é");
+        let table = counted(&["grains", "mass"], &["grains"], [[38.0, 2.0], [f64::NAN, f64::NAN]]);
+        assert_eq!(table, "grains,mass\n38,2.0\n,\n");
+    }
 
     #[test]
     fn numbers_read_back_exactly_and_undefined_ones_are_blank() {
