@@ -29,6 +29,10 @@ pub(super) const ROUND: u64 = 1000;
 /// first two are of so many, the next half as long as all before: where the change falls slowly, short ones see its noise alone.
 const WINDOW: u64 = 16;
 
+/// What rests goes on creeping with the E that its impulses of the last step have, if they are never swept: so that is this part of
+/// `tol` at most. Single precision reaches it.
+const AT_REST: f64 = 1e-2;
+
 /// Sweeps in single precision pay from so many contacts on, and reach residuals of 1e-5 and less: no smaller one than this is
 /// sought with them.
 const MANY_CONTACTS: usize = 256;
@@ -100,6 +104,8 @@ pub struct Until {
     pub tol: f64,
     /// E to seek on then, for no more than a round of sweeps.
     pub aim: f64,
+    /// Sweeps that are made in any case, but where E is [`AT_REST`] of `tol` already.
+    pub least_sweeps: u64,
     pub max_sweeps: u64,
     /// Sweeps from one look at E to the next, the first after as many, as LMGC90's blocks; without it, when the changes
     /// that sweeps make suggest it.
@@ -110,7 +116,7 @@ pub struct Until {
 impl Until {
     /// To E <= `tol`, or `max_sweeps`.
     pub fn new(tol: f64, max_sweeps: u64) -> Self {
-        Until { tol, aim: tol, max_sweeps, check_every: None, precision: SweepPrecision::Auto }
+        Until { tol, aim: tol, least_sweeps: 0, max_sweeps, check_every: None, precision: SweepPrecision::Auto }
     }
 }
 
@@ -163,13 +169,14 @@ fn sweep_until(
     mut single: bool,
     sweeps: &mut u64,
 ) -> (Residual, Vec<Motion>) {
-    let Until { tol, aim, max_sweeps, check_every, .. } = until;
+    let Until { tol, aim, least_sweeps, max_sweeps, check_every, .. } = until;
     let judged = |Reactions { impulses, moments }: &Reactions| {
         let motions = judge.motions_with(impulses, moments);
         (judge.residual_with(impulses, moments, &motions), motions)
     };
     let mut best = judged(reactions);
-    let solved = best.0.value <= aim && (check_every.is_none() || active.is_empty());
+    let enough = |e: f64, sweeps: u64| e <= aim && (sweeps >= least_sweeps || e <= AT_REST * tol);
+    let solved = enough(best.0.value, *sweeps) && (check_every.is_none() || active.is_empty());
     if solved || *sweeps >= max_sweeps {
         return best;
     }
@@ -193,6 +200,7 @@ fn sweep_until(
         patience += 1;
         let due = match check_every {
             Some(block) => patience >= block,
+            None if *sweeps < least_sweeps => false,
             None => scale.is_none_or(|scale| swept.change <= scale * aim) || patience > 20 + *sweeps / 10,
         };
         if due || *sweeps >= end {
@@ -220,7 +228,7 @@ fn sweep_until(
                 std::mem::swap(reactions, &mut trial);
             }
             end = end.min(end_of(residual.value, *sweeps));
-            if residual.value <= aim || *sweeps >= end {
+            if enough(residual.value, *sweeps) || *sweeps >= end {
                 return best;
             }
         }

@@ -95,7 +95,9 @@ fn task(scene: &Scene, state: &State, units: u64) -> Task {
     let long = 1.0 / units as f64;
     let aim = tol * shock.min(sharpening(options.penetration_tol(), state.ledger.penetration_left)).min(long);
     let (check_every, precision) = (options.check_every, options.sweep_precision);
-    let until = Until { aim, check_every, precision, ..Until::new(tol, options.max_sweeps()) };
+    // One for each unit; blocks are as many as they are told to be.
+    let least_sweeps = if check_every.is_some() { 0 } else { units };
+    let until = Until { aim, least_sweeps, check_every, precision, ..Until::new(tol, options.max_sweeps()) };
     Task { solver: options.solver, until, width: Width::detect(), spared: state.step < state.fallback.due }
 }
 

@@ -1,5 +1,7 @@
 //! Things at rest: the forces that hold them, and that they stay.
 
+use cd_formats::accuracy::Accuracy;
+
 use crate::case::{Case, Figures, Vec3, equal, near};
 
 /// Columns of spheres of radius 1/2 on a floor under 8 m/s^2, by density from below.
@@ -113,6 +115,33 @@ fn at_the_usual_tolerance_a_pile_creeps_by_less_than_a_thousandth_of_its_fall() 
     let states = case.states(1000, 1000);
     // A free fall of 1 s is 4 m.
     (1..5).for_each(|i| near(states[1].x(i), states[0].x(i), 1e-3 * 4.0));
+}
+
+/// Cubes that lie on a slope on which they hold, by tolerances at which what the last sweep has left is within E: it is swept on, and
+/// does not press them in for ever.
+#[test]
+fn what_rests_does_not_sink_in() {
+    for accuracy in [None, Some(Accuracy::Standard), Some(Accuracy::Draft)] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[0.5]);
+        case.gravity = [1.0, 0.5, -8.0];
+        case.floor();
+        for x in [0.0, 3.0, 6.0, 9.0] {
+            case.block([0.5; 3], [x, 0.0, 0.5], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        }
+        (case.options.dt, case.options.accuracy) = (0.001953125, accuracy);
+        (case.options.tol, case.options.penetration_tol) = (None, None);
+        let end = case.run(16_384);
+        // With what is left of E in the first steps they would sink in by 3e-4 to 1e-3 in these 32 s, with a hundredth of it by less than 1e-5.
+        assert!(
+            end.contacts.contact_gap.iter().all(|gap| *gap > -3e-5),
+            "{accuracy:?}: {:?}",
+            end.contacts.contact_gap
+        );
+        for (k, x) in [0.0, 3.0, 6.0, 9.0].into_iter().enumerate() {
+            near(end.x(k + 1), [x, 0.0, 0.5], 3e-5);
+        }
+    }
 }
 
 #[test]
