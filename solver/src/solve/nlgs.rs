@@ -104,7 +104,7 @@ pub struct Until {
     pub tol: f64,
     /// E to seek on then, for no more than a round of sweeps.
     pub aim: f64,
-    /// Sweeps that are made in any case, but where E is [`AT_REST`] of `tol` already.
+    /// Sweeps that are made in any case, but where E is a hundredth of `tol` already.
     pub least_sweeps: u64,
     pub max_sweeps: u64,
     /// Sweeps from one look at E to the next, the first after as many, as LMGC90's blocks; without it, when the changes
