@@ -148,6 +148,13 @@ impl Drive {
     pub fn moves(&self) -> bool {
         self.velocity.iter().any(|component| *component != Some(Evolution::constant(0.0)))
     }
+
+    /// Velocity (m/s) and angular velocity (rad/s, world frame) at a time (s) of the body with the orientation `q` and, where it is
+    /// pushed, the velocity `v`.
+    pub fn at(&self, time: f64, q: &Quat, v: &Vec3) -> (Vec3, Vec3) {
+        let imposed = |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.at(time));
+        (Vec3::from_fn(|k, _| imposed(k, v[k])), q * Vec3::from_fn(|k, _| imposed(3 + k, 0.0)))
+    }
 }
 
 /// An imposed force component (0 to 2, N) or moment (3 to 5, about the body's axes, N m).

@@ -241,10 +241,8 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration, shakes: 
     coriolis(scene, state, q_c, &mut free);
     let end = state.time + h;
     for drive in &scene.drives {
-        let imposed = |k: usize, free: f64| drive.velocity[k].as_ref().map_or(free, |v| v.at(end));
-        let v = free.v[drive.body];
-        free.v[drive.body] = Vec3::from_fn(|k, _| imposed(k, v[k]));
-        free.w[drive.body] = q_c.q[drive.body] * Vec3::from_fn(|k, _| imposed(3 + k, 0.0));
+        let i = drive.body;
+        (free.v[i], free.w[i]) = drive.at(end, &q_c.q[i], &free.v[i]);
     }
     free
 }

@@ -300,10 +300,9 @@ pub fn motion(
         v[i] = Vec3::from_row_slice(&row.velocity[..3]);
         w[i] = q[i] * Vec3::from_row_slice(&row.velocity[3..]);
     }
-    for Drive { body, velocity } in &scene.drives {
-        let imposed = |k: usize, there: f64| velocity[k].as_ref().map_or(there, |value| value.at(dof.time));
-        v[*body] = Vec3::from_fn(|k, _| imposed(k, v[*body][k]));
-        w[*body] = q[*body] * Vec3::from_fn(|k, _| imposed(3 + k, 0.0));
+    for drive in &scene.drives {
+        let i = drive.body;
+        (v[i], w[i]) = drive.at(dof.time, &q[i], &v[i]);
     }
     debug_assert_eq!(scene.bodies.len(), count);
     (x, q, v, w)
