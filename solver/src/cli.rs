@@ -9,7 +9,7 @@ use cd_formats::tell::{complain, tell};
 use clap::Parser;
 
 use crate::run::{Failure, check, run as run_case, take_on_forces};
-use crate::{plan, read, write};
+use crate::{awake, plan, read, write};
 
 const PROGRAM: &str = "cd-solve";
 
@@ -115,5 +115,7 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
     if arguments.plan {
         return Ok(pool.install(|| plan::text(&scene, &state)));
     }
-    pool.install(|| run_case(case, &scene, state, resumed, arguments.dump_problem))
+    let advance = || run_case(case, &scene, state, resumed, arguments.dump_problem);
+    let large = scene.bodies.len() >= awake::LARGE;
+    pool.install(|| if large { awake::awake(advance) } else { advance() })
 }

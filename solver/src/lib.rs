@@ -11,6 +11,7 @@
 //! constant during a run and `state` what changes.
 
 pub mod assemble;
+mod awake;
 mod cli;
 pub mod detect;
 pub mod geometry;

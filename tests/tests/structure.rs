@@ -12,7 +12,7 @@
 //! | room: `integrate`, `detect`, `assemble`, `solve` | shelf, benches, types of rooms earlier in the step, types of options | functions of another room, other formats |
 //! | room: `read`, `write` | shelf, benches, formats, types of `step` | functions of another room |
 //! | `step` | rooms, shelf, benches | formats, `read`, `write` |
-//! | `run`, `plan`, `cli`, `progress` | all | |
+//! | `run`, `plan`, `cli`, `awake`, `progress` | all | |
 //! | all | `crate::BARE`: which models the program is built with | |
 
 use std::collections::BTreeSet;
@@ -24,7 +24,7 @@ const SHELF: [&str; 2] = ["scene", "state"];
 /// In the order in which a step first enters them.
 const ROOMS: [&str; 4] = ["integrate", "detect", "assemble", "solve"];
 const DOORS: [&str; 2] = ["read", "write"];
-const OUTSIDE: [&str; 5] = ["run", "plan", "cli", "progress", "lib"];
+const OUTSIDE: [&str; 6] = ["run", "plan", "cli", "awake", "progress", "lib"];
 
 /// Imports against the table that stand for now, each with what would mend it.
 const EXCEPTIONS: &[(&str, &str)] = &[

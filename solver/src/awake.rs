@@ -1,0 +1,60 @@
+//! Threads that stay awake between the rooms of a step.
+
+use std::num::NonZero;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{available_parallelism, yield_now};
+
+use rayon::Yield;
+
+/// Bodies from which on more is won so than other programs lose: a tenth of the time of a step or more.
+pub const LARGE: usize = 1024;
+
+/// `work`, while the other threads of the pool look for what it leaves to them without rest, if each has a processor of its own.
+///
+/// A thread that finds nothing to do falls asleep, and to wake it takes longer than many a room of a step does. What these threads
+/// do not use they offer to other programs first.
+pub fn awake<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    let processors = available_parallelism().map_or(1, NonZero::get);
+    if rayon::current_num_threads() > processors {
+        return work();
+    }
+    let over = &AtomicBool::new(false);
+    rayon::scope(|scope| {
+        let worker = rayon::current_thread_index();
+        scope.spawn_broadcast(move |_, context| {
+            while Some(context.index()) != worker && !over.load(Ordering::Relaxed) {
+                if rayon::yield_now() != Some(Yield::Executed) {
+                    yield_now();
+                }
+            }
+        });
+        let _end = End(over);
+        work()
+    })
+}
+
+/// Ends the wait of the others, also where the work panics.
+struct End<'a>(&'a AtomicBool);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
+    use super::awake;
+
+    #[test]
+    fn the_wait_ends_with_the_work_also_where_it_panics() {
+        for threads in 1..=3 {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            assert_eq!(pool.install(|| awake(|| rayon::join(|| 1, || 2))), (1, 2));
+            let panicked = catch_unwind(AssertUnwindSafe(|| pool.install(|| awake(|| panic!("as meant")))));
+            assert!(panicked.is_err());
+        }
+    }
+}
