@@ -23,7 +23,7 @@ SMALL := $(foreach mu,$(FRICTIONS),$(NUMBERS:%=study/N%-mu$(mu)-f0)) \
 	$(foreach f,$(COHESIONS),$(foreach mu,$(COHESIVE_FRICTIONS),$(NUMBERS:%=study/N%-mu$(mu)-f$(f))))
 LARGE := $(foreach mu,$(LARGER_FRICTIONS),$(LARGER:%=study/N%-mu$(mu)-f0))
 RUNS := $(SMALL) $(LARGE)
-STILLED := $(foreach number,$(STILL),$(if $(filter study/N$(number)-mu0-f0,$(RUNS)),study/still-N$(number)))
+STILLED := $(strip $(foreach number,$(STILL),$(if $(filter study/N$(number)-mu0-f0,$(RUNS)),study/still-N$(number))))
 LARGEST := $(lastword $(NUMBERS))
 BY_NUMBER := $(filter %-mu$(SHOWN)-f0,$(RUNS))
 BY_LAW := $(filter study/N$(LARGEST)-%,$(RUNS))
@@ -34,12 +34,15 @@ ifneq ($(filter study,$(MAKECMDGOALS)),)
 FIRST := $(call reversed,$(LARGE)) $(call reversed,$(filter %-mu$(lastword $(FRICTIONS))-f0,$(SMALL)))
 CASES := $(FIRST) $(filter-out $(FIRST),$(SMALL)) $(STILLED)
 POST_FLAGS := --no-vtk
-FIGURES = $(CD_BIN)/cd-post study $(RUNS) -o study/figures --from $(FROM) --until $(END) --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \
-	$(CD_BIN)/cd-post study $(RUNS) -o study/figures/rest --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run)))); \
-	$(if $(STILLED),$(CD_BIN)/cd-post study $(STILLED) -o study/figures/still;) \
-	$(if $(BESIDE),$(CD_BIN)/cd-post study $(RUNS) $(BESIDE) -o study/figures/beside --groups $(call listed,$(RUNS:%=$(OWN_NAME)) $(BESIDE:%=$(BESIDE_NAME)));) \
-	$(if $(BY_NUMBER),$(CD_BIN)/cd-post compare $(BY_NUMBER) -o study/figures/by-number --columns $(TIMES);) \
-	$(if $(BY_LAW),$(CD_BIN)/cd-post compare $(BY_LAW) -o study/figures/by-law --columns $(TIMES))
+shown = $(CD_BIN)/cd-post $(1) -o study/figures$(2) $(REPORTED)
+by_group = --groups $(call listed,$(foreach run,$(RUNS),$(call group,$(run))))
+FIGURES = set -e; \
+	$(call shown,study $(RUNS) --from $(FROM) --until $(END) $(by_group)); \
+	$(call shown,study $(RUNS) $(by_group),/rest); \
+	$(if $(STILLED),$(call shown,study $(STILLED),/still);) \
+	$(if $(BESIDE),$(call shown,study $(RUNS) $(BESIDE) --groups $(call listed,$(RUNS:%=$(OWN_NAME)) $(BESIDE:%=$(BESIDE_NAME))),/beside);) \
+	$(if $(BY_NUMBER),$(call shown,compare $(BY_NUMBER) --columns $(TIMES),/by-number);) \
+	$(if $(BY_LAW),$(call shown,compare $(BY_LAW) --columns $(TIMES),/by-law))
 endif
 $(foreach run,$(RUNS),$(eval INPUT_$(run) := scene.ron))
 $(foreach run,$(RUNS),$(eval PRE_$(run) = $$(CD_BIN)/cd-pre scene.ron -o $(run) --set grains.1.number=$(call part,$(run),N) \

@@ -5,6 +5,7 @@
 set -eu
 folder=$1 dt=$2 every=$3 from=$4
 cases=
+# Exit status 1 of cd-post: done, with something reported.
 mkdir -p "$folder"
 echo run,seconds > "$folder/times.csv"
 for name in draft standard loose fine lmgc90; do
@@ -17,10 +18,10 @@ for name in draft standard loose fine lmgc90; do
     "$CD_BIN/cd-solve" --force --threads 1 --dt "$dt" --output-every "$every" $flags "$run" > "$run/log" 2>&1 || { cat "$run/log"; exit 1; }
     # Of the columns the first is the step, the last writing.
     awk -F, -v OFS=, -v run="$name" 'NR > 1 { for (k = 2; k < NF; k++) sum += $k } END { print run, sum }' "$run/TIMER.csv" >> "$folder/times.csv"
-    "$CD_BIN/cd-post" --no-vtk --no-plots "$run" > "$run/post.log" 2>&1
+    "$CD_BIN/cd-post" --no-vtk --no-plots "$run" > "$run/post.log" 2>&1 || test $? -eq 1 || { cat "$run/post.log"; exit 1; }
     cases="$cases $run"
 done
 # shellcheck disable=SC2086
-"$CD_BIN/cd-post" study $cases -o "$folder" --from "$from" > "$folder/study.log" 2>&1
+"$CD_BIN/cd-post" study $cases -o "$folder" --from "$from" > "$folder/study.log" 2>&1 || test $? -eq 1 || { cat "$folder/study.log"; exit 1; }
 # shellcheck disable=SC2086
 rm -r $cases

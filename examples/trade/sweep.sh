@@ -4,6 +4,7 @@
 # s; EARLY: time at which positions are compared, s; WITHOUT: groups of runs that say nothing of the scene, as a pattern. CD_BIN: where the programs are.
 set -eu
 folder=$1 dt=$2 every=$3 from=$4 early=$5 without=${6:-none}
+# Exit status 1 of cd-post: done, with something reported.
 cases= groups= values=
 while read -r name group value factor flags; do
     case "$name" in '#'* | '') continue ;; esac
@@ -14,9 +15,10 @@ while read -r name group value factor flags; do
     # shellcheck disable=SC2086
     "$CD_BIN/cd-solve" --force --threads 1 --dt "$(awk "BEGIN { printf \"%.12g\", $dt * $factor }")" \
         --output-every "$(awk "BEGIN { printf \"%d\", $every / $factor }")" $flags "$run" 2> "$run/log" || { cat "$run/log"; exit 1; }
-    "$CD_BIN/cd-post" --no-vtk --no-plots "$run" > "$run/post.log" 2>&1
+    "$CD_BIN/cd-post" --no-vtk --no-plots "$run" > "$run/post.log" 2>&1 || test $? -eq 1 || { cat "$run/post.log"; exit 1; }
     cases="$cases $run" groups="$groups,$group" values="$values,$(echo "$value" | sed 's/^-$/nan/')"
 done < runs.txt
 # shellcheck disable=SC2086
 "$CD_BIN/cd-post" trade $cases -o "$folder/trade" --groups "${groups#,}" --values "${values#,}" --from "$from" --early "$early" \
-    --title "$folder: error against time" | tee "$folder/table.txt"
+    --title "$folder: error against time" > "$folder/table.txt" || test $? -eq 1
+cat "$folder/table.txt"

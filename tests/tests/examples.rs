@@ -112,6 +112,46 @@ fn a_stage_is_made_again_when_its_input_or_program_changed() {
 }
 
 #[test]
+fn a_case_is_made_again_when_a_variable_of_the_example_changed() {
+    let rules = Rules::new();
+    let all = "cd-pre, cd-solve --force, cd-post";
+    for flags in
+        ["PRE_FLAGS=", "PRE_FLAGS=--set 'laws.1.kind=IQS_CLB(friction: 0)'", "PRE_FLAGS=--set 'grains.1.colour=\"REDxx\"'"]
+    {
+        rules.runs(&[flags], all);
+        rules.runs(&[flags], "");
+    }
+    // Not with these, which may be about threads or plots.
+    rules.runs(&["PRE_FLAGS=--set 'grains.1.colour=\"REDxx\"'", "SOLVE_FLAGS=--threads 1", "POST_FLAGS=--no-vtk"], "");
+
+    let example = format!(
+        "SPEED ?= 1\nSTAGES := pre solve post\nPRE_. = $(CD_BIN)/cd-pre ./scene.ron -o . --set 'speed=$(SPEED)'\ninclude {}/example.mk\n",
+        examples().display()
+    );
+    rules.write("Makefile", &example);
+    rules.runs(&[], all);
+    rules.runs(&["SPEED=2"], all);
+    rules.runs(&["SPEED=2"], "");
+    rules.runs(&["SPEED=2", "PRE_FLAGS=--quiet"], all);
+
+    // A case made of another has no flags of scenes.
+    rules.write("Makefile", &example.replace("cd-pre ./scene.ron", "cd-pre from-outbox"));
+    rules.runs(&[], "cd-pre from-outbox, cd-solve --force, cd-post");
+    rules.runs(&["PRE_FLAGS=--quiet"], "");
+}
+
+#[test]
+fn what_was_interrupted_goes_on() {
+    let rules = Rules::new();
+    rules.runs(&["pre"], "cd-pre");
+    rules.runs(&["-j2", "resume"], "cd-solve --resume, cd-post");
+    rules.runs(&["resume"], "");
+    // As for a later end.
+    rules.runs(&["-j2", "resume", "SOLVE_FLAGS=--steps 9"], "cd-solve --resume, cd-post");
+    rules.runs(&[], "");
+}
+
+#[test]
 fn a_stage_that_failed_is_not_done() {
     let rules = Rules::new();
     rules.runs(&[], "cd-pre, cd-solve --force, cd-post");
