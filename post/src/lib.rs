@@ -107,10 +107,10 @@ enum Command {
         #[arg(long, value_delimiter = ',')]
         groups: Vec<String>,
         /// Time from which snapshots count for the means, s; without it the last alone
-        #[arg(long, value_name = "S", value_parser = finite)]
+        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = finite)]
         from: Option<f64>,
         /// Time up to which they count, s; without it the end
-        #[arg(long, value_name = "S", value_parser = finite)]
+        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = finite)]
         until: Option<f64>,
     },
     /// Runs of one scene against the finest: errors of what is observed, and the time that they took.
@@ -131,10 +131,10 @@ enum Command {
         #[arg(long, value_delimiter = ',')]
         values: Vec<f64>,
         /// Time from which snapshots count, s; without it the last alone
-        #[arg(long, value_name = "S", value_parser = finite)]
+        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = finite)]
         from: Option<f64>,
         /// Time from which on positions are compared at the first snapshot, s; without it, at the first after the start
-        #[arg(long, value_name = "S", value_parser = finite)]
+        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = finite)]
         early: Option<f64>,
         /// Title of the figure
         #[arg(long, value_name = "TEXT", default_value = "Error against time")]

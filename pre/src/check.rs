@@ -596,7 +596,7 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
     for (k, contact) in scene.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
         let (a, b) = &contact.between;
-        for colour in [a, b] {
+        for colour in [a].into_iter().chain((a != b).then_some(b)) {
             if !all.contains(&colour.as_str()) {
                 let expected = one_of(&all, "a body of this colour");
                 report.fault(&path, format!("no grains and no wall have the colour '{colour}'"), expected);

@@ -115,9 +115,11 @@ fn a_stage_is_made_again_when_its_input_or_program_changed() {
 fn a_case_is_made_again_when_a_variable_of_the_example_changed() {
     let rules = Rules::new();
     let all = "cd-pre, cd-solve --force, cd-post";
-    for flags in
-        ["PRE_FLAGS=", "PRE_FLAGS=--set 'laws.1.kind=IQS_CLB(friction: 0)'", "PRE_FLAGS=--set 'grains.1.colour=\"REDxx\"'"]
-    {
+    for flags in [
+        "PRE_FLAGS=",
+        "PRE_FLAGS=--set 'laws.1.kind=IQS_CLB(friction: 0)'",
+        "PRE_FLAGS=--set 'grains.1.colour=\"REDxx\"'",
+    ] {
         rules.runs(&[flags], all);
         rules.runs(&[flags], "");
     }

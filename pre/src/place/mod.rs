@@ -49,6 +49,15 @@ impl Misfit {
     fn shape(found: String) -> Misfit {
         Misfit { found, expected: "a shape that can be made" }
     }
+
+    /// The same where grains are held apart by more than their sizes: by what the files round of their positions.
+    fn far_out(self, margin: f64) -> Misfit {
+        let found = format!("{}, kept {margin:.1e} m apart as files hold 8 digits of positions so far out", self.found);
+        Misfit {
+            found,
+            expected: "a place nearer to the origin; cd-pre from-outbox moves to a `centre` with all digits",
+        }
+    }
 }
 
 /// Sizes, shapes and positions of the grains of one (checked) body of grains, the `group`-th of the scene.
@@ -111,9 +120,11 @@ pub fn place(
     // coordinate. Grains keep a little more than that from each other and from the envelope.
     let margin = 1e-7 * (room.halves().norm() + centre.amax());
     let in_envelope = match &grains.place {
-        Place::JitteredLattice { jitter, .. } => jittered_lattice(&room, &drawn, margin, *jitter, &mut random)?,
-        _ => random_sequential(&room, &mut drawn, margin, &mut random)?,
+        Place::JitteredLattice { jitter, .. } => jittered_lattice(&room, &drawn, margin, *jitter, &mut random),
+        _ => random_sequential(&room, &mut drawn, margin, &mut random),
     };
+    let in_envelope =
+        in_envelope.map_err(|misfit| if margin < 0.1 * largest(&drawn) { misfit } else { misfit.far_out(margin) })?;
     Ok(Placed { grains: drawn, positions: to_fixed_axes(in_envelope), room: Some(room) })
 }
 
@@ -169,6 +180,10 @@ fn draw(
     }
 }
 
+fn largest(grains: &[Drawn]) -> f64 {
+    grains.iter().map(|grain| grain.reach).fold(0.0, f64::max)
+}
+
 /// Grain k anywhere in its site's ball up to the share `jitter` of its free room.
 fn jittered_lattice(
     room: &Room,
@@ -177,7 +192,7 @@ fn jittered_lattice(
     jitter: f64,
     random: &mut Random,
 ) -> Result<Vec<Vector3<f64>>, Misfit> {
-    let largest = grains.iter().map(|grain| grain.reach).fold(0.0, f64::max);
+    let largest = largest(grains);
     let closest = 2.0 * (largest + margin);
     let (mut sites, distance) = lattice::sites(room, grains.len(), closest, random).map_err(|sites| Misfit {
         found: format!(
@@ -270,6 +285,20 @@ mod tests {
         let folder = std::path::Path::new("");
         let room = grains.place.envelope().map(|envelope| envelope.room(folder).unwrap().0);
         place(grains, &mut Shapes::of(grains, folder, seed, group).unwrap(), room, seed, group)
+    }
+
+    #[test]
+    fn a_place_too_far_out_for_the_files_is_told() {
+        for place in [
+            Place::RandomSequential { envelope: envelope(0) },
+            Place::JitteredLattice { envelope: envelope(0), jitter: 0.5 },
+        ] {
+            let near = grains(Some(100), Some(0.25), Sizes::Single(1.0), place);
+            assert!(spot(&near, 1, 0).is_ok());
+            let far = Grains { centre: [6e7, 0.0, 0.0], ..near };
+            let misfit = spot(&far, 1, 0).err().unwrap();
+            assert!(misfit.expected.contains("from-outbox"), "{}; expected {}", misfit.found, misfit.expected);
+        }
     }
 
     fn filled(placed: &Placed) -> f64 {
