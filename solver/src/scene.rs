@@ -189,6 +189,12 @@ impl Visibility {
 /// Steps made when neither `steps` nor `end_time` is given.
 pub const DEFAULT_STEPS: u64 = 1000;
 
+/// By so much of a step the time of an event may be off: the time is a sum of steps, a little before or after their product.
+pub const EVENT_SLACK: f64 = 1e-3;
+
+/// So many times `tol` moves what rests.
+const STILL: f64 = 3.0;
+
 /// Fewer bodies than these attract each other anew at every step.
 const FEW_BODIES: usize = 100;
 
@@ -248,6 +254,12 @@ impl Scene {
     pub fn end_time(&self) -> f64 {
         let (first, time) = self.from;
         time + self.last_step().saturating_sub(first) as f64 * self.options.dt
+    }
+
+    /// Whether a contact moves at `speed` (m/s) by more than an unfinished solution leaves: [`STILL`] times `tol` of the
+    /// speed that its impulse `alone` would make, m/s.
+    pub fn moves(&self, speed: f64, alone: f64) -> bool {
+        speed > STILL * self.options.tol() * alone.abs()
     }
 
     /// Whether an imposed velocity or force depends on time.

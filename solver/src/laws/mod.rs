@@ -277,6 +277,11 @@ impl Law {
         matches!(self.unilateral, Unilateral::Restitution { normal, .. } if normal > 0.0)
     }
 
+    /// Whether contacts lose bonds that hold, or static friction, once they move.
+    pub fn loses(&self) -> bool {
+        self.friction_static != self.friction_dynamic || matches!(self.cohesion(), Some(Cohesion::Bond { .. }))
+    }
+
     /// Greatest speed at which a contact with force may close at the step's end, having parted with `u_n` at its start, m/s.
     pub fn closing(&self, u_n: f64) -> f64 {
         match self.unilateral {

@@ -111,8 +111,8 @@ impl End<'_> {
         let moved = || {
             let u = system.velocity(k, &solution.records);
             let opening = row.normal.dot(&u);
-            let still = scene.options.tol() * row.w_n * row.impulse_shift.abs();
-            (opening > still, (u - row.normal * opening).norm() > still)
+            let alone = row.w_n * row.impulse_shift;
+            (opening > 0.0 && scene.moves(opening, alone), scene.moves((u - row.normal * opening).norm(), alone))
         };
         let bond = row.bond.filter(|_| {
             let (opens, slides) = moved();

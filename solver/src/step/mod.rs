@@ -91,9 +91,11 @@ fn task(scene: &Scene, state: &State, units: u64) -> Task {
     let tol = options.tol();
     // No later step makes good what a shock has given or taken.
     let shock = if state.laws.iter().any(Law::rebounds) { SHARPEST } else { 1.0 };
+    // Nor what it has broken or set off.
+    let lost = if state.laws.iter().any(Law::loses) { SHARPER } else { 1.0 };
     // What a residual leaves in velocities goes with what the step would change them by alone, and that with its length.
     let long = 1.0 / units as f64;
-    let aim = tol * shock.min(sharpening(options.penetration_tol(), state.ledger.penetration_left)).min(long);
+    let aim = tol * shock.min(lost).min(sharpening(options.penetration_tol(), state.ledger.penetration_left)).min(long);
     let (check_every, precision) = (options.check_every, options.sweep_precision);
     // One for each unit; blocks are as many as they are told to be.
     let least_sweeps = if check_every.is_some() { 0 } else { units };
@@ -103,6 +105,9 @@ fn task(scene: &Scene, state: &State, units: u64) -> Task {
 
 /// The most by which added overlap makes the residual sought smaller.
 const SHARPEST: f64 = 1e-2;
+
+/// By how much it is where contacts can lose something for good.
+const SHARPER: f64 = 0.1;
 
 /// By how much a step is to be solved further than `tol`, <= 1.
 ///

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use cd_formats::bodies::{Contactor, Shape};
-use cd_formats::compute::Action;
+use cd_formats::compute::{Accuracy, Action};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
@@ -386,6 +386,27 @@ fn a_face_holds_what_its_area_holds() {
     let (fallen, bonds) = drop(0.9);
     equal(fallen, 0.5 * 8.0 * 0.09, 0.01); // falls from some step on, of a hundred at first
     assert_eq!(bonds[299], 0.0);
+}
+
+/// A thin plate under its weight that is drawn along: its strength is c_t S and c_t/c_n of its weight, however its points share them.
+#[test]
+fn a_face_bears_the_shear_that_its_points_add_up_to() {
+    let held = |share: f64, accuracy: Option<Accuracy>| {
+        let mut case = Case::new();
+        case.materials[0].density = 20_000.0;
+        case.law_of_all("IQS_MOHR_DS_CLB", &[2e4, 1e4, 0.2, 0.3]);
+        case.gravity = [0.0, 0.0, -10.0];
+        case.floor();
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        case.block([0.5, 0.5, 0.05], [0.0, 0.0, 0.05], axes);
+        case.event(0.02, Action::SetGravity([share * (1e4 + 0.5 * 2e4) / 2e3, 0.0, -10.0]));
+        (case.options.dt, case.options.tol, case.options.accuracy) = (1e-3, None, accuracy);
+        case.run(150);
+        case.column("bonds").last() == Some(&4.0)
+    };
+    for accuracy in [None, Some(Accuracy::Draft), Some(Accuracy::Standard), Some(Accuracy::Fine)] {
+        assert!(held(0.97, accuracy) && !held(1.04, accuracy), "{accuracy:?}");
+    }
 }
 
 #[test]
