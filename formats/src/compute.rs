@@ -38,12 +38,15 @@ impl Event {
         Event { time, every: None, until: None, action }
     }
 
-    /// How often it happens up to `end` (s) after the first time; a thousandth of an interval of slack.
+    /// How often it happens up to `end` (s) after the first time.
     fn repeats(&self, end: f64) -> f64 {
         let every = self.every.unwrap_or(f64::INFINITY);
-        ((self.until.unwrap_or(f64::INFINITY).min(end) - self.time) / every + 1e-3).floor().max(0.0)
+        ((self.until.unwrap_or(f64::INFINITY).min(end) - self.time) / every + ROUNDING).floor().max(0.0)
     }
 }
+
+/// What decimal numbers and their products may be off by, of an interval.
+const ROUNDING: f64 = 1e-9;
 
 /// More happenings than this are a slip: each is kept.
 pub const MOST_EVENTS: f64 = 1e6;
@@ -53,16 +56,18 @@ pub fn too_frequent(events: &[Event], end: f64) -> impl Iterator<Item = (usize, 
     events.iter().map(move |event| event.repeats(end)).enumerate().filter(|(_, repeats)| *repeats > MOST_EVENTS)
 }
 
-/// Each happening an event of its own, in the order of their times and, at one time, of the list; those that are
+/// Each happening an event of its own, in the order of their times and, at one time to rounding, of the list; those that are
 /// repeated up to `end`, s. A later end adds only what is later.
 pub fn schedule(events: &[Event], end: f64) -> Vec<Event> {
     let mut all = Vec::new();
-    for event in events {
+    for (place, event) in events.iter().enumerate() {
         let time = |k: u64| event.time + event.every.map_or(0.0, |every| every * k as f64);
-        all.extend((0..=event.repeats(end) as u64).map(|k| Event::once(time(k), event.action.clone())));
+        all.extend((0..=event.repeats(end) as u64).map(|k| (place, Event::once(time(k), event.action.clone()))));
     }
-    all.sort_by(|a, b| a.time.total_cmp(&b.time));
-    all
+    all.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
+    let same = |(_, a): &(usize, Event), (_, b): &(usize, Event)| b.time - a.time <= ROUNDING * b.time.abs();
+    all.chunk_by_mut(same).for_each(|at_one_time| at_one_time.sort_by_key(|(k, _)| *k));
+    all.into_iter().map(|(_, event)| event).collect()
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -576,12 +581,30 @@ mod tests {
         assert_eq!(times(&[spin(Some(5.0), None), once.clone()], 25.0), [10.0, 15.0, 15.0, 20.0, 25.0]);
         assert_eq!(times(&[spin(Some(5.0), Some(19.0)), once.clone()], 25.0), [10.0, 15.0, 15.0]);
         assert_eq!(times(&[spin(Some(0.1), Some(10.3)), once], 25.0).len(), 5); // 0.3 / 0.1 is 2.9999999999999996
+        let late = Event { every: Some(100.0), until: Some(209.91), ..spin(None, None) };
+        assert_eq!(times(&[late], 250.0), [10.0, 110.0]);
         assert_eq!(times(&[spin(None, None)], 0.0), [10.0]); // a later end of the run may reach it
         assert_eq!(schedule(&[spin(Some(5.0), None)], 25.0)[2], Event::once(20.0, spin(None, None).action));
         for wrong in [spin(Some(0.0), None), spin(None, Some(20.0)), spin(Some(5.0), Some(9.0)), spin(Some(1e-4), None)]
         {
             let compute = Compute { events: vec![wrong.clone()], ..Compute::default() };
             assert_eq!(compute.check(Path::new("COMPUTE.RON")).unwrap_err().0.len(), 1, "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn events_at_one_time_are_in_the_order_of_the_list() {
+        let often = Event { every: Some(0.1), ..Event::once(0.0, Action::SetQuench(0.1)) };
+        for tenths in 1..=20 {
+            let once = Event::once(f64::from(tenths) / 10.0, Action::SetQuench(0.2)); // 0.3 is less than 3 times 0.1
+            for events in [[often.clone(), once.clone()], [once, often.clone()]] {
+                let times = schedule(&events, 2.0);
+                let place = tenths as usize;
+                assert_eq!(
+                    times[place..place + 2].iter().map(|e| &e.action).collect::<Vec<_>>(),
+                    [&events[0].action, &events[1].action]
+                );
+            }
         }
     }
 

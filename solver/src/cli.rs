@@ -98,9 +98,6 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
     if let Some(step) = arguments.dump_problem {
         write::expect_problem(&scene, &state, step)?;
     }
-    if arguments.force && !arguments.plan {
-        write::remove(case)?;
-    }
     let threads = scene.options.threads;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
         let found = format!("{threads}: {error}");
@@ -114,6 +111,10 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
     })?;
     if arguments.plan {
         return Ok(pool.install(|| plan::text(&scene, &state)));
+    }
+    // Nothing is refused from here on.
+    if arguments.force {
+        write::remove(case)?;
     }
     let advance = || run_case(case, &scene, state, resumed, arguments.dump_problem);
     let large = scene.bodies.len() >= awake::LARGE;

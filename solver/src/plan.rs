@@ -8,7 +8,7 @@ use cd_formats::compute::Accuracy;
 
 use crate::integrate::{fastest_turn, shortest_orbit};
 use crate::math::Vec3;
-use crate::scene::{Body, Drive, Scene, Shape};
+use crate::scene::{Body, Drive, Geometry, Part, Scene, Shape};
 use crate::solve::batches::Batch;
 use crate::state::{Contact, SolvedContact, State};
 use crate::step::{Clock, StepReport, step};
@@ -70,7 +70,8 @@ pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
     let g = state.gravity.norm();
     if g > 0.0 {
         let heights = || free.iter().map(|(i, _)| -state.x[*i].dot(&state.gravity) / g);
-        let height = heights().fold(f64::NEG_INFINITY, f64::max) - heights().fold(f64::INFINITY, f64::min);
+        let lowest = heights().fold(floor(scene, state) + smallest, f64::min);
+        let height = heights().fold(f64::NEG_INFINITY, f64::max) - lowest;
         let fall = (2.0 * g * height).sqrt();
         bound(
             travel / fall,
@@ -85,6 +86,31 @@ pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
     bound(1.0 / (OF_SPIN * turn), format!("bodies turn at {turn:.3e} rad/s: {OF_SPIN} steps a radian"));
     bounds.sort_by(|a, b| a.h.total_cmp(&b.h));
     bounds
+}
+
+/// Height against gravity of the lowest wall, m: at its upper side, of polyhedra and full cylinders in the middle; infinite without walls.
+fn floor(scene: &Scene, state: &State) -> f64 {
+    let up = -state.gravity.normalize();
+    let top = |i: usize| {
+        let along = state.q[i].inverse_transform_vector(&up);
+        let reach = match scene.bodies[i].shape {
+            Shape::Sphere { .. } => scene.bodies[i].radius,
+            Shape::Plane { half_lengths } => half_lengths.dot(&along.abs()),
+            Shape::Parts => {
+                let parts = scene.parts_of(i as u32).iter();
+                // Grains lie in a hollow cylinder, down to its lower side.
+                let side = |part: &Part| match part.geometry {
+                    Geometry::Sphere { radius } => radius,
+                    Geometry::Cylinder { hollow: true, radius, .. } => -radius,
+                    _ => 0.0,
+                };
+                parts.map(|part| part.offset.dot(&along) + side(part)).fold(f64::INFINITY, f64::min)
+            }
+        };
+        state.x[i].dot(&up) + reach
+    };
+    let walls = (0..scene.bodies.len()).filter(|&i| scene.free.binary_search(&(i as u32)).is_err());
+    walls.map(top).fold(f64::INFINITY, f64::min)
 }
 
 /// Largest speed of a point of a driven body past what moves at `v` between two times, m/s; a sphere's turn moves nothing past.
@@ -178,10 +204,11 @@ pub fn text(scene: &Scene, state: &State) -> String {
         format!("{until_now}{:.1} kB more for each further contact, about", contact_size() as f64 / 1e3),
     ));
     lines.push(("time", tried.as_ref().map_or("no step tried, h is far too long".into(), Trial::times)));
-    let knobs = scene.options.knobs();
-    let knob =
-        |(name, value, alone): &(&str, String, bool)| format!("{name} {value}{}", if *alone { " (set)" } else { "" });
-    let knobs: Vec<String> = knobs.iter().map(knob).collect();
+    let knob = |(name, value, alone): (&str, String, bool)| {
+        let value = if name == "gravity_refresh" { scene.gravity_refresh().to_string() } else { value };
+        format!("{name} {value}{}", if alone { " (set)" } else { "" })
+    };
+    let knobs: Vec<String> = scene.options.knobs().into_iter().map(knob).collect();
     let preset = scene.options.accuracy.map_or("none".into(), |accuracy| accuracy.to_string());
     lines.push(("accuracy", format!("{preset}: {}", knobs.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);

@@ -84,7 +84,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
             let (units, problem) = next_problem(scene, &state);
             if number <= state.step + units {
                 let number = state.step + units;
-                let path = crate::write::problem(case, number, problem)?;
+                let path = crate::write::problem(case, number, problem).map_err(Failure::Unwritten)?;
                 tell(format_args!("cd-solve: contact problem of step {number} in {}", path.display()));
             }
         }
@@ -139,8 +139,9 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     progress.finish();
     course.wall = start.elapsed();
     let sources = course.tally.sources(scene, &state);
-    if course.steps > 0 {
-        errors::write(case, &sources)?;
+    // Also where a run was killed before it came to that.
+    if course.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {
+        errors::write(case, &sources).map_err(Failure::Unwritten)?;
     }
     Ok(text(scene, &state, &course, &sources))
 }

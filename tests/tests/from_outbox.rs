@@ -43,6 +43,33 @@ fn a_run_that_goes_on_in_another_folder_equals_the_unbroken_one() {
     assert!(origin(&anew).iter().all(|(body, number)| body == number));
 }
 
+#[test]
+fn what_unfinished_solutions_have_left_is_made_good_in_the_next_run() {
+    let scene = r#"(
+        gravity: (0.0, 0.0, -9.81),
+        materials: [(name: "ROCKx", density: 2000.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+        contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "WALLx"), law: "iqsc0")],
+        grains: [(
+            material: "ROCKx",
+            colour: "BLUEx",
+            number: 40,
+            sizes: Uniform(min: 0.3, max: 0.45),
+            place: RandomSequential(envelope: Box(lengths: (4.0, 4.0, 6.0))),
+        )],
+        walls: [Box(material: "ROCKx", colour: "WALLx", lengths: (4.4, 4.4, 6.4), half_thickness: 0.5)],
+        compute: (
+            dt: 0.01, steps: 120, penetration_tol: 1e-5, output_every: 20,
+            events: [(time: 0.5, every: 0.05, action: Shake(speed: 1.0))],
+        ),
+    )"#;
+    let unbroken = Case::of(scene).solved(&[]);
+    let left = unbroken.snapshot(100).meta.ledger.penetration_left;
+    assert!(left > 1e-5, "{left}"); // or nothing is to be made good
+    let case = next(&unbroken, "(bodies: [(snapshot: 100)], keep_time: true)").solved(&["--steps", "20"]);
+    assert_eq!(bits(&case.snapshot(120)), bits(&unbroken.snapshot(120)));
+}
+
 /// Moves the vertices of all lone polyhedra in BODIES.DAT by 3 m along x, and their bodies back.
 fn put_off_centre(case: &Case) {
     let file = case.datbox("BODIES.DAT");

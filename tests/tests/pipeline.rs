@@ -8,7 +8,7 @@ use cd_formats::compute::{Action, Compute};
 use cd_formats::dof::Dof;
 use cd_formats::snapshot::list;
 use cd_formats::vloc_rloc::VlocRloc;
-use cd_tests::case::{Case, assert_same_results, cloud, files, post, surfaces_of_an_l};
+use cd_tests::case::{Case, assert_same_results, cloud, files, post, pre, surfaces_of_an_l};
 use cd_tests::columns::vtp;
 
 /// Forty rocks in the thick of their collisions at the end; snapshots 0, 50, ... 300.
@@ -155,6 +155,76 @@ fn results_are_not_overwritten_unasked() {
     fs::write(case.datbox("TACT_BEHAV.DAT"), "$behav\n").unwrap();
     assert_eq!(case.solve(&["--force"]), 2);
     assert_eq!(files(&case.outbox()), names);
+}
+
+#[test]
+fn one_run_of_a_case_at_a_time() {
+    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 2"));
+    fs::create_dir(case.outbox()).unwrap();
+    // As by a run that is at work; its DATBOX is written anew meanwhile.
+    let folder = fs::File::open(case.outbox()).unwrap();
+    folder.lock().unwrap();
+    assert_eq!(pre(&case.path().join("scene.ron"), case.path()), 0);
+    assert_eq!(case.solve(&[]), 2);
+    assert!(files(&case.outbox()).is_empty());
+    assert_eq!(case.solve(&["--plan"]), 0);
+    folder.unlock().unwrap();
+    assert_eq!(case.solve(&[]), 0);
+}
+
+#[test]
+fn errors_that_a_killed_run_has_not_written_are_written() {
+    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10")).solved(&[]);
+    let file = case.path().join("ERRORS.csv");
+    let lines = |text: String| {
+        text.lines().map(|line| line.split(',').take(3).map(String::from).collect::<Vec<_>>()).collect::<Vec<_>>()
+    };
+    let before = lines(fs::read_to_string(&file).unwrap());
+    fs::remove_file(&file).unwrap();
+    assert_eq!(case.solve(&["--resume"]), 0);
+    assert_eq!(lines(fs::read_to_string(&file).unwrap()), before);
+}
+
+#[test]
+fn text_files_are_numbered_on() {
+    let scene = "dt: 8.0, steps: 8, output_every: 1, text: true";
+    let case = Case::of(&cloud(12, 0.4, 1, scene)).solved(&["--steps", "4"]);
+    assert_eq!(case.solve(&["--resume", "--steps", "8", "--output-every", "2"]), 0);
+    let step = |k: u64| Dof::read(&case.outbox().join(format!("DOF.OUT.{k}"))).unwrap().step;
+    assert_eq!((1..=6).map(step).collect::<Vec<_>>(), [1, 2, 3, 4, 6, 8]);
+    assert!(case.outbox().join("Vloc_Rloc.OUT.6").exists() && !case.outbox().join("DOF.OUT.7").exists());
+    // A stop between two outputs does not count.
+    let case = case.twin().solved(&["--steps", "3", "--output-every", "2"]);
+    assert_eq!(case.solve(&["--resume", "--output-every", "2"]), 0);
+    let step = |k: u64| Dof::read(&case.outbox().join(format!("DOF.OUT.{k}"))).unwrap().step;
+    assert_eq!((1..=4).map(step).collect::<Vec<_>>(), [2, 4, 6, 8]);
+}
+
+#[test]
+fn an_event_that_has_happened_does_not_come_again_in_shorter_steps() {
+    // Due in the step from 16 s on, which is a little early.
+    let event = "events: [(time: 16.004, action: AddVelocity((1.0, 0.0, 0.0)))]";
+    let case = Case::of(&cloud(12, 0.4, 1, &format!("dt: 8.0, {event}"))).solved(&["--steps", "3"]);
+    assert_eq!(case.solve(&["--resume", "--dt", "0.1", "--steps", "10"]), 0);
+    let bodies = case.last_snapshot().bodies;
+    let along: f64 = bodies.body_v.iter().zip(&bodies.body_mass).map(|(v, m)| v[0] * m).sum();
+    let mass: f64 = bodies.body_mass.iter().sum();
+    assert!((along / mass - 1.0).abs() < 1e-12, "{}", along / mass); // rounding of ten steps
+}
+
+#[test]
+fn a_run_that_began_before_its_datbox_does_not_go_on() {
+    let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 20, output_every: 10")).solved(&[]);
+    for name in ["DOF.INI", "Vloc_Rloc.INI"] {
+        let text = fs::read_to_string(case.datbox(name)).unwrap();
+        let begin = text.lines().find(|line| line.starts_with("$steps")).unwrap();
+        let later = begin.replacen(" 0 ", " 5 ", 1).replace("0.0000000D+00", "0.4000000D+02");
+        assert_ne!(begin, later);
+        fs::write(case.datbox(name), text.replace(begin, &later)).unwrap();
+    }
+    let before = case.results();
+    assert_eq!(case.solve(&["--resume", "--steps", "40"]), 2);
+    assert_eq!(case.results(), before);
 }
 
 #[test]

@@ -25,7 +25,7 @@ use cd_formats::drv_dof::{Driven, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::places;
 use cd_formats::report::Report;
-use cd_formats::snapshot::{START, Snapshot};
+use cd_formats::snapshot::{Ledger, START, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
@@ -469,7 +469,9 @@ fn files(
         (start.meta.step, start.meta.time) = (0, 0.0);
     }
     start.meta.program = format!("cd-pre {}", env!("CARGO_PKG_VERSION"));
-    start.meta.ledger = Default::default();
+    // Of what was summed up, steps ask for what they left behind.
+    let left = parts.iter().map(|part| part.source.snapshot.meta.ledger.penetration_left).fold(0.0, f64::max);
+    start.meta.ledger = Ledger { penetration_left: left, ..Ledger::default() };
     start.meta.interval_start = None;
     start.meta.parameters.events_done = 0;
     start.meta.attraction = None;

@@ -13,7 +13,7 @@ use crate::gravity::{Field, Gravity, Method, balance};
 use crate::integrate::Configuration;
 use crate::math::random::{in_ball, scrambled};
 use crate::math::{Mat3, Quat, Vec3, to_world};
-use crate::scene::Scene;
+use crate::scene::{EVENT_SLACK, Scene};
 use crate::state::{Attraction, Bonding, State};
 
 /// Velocities at the step's end if nothing touched, and what the forces bring into the ledger.
@@ -63,8 +63,7 @@ pub struct Shake {
 
 /// Events whose time has come, at a step's start.
 pub fn events(scene: &Scene, state: &mut State) -> Happened {
-    // A thousandth of a step of slack: the time is a sum of steps, and a little before or after their product.
-    let now = state.time + 1e-3 * scene.options.dt;
+    let now = state.time + EVENT_SLACK * scene.options.dt;
     let mut happened = Happened::default();
     while let Some(event) = scene.events.get(state.events_done).filter(|event| event.time <= now) {
         let gravity = state.gravity;
@@ -72,8 +71,12 @@ pub fn events(scene: &Scene, state: &mut State) -> Happened {
         book_potential(scene, state, state.gravity - gravity);
         match event.action {
             Action::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
-            Action::AddSpin(spin) => add_spin(scene, state, Vec3::from(spin)),
+            Action::AddSpin(spin) => {
+                add_spin(scene, state, Vec3::from(spin));
+                state.attraction = None; // what bodies were on their way to says nothing any more
+            }
             Action::Shake { speed, seed } => {
+                state.attraction = None;
                 let seed = scrambled(scrambled(seed) ^ state.events_done as u64);
                 happened.shakes.push(Shake { speed, seed });
             }

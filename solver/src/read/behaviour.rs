@@ -3,16 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use cd_formats::compute::{Action, Compute, ContactSolver, Event, GravityMethod, MOST_EVENTS, too_frequent};
+use cd_formats::compute::{Action, Compute, ContactSolver, Event, MOST_EVENTS, too_frequent};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::report::Report;
 use cd_formats::snapshot::LawName;
 use cd_formats::tact_behav::{Side, TactBehav};
 use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 
+use crate::gravity::Method;
 use crate::laws::{Cohesion, KINDS, Law};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
-use crate::scene::{Body, Geometry, Part, Scene, See, Shape, Visibility};
+use crate::scene::{Body, EVENT_SLACK, Geometry, Part, Scene, See, Shape, Visibility};
 use crate::state::{Contact, SolvedContact, Status, UNKNOWN};
 
 /// Names of the contactors that are told apart by the visibility table.
@@ -250,7 +251,7 @@ pub fn check_happenings(scene: &Scene, report: &mut Report) {
 pub fn without_effect(scene: &Scene) -> Vec<String> {
     let Compute { self_gravity, gravity, gravity_constant, gravity_moved, gravity_quadrupole, .. } = scene.options;
     let of_gravity = !self_gravity;
-    let of_fmm = of_gravity || gravity == GravityMethod::Direct;
+    let of_fmm = of_gravity || scene.gravity().method_for(scene.free.len()) == Method::Direct;
     let sweeps = matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs);
     let default = Compute::default();
     let set = [
@@ -276,11 +277,12 @@ pub fn without_effect(scene: &Scene) -> Vec<String> {
     ];
     let of_option =
         |(name, idle, needs): (&str, bool, &str)| idle.then(|| format!("{name}: without effect; needs {needs}"));
-    let (start, end) = (scene.start.1, scene.end_time());
+    let (start, end, dt) = (scene.start.1, scene.end_time(), scene.options.dt);
+    let begin = end - dt;
     let of_event = |(k, event): (usize, &Event)| {
         let why = match event.action {
-            _ if event.time >= end && end > start => {
-                format!("at {} s the run is over, which ends at {end} s", event.time)
+            _ if event.time > begin + EVENT_SLACK * dt && end > start => {
+                format!("at {} s no step begins any more, the last at {begin} s", event.time)
             }
             Action::Bond if !scene.bonds() => "Bond needs a law whose bonds or bridges can break".into(),
             _ => return None,

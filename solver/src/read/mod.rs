@@ -99,7 +99,8 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     }
     scene.notes.extend(behaviour::without_effect(&scene));
     scene.events = schedule(&scene.options.events, scene.end_time());
-    resume::pass_events(&scene, &mut state);
+    let dt = scene.options.dt.min(state.h);
+    resume::pass_events(&scene, &mut state, dt);
     if !started {
         scene.notes.extend(events_passed(&scene, &state));
     }

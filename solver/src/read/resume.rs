@@ -9,7 +9,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::geometry::Memory;
 use crate::math::{Vec3, to_local, to_world};
-use crate::scene::Scene;
+use crate::scene::{EVENT_SLACK, Scene};
 use crate::state::{
     Attraction, Bonding, Contact, Exchange, Interval, Known, PairMemory, SolvedContact, State, Status, UNKNOWN,
 };
@@ -17,9 +17,14 @@ use crate::state::{
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
 /// A snapshot of other bodies or laws than the scene's is refused. Gives back what the run had done its last step with.
 pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Option<Parameters>, Faults> {
-    let Some((_, path)) = snapshot::list(outbox)?.pop() else { return Ok(None) };
-    let snapshot = Snapshot::read(&path)?;
-    check(&path, scene, &snapshot)?;
+    let snapshots = snapshot::list(outbox)?;
+    let Some((_, path)) = snapshots.last() else { return Ok(None) };
+    if let Some((step, first)) = snapshots.first().filter(|(step, _)| *step < scene.start.0) {
+        let expected = format!("expected none before step {}, with which DATBOX begins", scene.start.0);
+        return Err(Fault::new(first, None, "snapshot", format!("step {step}"), expected).into());
+    }
+    let snapshot = Snapshot::read(path)?;
+    check(path, scene, &snapshot)?;
     state.attraction = attraction(scene, &snapshot);
     let parameters = snapshot.meta.parameters.clone();
     let kept = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| pairs(scene, shapes, |row| row));
@@ -28,7 +33,7 @@ pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Optio
     });
     if !complete || snapshot.shapes.is_some() != scene.is_general() {
         let found = "other contactors or moments of inertia";
-        return Err(Fault::new(&path, None, "snapshot", found, "expected those of DATBOX").into());
+        return Err(Fault::new(path, None, "snapshot", found, "expected those of DATBOX").into());
     }
     restore(snapshot, state);
     state.known = Known { read: kept, ..Known::default() };
@@ -36,7 +41,8 @@ pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Optio
     scene.events = schedule(&scene.options.events, scene.end_time());
     if state.step > scene.start.0 {
         state.bonding = Bonding::No;
-        pass_events(scene, state);
+        let dt = if parameters.adaptive.is_none() { state.h } else { scene.options.dt.min(state.h) };
+        pass_events(scene, state, dt);
     }
     Ok(Some(parameters))
 }
@@ -60,10 +66,10 @@ fn set_by_events(scene: &Scene, state: &mut State) {
 }
 
 /// Events that came before the last step have happened, whether that run had them or not: what they set holds, what they
-/// add is not added again.
-pub fn pass_events(scene: &Scene, state: &mut State) {
+/// add is not added again. `dt` is that of the last step.
+pub fn pass_events(scene: &Scene, state: &mut State, dt: f64) {
     // As slack as events themselves; at time 0 none has happened.
-    let last = state.time - state.h + 1e-3 * scene.options.dt.min(state.h);
+    let last = state.time - state.h + EVENT_SLACK * dt;
     state.events_done = scene.events.partition_point(|event| event.time <= last);
     set_by_events(scene, state);
 }

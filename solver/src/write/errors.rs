@@ -223,6 +223,11 @@ pub fn lines(sources: &[Source]) -> [(&'static str, String); 2] {
     [("error, estimated", error), ("cost", cost)]
 }
 
+/// Whether the case has [`ERRORS`].
+pub fn is_there(case: &Path) -> bool {
+    atomic::is_there(&case.join(ERRORS))
+}
+
 /// Writes [`ERRORS`].
 pub fn write(case: &Path, sources: &[Source]) -> Result<(), Faults> {
     let row = |source: &Source| format!("{},{},{:e},{:e}\n", source.name, source.option, source.error, source.seconds);

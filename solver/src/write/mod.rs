@@ -8,6 +8,7 @@ pub mod summary;
 mod text;
 
 use std::fs::{File, TryLockError};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic::{entries, is_there};
@@ -28,6 +29,8 @@ pub struct Results {
     outbox: PathBuf,
     steps: Table,
     timer: Table,
+    /// What is added to the numbers of text files.
+    numbered: u64,
 }
 
 /// OUTBOX of a case.
@@ -35,29 +38,38 @@ pub fn outbox(case: &Path) -> PathBuf {
     case.join("OUTBOX")
 }
 
-/// A case that is this run's alone.
-pub struct Lock(File);
+/// An OUTBOX that is this run's alone.
+pub struct Lock {
+    folder: Option<File>,
+    /// If it was not there before.
+    made: Option<PathBuf>,
+}
 
 impl Drop for Lock {
     fn drop(&mut self) {
+        // What was refused leaves nothing behind; a folder with files stays.
+        self.made.take().into_iter().for_each(|path| drop(std::fs::remove_dir(path)));
         // Closing is not enough: a program that is just being started from this process has the file open, too.
-        let _ = self.0.unlock();
+        self.folder.take().into_iter().for_each(|folder| drop(folder.unlock()));
     }
 }
 
-/// Takes the case for this run alone.
+/// Takes the OUTBOX of a case for this run alone, and makes it if need be. A DATBOX may be shared.
 ///
-/// Errors: another run has it. Where files cannot be locked, every run gets it.
+/// Errors: another run has it, or it cannot be made. Where folders cannot be locked, every run gets it.
 pub fn lock(case: &Path) -> Result<Lock, Faults> {
-    let path = case.join("DATBOX/BODIES.DAT");
-    let file = File::open(&path).map_err(|error| Fault::io(&path, "read", &error))?;
-    match file.try_lock() {
-        Err(TryLockError::WouldBlock) => {
-            let expected = "expected one run of a case at a time";
-            Err(Fault::new(case, None, "folder", "another run is at work in it", expected).into())
-        }
-        _ => Ok(Lock(file)),
+    let path = outbox(case);
+    let made = match std::fs::create_dir(&path) {
+        Ok(()) => Some(path.clone()),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => None,
+        Err(error) => return Err(Fault::io(&path, "made", &error).into()),
+    };
+    let folder = File::open(&path).ok();
+    if folder.as_ref().is_some_and(|folder| matches!(folder.try_lock(), Err(TryLockError::WouldBlock))) {
+        let expected = "expected one run of a case at a time";
+        return Err(Fault::new(case, None, "folder", "another run is at work in it", expected).into());
     }
+    Ok(Lock { folder, made })
 }
 
 /// Refuses a case that has results; LMGC90's count only if this run would write over them (`text`).
@@ -115,7 +127,8 @@ impl Results {
         let first = scene.start.0;
         let (steps, figures) = Table::open(&outbox.join(log::STEPS), &columns, first, state.step)?;
         let (timer, seconds) = Table::open(&case.join(log::TIMER), &log::timer_header(), first, state.step)?;
-        Ok((Results { outbox, steps, timer }, Tally::of(&figures, &seconds)))
+        let numbered = if scene.options.text { text::numbered(&outbox, scene, state)? } else { 0 };
+        Ok((Results { outbox, steps, timer, numbered }, Tally::of(&figures, &seconds)))
     }
 
     /// Enters a step in the logs.
@@ -148,7 +161,7 @@ impl Results {
         self.steps.flush()?;
         self.timer.flush()?;
         if scene.options.text {
-            text::write(&self.outbox, scene, state)?;
+            text::write(&self.outbox, scene, state, self.numbered)?;
         }
         snapshot::of(scene, state).write(&cd_formats::snapshot::path(&self.outbox, state.step))
     }

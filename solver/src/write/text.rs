@@ -1,8 +1,8 @@
 //! The state in LMGC90's text syntax, for `--text`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use cd_formats::atomic;
+use cd_formats::atomic::{self, entries};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::error::Faults;
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
@@ -12,14 +12,34 @@ use crate::math::Vec3;
 use crate::scene::{Geometry, Part, Scene, Shape};
 use crate::state::{SolvedContact, State, Status};
 
-/// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, k the number of the output counted from 1.
-pub fn write(outbox: &Path, scene: &Scene, state: &State) -> Result<(), Faults> {
-    let k = state.step.div_ceil(scene.options.output_every);
-    if k == 0 {
+const DOF: &str = "DOF.OUT.";
+
+/// Number of the output of a step, counted from 1.
+fn number(scene: &Scene, step: u64) -> u64 {
+    step.div_ceil(scene.options.output_every)
+}
+
+/// What a run that goes on from `state` adds to the numbers of its outputs: those of an earlier part may have been closer together.
+pub fn numbered(outbox: &Path, scene: &Scene, state: &State) -> Result<u64, Faults> {
+    let number_of = |path: &Path| path.file_name()?.to_str()?.strip_prefix(DOF)?.parse::<u64>().ok();
+    let files = entries(outbox)?.into_iter();
+    let mut there: Vec<(u64, PathBuf)> = files.filter_map(|path| Some((number_of(&path)?, path))).collect();
+    there.sort_unstable();
+    // Those after the snapshot are written anew.
+    let before =
+        |(k, path): &(u64, PathBuf)| Some((*k, Dof::read(path).ok()?.step)).filter(|last| last.1 <= state.step);
+    let last = there.iter().rev().find_map(before);
+    Ok(last.map_or(0, |(k, step)| k.saturating_sub(number(scene, step))))
+}
+
+/// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, k the number of the output and `numbered`.
+pub fn write(outbox: &Path, scene: &Scene, state: &State, numbered: u64) -> Result<(), Faults> {
+    if state.step == 0 {
         return Ok(()); // the start stands in DATBOX
     }
+    let k = number(scene, state.step) + numbered;
     atomic::write(&outbox.join(format!("Vloc_Rloc.OUT.{k}")), contacts(scene, state).to_text().as_bytes())?;
-    atomic::write(&outbox.join(format!("DOF.OUT.{k}")), motion(scene, state).to_text().as_bytes())
+    atomic::write(&outbox.join(format!("{DOF}{k}")), motion(scene, state).to_text().as_bytes())
 }
 
 fn motion(scene: &Scene, state: &State) -> Dof {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use cd_formats::compute::{Field, GravityMethod};
+use cd_formats::compute::{Action, Field, GravityMethod};
 use cd_formats::snapshot::Snapshot;
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 
@@ -276,6 +276,18 @@ fn self_gravity_is_evaluated_as_often_as_its_error_asks() {
     let (rough, fine) = (evaluations(1e-2), evaluations(1e-3));
     // The error goes as the square of the time: three times as many, when stretches are long.
     assert!(2 * rough < fine && 2 * fine < 120, "{rough} {fine}");
+}
+
+#[test]
+fn self_gravity_is_evaluated_anew_where_an_event_throws_bodies() {
+    for action in [Action::Shake { speed: 3.0, seed: 1 }, Action::AddSpin([0.0, 0.0, 2.0])] {
+        let mut case = falling(6, 64, 0.004);
+        (case.options.gravity_error, case.options.gravity_moved) = (Some(1e-2), 1e3);
+        case.event(0.2, action.clone());
+        case.run(75);
+        let errors = case.column("gravity_extrapolation");
+        assert!(errors.iter().all(|&missed| missed < 1e-2), "{action:?}: {errors:?}");
+    }
 }
 
 #[test]

@@ -321,6 +321,19 @@ fn a_step_too_long_for_what_moves_is_told() {
     swept.drive_along(plate, 4, Evolution::constant(2e4));
     told(&mut swept, 5e-7, fast);
 
+    // At rest, high above a floor.
+    let mut high = Case::new();
+    high.law("IQS_CLB", &[0.5]);
+    high.gravity = [0.0, 0.0, -10.0];
+    high.plate([3.0, 4.0, 1.0], [0.0, 0.0, -1.0], AXES);
+    high.sphere(0.5, [0.0, 0.0, 100.0]);
+    let fall = 1990f64.sqrt();
+    told(
+        &mut high,
+        0.05 / fall,
+        &format!("through 9.950e1 m they fall to {fall:.3e} m/s: 0.1 of the smallest radius a step"),
+    );
+
     let mut low = Case::new();
     low.sphere(0.5, [7e6, 0.0, 0.0]);
     low.sphere(0.5, [7e6, 0.0, 2.0]);

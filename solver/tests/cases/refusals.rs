@@ -61,11 +61,14 @@ fn options_without_effect_are_told() {
     case.options.narrow_phase = Some(cd_formats::compute::NarrowPhase::Fast);
     case.event(1e-3, Action::Bond);
     case.event(1.0, Action::SetQuench(0.5));
+    case.event(1e-3, Action::SetQuench(0.0));
+    case.event(1.5e-3, Action::SetQuench(0.0));
     case.write();
     let expected = "cd-solve: gravity_error: without effect; needs self_gravity\n\
                     cd-solve: narrow_phase: without effect; needs polyhedra\n\
                     cd-solve: event 1: without effect; Bond needs a law whose bonds or bridges can break\n\
-                    cd-solve: event 2: without effect; at 1 s the run is over, which ends at 0.002 s\n";
+                    cd-solve: event 2: without effect; at 1 s no step begins any more, the last at 0.001 s\n\
+                    cd-solve: event 4: without effect; at 0.0015 s no step begins any more, the last at 0.001 s\n";
     let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(output.status.success() && text.starts_with(expected), "{text}");
