@@ -2,6 +2,7 @@
 //!
 //! A reader collects every fault of a file before it gives up, so that a user mends them in one go.
 
+use std::collections::HashSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -91,9 +92,11 @@ impl Faults {
         result.map_err(|faults| self.0.extend(faults.0)).ok()
     }
 
-    /// The message a program prints: each fault on its own line behind the program's name.
+    /// The message a program prints: each fault on its own line behind the program's name, once, however often the file was read.
     pub fn report(&self, program: &str) -> String {
-        self.0.iter().map(|fault| format!("{program}: {fault}\n")).collect()
+        let mut told = HashSet::new();
+        let lines = self.0.iter().map(|fault| format!("{program}: {fault}\n"));
+        lines.filter(|line| told.insert(line.clone())).collect()
     }
 }
 
@@ -116,3 +119,16 @@ impl fmt::Display for Faults {
 }
 
 impl std::error::Error for Faults {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_is_told_once() {
+        let fault = |found: &str| Fault::new(Path::new("z.dat"), Some(2), "point 2", found, "later than point 1");
+        let faults = Faults(vec![fault("time 0"), fault("time 1"), fault("time 0")]);
+        let expected = "cd-solve: z.dat:2: point 2: time 0; later than point 1\ncd-solve: z.dat:2: point 2: time 1; later than point 1\n";
+        assert_eq!(faults.report("cd-solve"), expected);
+    }
+}
