@@ -302,19 +302,7 @@ impl Setting<'_> {
         let radius = self.radius(contact);
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i as usize);
-        let on_plate = self.on_plate(contact);
-        // Arms that end in one point: where the radii divide the distance, on what is flat in the middle of the gap.
-        let radii = [records[a].radius, records[b].radius];
-        let beyond = match scene.part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
-            Some(Geometry::Sphere { radius }) => *radius,
-            _ if on_plate => radii[0],
-            _ => radii[1],
-        };
-        let arm = if full { 1.0 } else { 1.0 + contact.gap / (radii[0] + beyond) };
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
-        let w_t = w_n
-            + (arm * radii[0]).powi(2) * records[a].inverse_inertia
-            + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
         // What the last step has left of velocity, though its impulses would stop it, is no sliding.
         let slid = |old: &SolvedContact| scene.moves(old.velocity.yz().norm(), w_n * old.impulse.x);
         let slid_before = previous.is_some_and(|old| old.status == Status::Slide && slid(old));
@@ -333,7 +321,19 @@ impl Setting<'_> {
         let shift = shift.unwrap_or_default();
         let shift = Shift { normal: shift.normal - curve, ..shift };
 
+        let on_plate = self.on_plate(contact);
+        // Arms that end in one point: where the radii divide the distance, on what is flat in the middle of the gap.
+        let radii = [records[a].radius, records[b].radius];
+        let beyond = match scene.part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
+            Some(Geometry::Sphere { radius }) => *radius,
+            _ if on_plate => radii[0],
+            _ => radii[1],
+        };
+        let arm = if full { 1.0 } else { 1.0 + contact.gap / (radii[0] + beyond) };
         let plate = if on_plate { self.plate(contact) } else { Vec3::zeros() };
+        let w_t = w_n
+            + (arm * radii[0]).powi(2) * records[a].inverse_inertia
+            + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
         let u_tangent = u_before - n * n.dot(&u_before);
         Row {
             bodies,
