@@ -256,7 +256,7 @@ impl Scene {
         time + self.last_step().saturating_sub(first) as f64 * self.options.dt
     }
 
-    /// Whether a contact moves at `speed` (m/s) by more than an unfinished solution leaves: [`STILL`] times `tol` of the
+    /// Whether a contact moves at `speed` (m/s) by more than an unfinished solution leaves: three times `tol` of the
     /// speed that its impulse `alone` would make, m/s.
     pub fn moves(&self, speed: f64, alone: f64) -> bool {
         speed > STILL * self.options.tol() * alone.abs()
