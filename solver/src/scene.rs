@@ -250,7 +250,7 @@ impl Scene {
         self.options.last_step(self.start.0, self.from).unwrap_or(self.start.0 + DEFAULT_STEPS)
     }
 
-    /// When the last step begins or a little later, s.
+    /// When the last step ends, s.
     pub fn end_time(&self) -> f64 {
         let (first, time) = self.from;
         time + self.last_step().saturating_sub(first) as f64 * self.options.dt
