@@ -213,7 +213,8 @@ pub fn text(scene: &Scene, state: &State) -> String {
     lines.push(("accuracy", format!("{preset}: {}", knobs.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);
     let at_once = |Trial { steps, units, .. }: &Trial| (*units).max(1) as f64 / (*steps).max(1) as f64;
-    let longer = match (scene.options.adaptive().most, &tried) {
+    let most = if scene.changes_in_time() { 1 } else { scene.options.adaptive().most };
+    let longer = match (most, &tried) {
         (1, _) | (_, None) => String::new(),
         (most, Some(tried)) => format!(" of dt, up to {most} of them at once, now {:.1}", at_once(tried)),
     };

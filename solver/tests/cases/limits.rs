@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use cd_formats::compute::Field;
+use cd_formats::compute::{Accuracy, Field};
 use cd_formats::drv_dof::Evolution;
 
 use crate::case::{Beyond, Case, Envelope, Figures, Vec3, equal, near, range, shown};
@@ -316,6 +316,9 @@ fn a_step_too_long_for_what_moves_is_told() {
     let (mut struck, _, plate) = before_a_plate();
     struck.drive_along(plate, 2, shaken);
     told(&mut struck, 5e-7, fast);
+    // Where a motion depends on time all steps are `dt`.
+    struck.options.accuracy = Some(Accuracy::Draft);
+    assert!(!said(&mut struck)[1].contains("of dt"));
     // A corner is 5 m from the centre; the plate's turn by 1e4 rad/s alone would allow 1e-5 s.
     let (mut swept, _, plate) = before_a_plate();
     swept.drive_along(plate, 4, Evolution::constant(2e4));
