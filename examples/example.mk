@@ -43,6 +43,8 @@ figures: post
 
 # Exit status 1: done, with something reported.
 REPORTED = || test $$? -eq 1
+# The last state of each case in depth, and none that an earlier run has left.
+last_states = for case in $(1); do rm -rf $$case/POSTPRO/state-*; $(CD_BIN)/cd-post state $$case $(REPORTED); done
 # The command for the DATBOX of a case; the same as text for a shell, wherever the program is; and whether DATBOX comes of another.
 pre_of = $(or $(PRE_$(1)),$(CD_BIN)/cd-pre $(1)/scene.ron -o $(1))
 pre = $(strip $(pre_of) $(if $(findstring cd-pre from-outbox,$(pre_of)),,$(PRE_FLAGS)))
