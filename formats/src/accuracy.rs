@@ -78,9 +78,9 @@ impl Adaptive {
 }
 
 impl std::str::FromStr for Adaptive {
-    type Err = ron::error::SpannedError;
+    type Err = String;
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        ron::from_str(text)
+        crate::ron_text::from_flag(text)
     }
 }
 

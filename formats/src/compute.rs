@@ -4,13 +4,16 @@
 //! One table below gives each option's name, type, default, unit and help text; the file's
 //! reader, the flags of cd-solve and the documentation all come from it.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 pub use crate::accuracy::{Accuracy, Adaptive};
-use crate::error::{Fault, Faults};
+use crate::error::Faults;
 use crate::report::Report;
+use crate::ron_text;
+pub use crate::ron_text::from_ron;
 
 /// Newtonian constant of gravitation, m^3 kg^-1 s^-2 (CODATA 2018 and 2022).
 pub const GRAVITATIONAL_CONSTANT: f64 = 6.67430e-11;
@@ -206,6 +209,15 @@ macro_rules! options {
         #[command(next_help_heading = "Options of COMPUTE.RON")]
         pub struct Flags { $($(#[doc = $help])+ #[arg(long, allow_hyphen_values = true, $($arg)*)] pub $name: Option<$flag>,)+ }
 
+        impl Flags {
+            /// Names of the options that are given.
+            pub fn given(&self) -> Vec<&'static str> {
+                let mut given = Vec::new();
+                $(if self.$name.is_some() { given.push(stringify!($name)); })+
+                given
+            }
+        }
+
         impl Compute {
             /// The options with those flags put in their place.
             pub fn with(mut self, flags: &Flags) -> Self {
@@ -311,9 +323,9 @@ pub type Events = List<Event>;
 pub type Fields = List<Field>;
 
 impl<T: serde::de::DeserializeOwned> std::str::FromStr for List<T> {
-    type Err = ron::error::SpannedError;
+    type Err = String;
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        ron_options().from_str(text).map(List)
+        ron_text::from_flag(text).map(List)
     }
 }
 
@@ -331,6 +343,14 @@ impl Compute {
         let mut report = Report::new(path, &text);
         compute.check_in(&mut report, "");
         report.faults.into_result(compute)
+    }
+
+    /// Name and value of every option that results depend on: all but how long the run is, on how many threads it runs, and what
+    /// it writes besides.
+    pub fn of_results(&self) -> BTreeMap<String, String> {
+        const OTHERS: [&str; 4] = ["steps", "end_time", "threads", "text"];
+        let values = self.values().into_iter().filter(|(name, _)| !OTHERS.contains(name));
+        values.map(|(name, value)| (name.to_string(), value)).collect()
     }
 
     /// The text of the file, each option behind its help text.
@@ -488,29 +508,9 @@ impl Compute {
 pub const ABOUT_A_PERIOD: &str =
     "a rotation about the only axis along which the scene repeats, or a scene that does not repeat";
 
-/// `field: x` for `field: Some(x)`.
-fn ron_options() -> ron::Options {
-    ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
-}
-
 /// A value as a file or flag has it.
 fn as_written<T: Serialize>(value: &T) -> String {
-    ron_options().to_string(value).unwrap_or_default()
-}
-
-/// Reads RON; a fault names line and column.
-pub fn from_ron<T: serde::de::DeserializeOwned>(path: &Path, text: &str, object: &str) -> Result<T, Faults> {
-    ron_options().from_str(text).map_err(|error| {
-        let mut fault = Fault::new(
-            path,
-            Some(error.span.start.line),
-            object,
-            error.code.to_string(),
-            "expected RON as described in docs/files.md",
-        );
-        fault.column = Some(error.span.start.col);
-        fault.into()
-    })
+    ron_text::options().to_string(value).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -56,6 +56,32 @@ impl Evolution {
         }
     }
 
+    /// Time up to which the value stays as it is at `time`, s: `time` itself while it changes, infinite if it does not any more.
+    ///
+    /// ```
+    /// use cd_formats::drv_dof::Evolution;
+    /// let gate = Evolution::Table { name: "v.dat".into(), points: vec![[0.0, 0.0], [2.0, 0.0], [3.0, 5.0], [4.0, 5.0]] };
+    /// assert_eq!([0.5, 2.5, 3.0].map(|t| gate.constant_until(t)), [2.0, 2.5, f64::INFINITY]);
+    /// ```
+    pub fn constant_until(&self, time: f64) -> f64 {
+        match self {
+            _ if self.is_constant() => f64::INFINITY,
+            // The ramp alone may end.
+            &Evolution::Harmonic { amplitude, omega, ramp_start, ramp_rate, .. } => {
+                let still = amplitude == 0.0 || omega == 0.0;
+                let full = ramp_rate > 0.0 && ramp_start + ramp_rate * time >= 1.0;
+                if still && full { f64::INFINITY } else { time }
+            }
+            Evolution::Table { points, .. } => {
+                let Some(last) = points.len().checked_sub(1).filter(|last| *last > 0) else { return f64::INFINITY };
+                let first = points.partition_point(|point| point[0] <= time).clamp(1, last);
+                // Pieces of the table by their ends; the first and the last go on beyond it.
+                let changes = (first..=last).find(|&end| points[end - 1][1] != points[end][1]);
+                changes.map_or(f64::INFINITY, |end| if end == first { time } else { points[end - 1][0] })
+            }
+        }
+    }
+
     /// Farthest that it gets from a value between two times, s; of a harmonic at any time, with its ramp at its end.
     pub fn farthest_from(&self, value: f64, [from, to]: [f64; 2]) -> f64 {
         match self {

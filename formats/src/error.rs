@@ -2,8 +2,9 @@
 //!
 //! A reader collects every fault of a file before it gives up, so that a user mends them in one go.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fmt;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// One fault: `file:line:column: object: found; expected`.
@@ -18,7 +19,7 @@ pub struct Fault {
     pub object: String,
     /// What stands there.
     pub found: String,
-    /// What should stand there, as a phrase: `expected 1 to 8`, `defined are iqsc0, rstc1`.
+    /// What should stand there, as a phrase: `expected 1 to 8`, `did you mean number?`; empty where there is nothing to say.
     pub expected: String,
 }
 
@@ -40,9 +41,18 @@ impl Fault {
         }
     }
 
-    /// A file that cannot be read or written.
+    /// A file that cannot be read or written; nothing is said of what is expected.
     pub fn io(file: &Path, doing: &str, error: &std::io::Error) -> Self {
-        Fault::new(file, None, "file", format!("cannot be {doing}: {error}"), "expected a file that can")
+        let why = match error.kind() {
+            ErrorKind::NotFound => "there is no such file".into(),
+            ErrorKind::PermissionDenied => "permission denied".into(),
+            ErrorKind::IsADirectory => "it is a folder".into(),
+            ErrorKind::NotADirectory => "part of its path is no folder".into(),
+            ErrorKind::StorageFull => "the disk is full".into(),
+            // Without the number of the system's error.
+            _ => error.to_string().split(" (os error").next().unwrap_or_default().to_string(),
+        };
+        Fault::new(file, None, "file", format!("cannot be {doing}: {why}"), "")
     }
 }
 
@@ -55,7 +65,8 @@ impl fmt::Display for Fault {
                 write!(f, ":{column}")?;
             }
         }
-        write!(f, ": {}: {}; {}", readable(&self.object), readable(&self.found), readable(&self.expected))
+        write!(f, ": {}: {}", readable(&self.object), readable(&self.found))?;
+        if self.expected.is_empty() { Ok(()) } else { write!(f, "; {}", readable(&self.expected)) }
     }
 }
 
@@ -92,12 +103,59 @@ impl Faults {
         result.map_err(|faults| self.0.extend(faults.0)).ok()
     }
 
-    /// The message a program prints: each fault on its own line behind the program's name, once, however often the file was read.
+    /// The message that a program prints: each fault on its own line behind the program's name, once, however often the file was
+    /// read. One and the same fault of more than [`ALIKE`] lines of a file is printed once, with the next lines and their number.
     pub fn report(&self, program: &str) -> String {
-        let mut told = HashSet::new();
-        let lines = self.0.iter().map(|fault| format!("{program}: {fault}\n"));
-        lines.filter(|line| told.insert(line.clone())).collect()
+        let mut seen = HashSet::new();
+        let faults: Vec<&Fault> = self.0.iter().filter(|fault| seen.insert(fault.to_string())).collect();
+        // What belongs to a file as a whole has no line, and is alone.
+        let alike = |fault: &Fault| {
+            let sentence = [&fault.object, &fault.found, &fault.expected].map(|text| without_numbers(text));
+            fault.line.map(|line| ((fault.file.clone(), sentence), line))
+        };
+        let mut lines: HashMap<_, Vec<usize>> = HashMap::new();
+        for (sentence, line) in faults.iter().filter_map(|fault| alike(fault)) {
+            lines.entry(sentence).or_default().push(line);
+        }
+        let mut printed = HashSet::new();
+        let mut text = String::new();
+        for fault in faults {
+            let group = alike(fault).map(|(sentence, _)| sentence);
+            let lines = group.as_ref().map_or(&[][..], |sentence| &lines[sentence]);
+            let mut more = String::new();
+            if lines.len() > ALIKE {
+                if !printed.insert(group) {
+                    continue;
+                }
+                let next: Vec<String> = lines[1..=LISTED].iter().map(usize::to_string).collect();
+                more = format!("; the same in {} more lines: {}, ...", lines.len() - 1, next.join(", "));
+            }
+            text += &format!("{program}: {fault}{more}\n");
+        }
+        text
     }
+}
+
+/// Faults of one kind that are still printed line by line.
+const ALIKE: usize = 5;
+
+/// Lines that are named of those with the same fault.
+const LISTED: usize = 3;
+
+/// A sentence with each number in it as `#`.
+fn without_numbers(text: &str) -> String {
+    let mut plain = String::new();
+    let mut number = false;
+    for letter in text.chars() {
+        let digit = letter.is_ascii_digit() || number && (letter == '.' || letter == 'e' || letter == 'E');
+        if digit && !number {
+            plain.push('#');
+        } else if !digit {
+            plain.push(letter);
+        }
+        number = digit;
+    }
+    plain
 }
 
 impl From<Fault> for Faults {
@@ -123,6 +181,38 @@ impl std::error::Error for Faults {}
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_fault_of_many_lines_is_printed_once_with_their_number() {
+        let fault = |line: usize, found: &str| {
+            let object = format!("body {}, contactor SPHER 1", line / 5);
+            Fault::new(Path::new("BODIES.DAT"), Some(line), object, found, "expected more than 0")
+        };
+        let many =
+            |count: usize| (1..=count).map(|k| fault(5 * k, &format!("radius is -{k}.5e-1"))).collect::<Vec<_>>();
+        let first = "cd-solve: BODIES.DAT:5: body 1, contactor SPHER 1: radius is -1.5e-1; expected more than 0";
+        let mut faults = Faults(many(50));
+        faults.0.insert(20, fault(7, "no radius"));
+        let other = "cd-solve: BODIES.DAT:7: body 1, contactor SPHER 1: no radius; expected more than 0\n";
+        assert_eq!(faults.report("cd-solve"), format!("{first}; the same in 49 more lines: 10, 15, 20, ...\n{other}"));
+        // A few are printed each; so are those of a file as a whole.
+        assert_eq!(Faults(many(ALIKE)).report("cd-solve").lines().count(), ALIKE);
+        assert_eq!(Faults(many(ALIKE)).report("cd-solve").lines().next(), Some(first));
+        let whole = many(9).into_iter().map(|fault| Fault { line: None, ..fault }).collect();
+        assert_eq!(Faults(whole).report("cd-solve").lines().count(), 9);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_read_says_why() {
+        let error = std::fs::read("no/such/file").unwrap_err();
+        assert_eq!(
+            Fault::io(Path::new("a.obj"), "read", &error).to_string(),
+            "a.obj: file: cannot be read: there is no such file"
+        );
+        let other = std::io::Error::from_raw_os_error(5); // EIO
+        let said = Fault::io(Path::new("a.obj"), "read", &other).to_string();
+        assert!(said.starts_with("a.obj: file: cannot be read: ") && !said.contains("os error"), "{said}");
+    }
 
     #[test]
     fn a_fault_is_told_once() {

@@ -11,10 +11,12 @@
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
+//! | [`origin`] | the same: which scene it is made from |
 //! | [`accuracy`] | the same: what its presets of accuracy mean |
 //! | [`groups`] | none: what hangs together
 //! | [`places`] | any RON file: where its values stand, and others in their place |
 //! | [`report`] | the same: its faults |
+//! | [`ron_text`] | the same: reading it, with the place of each mistake |
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
 //! | [`tell`] | none: messages to people |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: all that a restart needs, bit for bit |
@@ -32,8 +34,10 @@ pub mod fc3d;
 pub mod field;
 pub mod groups;
 pub mod mass;
+pub mod origin;
 pub mod places;
 pub mod report;
+pub mod ron_text;
 pub mod scan;
 pub mod snapshot;
 pub mod surface;

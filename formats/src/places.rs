@@ -8,6 +8,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
+use crate::ron_text;
 
 /// The values of a RON text by their paths: field names and 0-based places in lists and tuples, joined by points; the
 /// path of the whole is empty.
@@ -107,6 +108,9 @@ fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
     let Some((path, value)) = pair.filter(|(path, _)| !path.is_empty()) else {
         return Err(refuse("is no pair", "PATH=VALUE, such as grains.1.number=2000"));
     };
+    if let Some(mistake) = ron_text::syntax(&value).into_iter().next().filter(|_| !value.is_empty()) {
+        return Err((format!("value: {}", mistake.found), mistake.expected));
+    }
     let mut walk = Walk::of(&value);
     walk.value("", 1, 0);
     if walk.at < value.len() || walk.places[""].span.end < value.len() || value.is_empty() {
@@ -132,11 +136,26 @@ fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
         holder.filter(|place| has_names(place)).and_then(|place| place.inside).filter(|_| new.iter().all(named))
     else {
         let shown: Vec<&str> = path.split('.').take(known + 1).collect();
-        return Err(refuse(&format!("no '{}' in the file", shown.join(".")), "the path of a value"));
+        let found = format!("no '{}' in the file", shown.join("."));
+        return Err(match nearest_field(&places, &keys[..known], &new[0]) {
+            Some(near) => (found, format!("did you mean {}?", [&shown[..known], &[near]].concat().join("."))),
+            None => refuse(&found, "the path of a value"),
+        });
     };
     let value =
         new.iter().rev().skip(1).fold(format!("{}: {value}", new[new.len() - 1]), |v, key| format!("{key}: ({v})"));
     Ok(format!("{}{value}, {}", &text[..inside], &text[inside..]))
+}
+
+/// The field of what stands at `holder` whose name is nearest to `name`.
+fn nearest_field<'a>(places: &'a HashMap<String, Place>, holder: &[String], name: &str) -> Option<&'a str> {
+    let within = |path: &'a String| {
+        let (parent, field) = path.rsplit_once('.').unwrap_or(("", path));
+        (parent == holder.join(".") && field.parse::<usize>().is_err() && !field.is_empty()).then_some(field)
+    };
+    let mut fields: Vec<&str> = places.keys().filter_map(within).collect();
+    fields.sort_unstable();
+    ron_text::nearest(name, &fields)
 }
 
 struct Walk<'a> {

@@ -11,6 +11,8 @@ pub struct Report<'a> {
     places: Places,
     settings: &'a [String],
     pub faults: Faults,
+    /// What is allowed, and probably a mistake.
+    pub warnings: Faults,
 }
 
 impl<'a> Report<'a> {
@@ -20,16 +22,24 @@ impl<'a> Report<'a> {
 
     /// Of a text in which [`places::set`] has put other values: faults of these name the setting.
     pub fn with(file: &'a Path, text: &str, settings: &'a [String]) -> Self {
-        Report { file, places: Places::of(text), settings, faults: Faults::default() }
+        Report { file, places: Places::of(text), settings, faults: Faults::default(), warnings: Faults::default() }
     }
 
     /// Takes down a fault of the value at `path`: `found` says what stands there, `expected` what should.
     pub fn fault(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
-        let expected = format!("expected {}", expected.into());
-        self.faults.push(match places::setting(self.settings, path) {
+        self.faults.push(self.at(path, found.into(), format!("expected {}", expected.into())));
+    }
+
+    /// Takes down a warning about the value at `path`, with a question or an advice.
+    pub fn ask(&mut self, path: &str, found: impl Into<String>, question: &str) {
+        self.warnings.push(self.at(path, found.into(), question.to_string()));
+    }
+
+    fn at(&self, path: &str, found: String, expected: String) -> Fault {
+        match places::setting(self.settings, path) {
             Some(setting) => places::fault(setting, found, expected),
             None => Fault::new(self.file, self.places.line(path), object(path), found, expected),
-        });
+        }
     }
 
     /// As [`Report::fault`], unless `holds`.
@@ -41,7 +51,7 @@ impl<'a> Report<'a> {
 }
 
 /// A path in words: `grains.0.sizes` is `grains 1, sizes`; `materials.2` is `material 3`.
-fn object(path: &str) -> String {
+pub(crate) fn object(path: &str) -> String {
     let mut words: Vec<String> = Vec::new();
     for key in path.split('.') {
         match (key.parse::<usize>(), words.last_mut()) {
@@ -53,6 +63,7 @@ fn object(path: &str) -> String {
                 };
                 *list = format!("{one} {}", index + 1);
             }
+            (Ok(index), None) => words.push(format!("item {}", index + 1)),
             _ => words.push(key.to_string()),
         }
     }
@@ -69,5 +80,6 @@ mod tests {
         assert_eq!(object("materials.2.name"), "material 3, name");
         assert_eq!(object("compute.dt"), "compute, dt");
         assert_eq!(object("bodies.1.spin"), "body 2, spin");
+        assert_eq!(object("0.action"), "item 1, action");
     }
 }

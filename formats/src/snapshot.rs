@@ -4,6 +4,7 @@
 //! text. `numpy.load(file)` opens it. NNNNNN is the number of the step. The same state gives the
 //! same bytes: no date, host, thread count or duration is in the file.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::{Cursor, Read, Write};
 use std::path::{Path, PathBuf};
@@ -90,6 +91,10 @@ pub struct Meta {
     /// If any step has failed.
     #[serde(default, skip_serializing_if = "Fallback::is_new")]
     pub fallback: Fallback,
+    /// The options of the run as COMPUTE.RON has them, flags included; see [`crate::compute::Compute::of_results`]. Empty in
+    /// snapshots that were written before there were these.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub options: BTreeMap<String, String>,
 }
 
 /// The last two evaluations of self-gravity, from which it is extrapolated; the accelerations are arrays.
@@ -248,6 +253,7 @@ impl Default for Meta {
             ledger: Ledger::default(),
             attraction: None,
             fallback: Fallback::default(),
+            options: BTreeMap::new(),
         }
     }
 }
@@ -526,9 +532,15 @@ impl Entries<'_> {
     }
 
     fn entry(&mut self, name: &str) -> Result<Vec<u8>, String> {
-        let mut entry = self.archive.by_name(&format!("{name}.npy")).map_err(|error| error.to_string())?;
+        use zip::result::ZipError;
+        let mut entry = self.archive.by_name(&format!("{name}.npy")).map_err(|error| match error {
+            ZipError::FileNotFound => "is not there",
+            ZipError::UnsupportedArchive(_) => "is compressed or encrypted",
+            _ => "is damaged",
+        })?;
         let mut bytes = Vec::new();
-        entry.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+        // Checksums tell.
+        entry.read_to_end(&mut bytes).map_err(|_| "is damaged")?;
         Ok(bytes)
     }
 }
@@ -540,7 +552,8 @@ fn npy_rows<T: Element>(bytes: &[u8]) -> Result<Vec<T>, String> {
         return Err("is no npy array of version 1.0".into());
     }
     let length = u16::from_le_bytes([*bytes.get(8).ok_or_else(short)?, *bytes.get(9).ok_or_else(short)?]) as usize;
-    let header = std::str::from_utf8(bytes.get(10..10 + length).ok_or_else(short)?).map_err(|e| e.to_string())?;
+    let header = std::str::from_utf8(bytes.get(10..10 + length).ok_or_else(short)?)
+        .map_err(|_| "has a header that is no text".to_string())?;
     let data = &bytes[10 + length..];
     if !header.contains(&format!("'descr': '{}'", T::DESCR)) || !header.contains("'fortran_order': False") {
         return Err(format!("has the header {}", header.trim()));
@@ -587,15 +600,18 @@ impl Snapshot {
         let refuse = |found: String| {
             Faults::from(Fault::new(path, None, "snapshot", found, "expected an .npz file of cd-solve"))
         };
-        let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| refuse(error.to_string()))?;
+        // Its directory is at its end: without it, the rest was not written.
+        let starts = bytes.starts_with(b"PK");
+        let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|_| {
+            refuse(if starts { "the file is truncated" } else { "the file is no .npz file" }.to_string())
+        })?;
         let mut entries = Entries { path, archive, faults: Faults::default() };
         let Some(meta_text): Option<Vec<u8>> = entries.take("meta", None) else { return Err(entries.faults) };
-        let version: serde_json::Value =
-            serde_json::from_slice(&meta_text).map_err(|e| refuse(format!("meta: {e}")))?;
+        let version: serde_json::Value = serde_json::from_slice(&meta_text).map_err(|error| refuse(in_json(&error)))?;
         if version["format"].as_u64() != Some(FORMAT.into()) {
             return Err(refuse(format!("meta: format {}; this program reads {FORMAT}", version["format"])));
         }
-        let meta: Meta = serde_json::from_slice(&meta_text).map_err(|error| refuse(format!("meta: {error}")))?;
+        let meta: Meta = serde_json::from_slice(&meta_text).map_err(|error| refuse(in_json(&error)))?;
         if let Some(step) = step_of(path).filter(|step| *step != meta.step) {
             let (found, expected) = (format!("of step {}", meta.step), format!("expected {step}, as its name says"));
             return Err(Fault::new(path, None, "snapshot", found, expected).into());
@@ -645,6 +661,20 @@ impl Snapshot {
             && bodies.body_material.iter().all(|&m| (m as usize) < meta.materials.len())
             && gravity.as_ref().is_none_or(|gravity| gravity.gravity_last.len() == bodies_count);
         if in_range { Ok(()) } else { Err("an index points outside its table".into()) }
+    }
+}
+
+/// What is wrong with the JSON of `meta`.
+fn in_json(error: &serde_json::Error) -> String {
+    let quoted = error.to_string().split('`').nth(1).map(str::to_string);
+    match (error.classify(), quoted) {
+        (serde_json::error::Category::Data, Some(field)) => {
+            format!("meta: '{field}' is missing or not as this program writes it")
+        }
+        (serde_json::error::Category::Data, None) => {
+            format!("meta: a value at byte {} is not as this program writes it", error.column())
+        }
+        _ => "meta: its text is no JSON".into(),
     }
 }
 

@@ -103,6 +103,9 @@ fn parameters(kind: &str) -> Option<&'static [&'static [&'static str]]> {
     LAWS.iter().find(|(name, _)| *name == kind).map(|(_, lines)| *lines)
 }
 
+/// Begin of the comments of [`TactBehav::no_law`].
+const NO_LAW: &str = "! no law: ";
+
 impl TactBehav {
     /// Reads the file; all its faults at once.
     ///
@@ -154,6 +157,26 @@ impl TactBehav {
     /// written with its parameters one a line.
     pub fn to_text(&self) -> String {
         self.text(e14)
+    }
+
+    /// A comment of the file: two colours are meant to have no law.
+    pub fn no_law(a: &str, b: &str) -> String {
+        format!("{NO_LAW}{a} {b}\n")
+    }
+
+    /// The pairs of colours of such comments.
+    ///
+    /// ```
+    /// use cd_formats::tact_behav::TactBehav;
+    /// let text = format!("$behav\n{}", TactBehav::no_law("BLUEx", "BOULD"));
+    /// assert_eq!(TactBehav::without_law(&text), [["BLUEx", "BOULD"]]);
+    /// ```
+    pub fn without_law(text: &str) -> Vec<[String; 2]> {
+        let pair = |line: &str| {
+            let (a, b) = line.strip_prefix(NO_LAW)?.trim_end().split_once(' ')?;
+            Some([a, b].map(str::to_string))
+        };
+        text.lines().filter_map(pair).collect()
     }
 
     /// The same with as many digits as the columns hold, see [`long14`].

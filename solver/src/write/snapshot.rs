@@ -71,6 +71,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
         ledger: state.ledger.clone(),
         attraction: state.attraction.as_ref().map(|attraction| attraction.record.clone()),
         fallback: state.fallback,
+        options: options.of_results(),
     }
 }
 
