@@ -42,8 +42,7 @@ pub fn check(scene: &Scene, report: &mut Report) {
         let path = format!("grains.{k}");
         worn(scene, report, &path, &grains.material, &grains.colour);
         check_grains(report, &path, grains);
-        let alone = matches!(&grains.place, Place::List { positions, .. } if positions.len() == 1);
-        let turns = alone || grains.number == Some(1) || scene.compute.may_turn(&grains.spin);
+        let turns = grains.is_one() || scene.compute.may_turn(&grains.spin);
         report.expect(turns, &format!("{path}.spin"), format!("{:?}", grains.spin), ABOUT_A_PERIOD);
     }
     for (k, wall) in scene.walls.iter().enumerate() {
@@ -55,6 +54,7 @@ pub fn check(scene: &Scene, report: &mut Report) {
     let free = scene.grains.is_empty() || scene.grains.iter().any(|grains| grains.driven.is_none());
     report.expect(free, "grains", "none is free to move", "at least one body of grains whose motion is not imposed");
     scene.compute.check_in(report, "compute.");
+    check_event_times(report, &scene.compute.events, 0.0);
     check_turning(report, &scene.compute, driven_in_part(&scene.grains, &scene.walls));
     let used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
     let cohesive = |law: &Law| {
@@ -122,6 +122,15 @@ pub(crate) fn check_laws_of_events(report: &mut Report, events: &[Event], laws: 
                 report.expect(holds, &path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }
         }
+    }
+}
+
+/// Events before the start of the run, s, which would never happen.
+pub(crate) fn check_event_times(report: &mut Report, events: &[Event], start: f64) {
+    for (k, event) in events.iter().enumerate() {
+        let path = format!("compute.events.{k}.time");
+        let found = format!("{:?} s is before the start of the run", event.time);
+        report.expect(event.time.is_nan() || event.time >= start, &path, found, &format!("at least {start:?} s"));
     }
 }
 
@@ -632,10 +641,17 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
         let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
         worn.all(|grains| grains.driven.as_ref().is_some_and(all))
     };
+    // One body does not meet itself, whatever pieces it has.
+    let alone = |colour: &str| {
+        let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
+        let one = worn.next().is_some_and(Grains::is_one);
+        one && worn.next().is_none()
+    };
     for (k, a) in spheres.iter().enumerate() {
         let beyond = plates.iter().filter(|plate| !spheres[..k].contains(plate));
         for b in spheres[k..].iter().chain(beyond) {
-            if !(known.contains(&sorted(a, b)) || imposed(a) && imposed(b)) {
+            let alone = a == b && alone(a) && !plates.contains(a);
+            if !(known.contains(&sorted(a, b)) || alone || imposed(a) && imposed(b)) {
                 known.push(sorted(a, b));
                 report.fault(
                     "contacts",

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`scene`] | what stands in scene.ron |
 //! | [`check`] | what no scene may ask for |
+//! | [`doubts`] | what a scene may ask for by mistake |
 //! | [`sizes`] | radii of grains |
 //! | [`shapes`] | polyhedra: hulls, solids at random, mass properties |
 //! | [`place`] | where grains go |
@@ -15,6 +16,7 @@
 //! | [`from_outbox`] | a DATBOX from the results of a run |
 
 pub mod check;
+pub mod doubts;
 pub mod from_outbox;
 pub mod motion;
 pub mod place;
@@ -31,12 +33,14 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::compute::from_ron;
-use cd_formats::error::Faults;
+use cd_formats::error::{Fault, Faults};
+use cd_formats::origin::Origin;
 use cd_formats::places;
 use cd_formats::report::Report;
+use cd_formats::ron_text::nearest;
 use cd_formats::scan::{fortran_real, long14};
 use cd_formats::tell::{complain, tell};
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use population::Population;
@@ -88,6 +92,16 @@ enum Command {
 ///
 /// Returns the exit code: 0 done, 2 input refused (faults on stderr, no file written).
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let first = args.get(1).and_then(|first| first.to_str()).unwrap_or_default();
+    let commands = Arguments::command();
+    let commands: Vec<&str> = commands.get_subcommands().map(|command| command.get_name()).collect();
+    if !commands.contains(&first) && !Path::new(first).exists() && !first.starts_with('-') {
+        if let Some(near) = nearest(first, &commands) {
+            complain(format_args!("cd-pre: {first}: is no file and no command; did you mean {near}?"));
+            return 2;
+        }
+    }
     let arguments = match Arguments::try_parse_from(args) {
         Ok(arguments) => arguments,
         Err(message) => {
@@ -124,18 +138,35 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
 /// Returns a summary for people. Errors: all faults of the scene (nothing is written then), or a file
 /// that cannot be written.
 pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result<String, Faults> {
-    let text = places::set(&atomic::read_text(source)?, settings)?;
+    let original = atomic::read_text(source)?;
+    let text = places::set(&original, settings)?;
     let (scene, population) = read(source, &text, settings)?;
-    let files = write::files(&scene, &population);
+    let mut report = Report::with(source, &text, settings);
+    doubts::doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
+    let mut files = write::files(&scene, &population);
+    // Whether the scene lies near DATBOX is known when there is one.
+    std::fs::create_dir_all(datbox).map_err(|error| Fault::io(datbox, "written", &error))?;
+    let origin = Origin::of(source, original.as_bytes(), settings, datbox.parent().unwrap_or(Path::new("")));
+    for (_, text) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE) {
+        text.insert_str(0, &origin.as_ref().map_or(String::new(), Origin::line));
+    }
     atomic::write_all(files.iter().map(|(name, text)| (datbox.join(name), text.as_bytes())))?;
     from_outbox::clear(datbox)?;
+    warn(&report.warnings);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     Ok(format!("{}wrote {}: {}\n", summary(&scene, &population), datbox.display(), names.join(" ")))
 }
 
+/// Prints warnings on stderr.
+fn warn(warnings: &Faults) {
+    if !warnings.0.is_empty() {
+        complain(warnings.report("cd-pre: warning").trim_end());
+    }
+}
+
 /// The scene in `text`, and its bodies; the faults name the file `source`, and those of `settings` in the text these.
 pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Population), Faults> {
-    let scene: Scene = parsed(source, text, settings, "scene", "a scene as described in docs/scene.md")?;
+    let scene: Scene = parsed(source, text, settings, "scene")?;
     let mut report = Report::with(source, text, settings);
     check::check(&scene, &mut report);
     if !report.faults.0.is_empty() {
@@ -146,16 +177,9 @@ pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Po
 }
 
 /// Reads RON in which [`places::set`] has put other values.
-fn parsed<T: DeserializeOwned>(
-    file: &Path,
-    text: &str,
-    settings: &[String],
-    object: &str,
-    expected: &str,
-) -> Result<T, Faults> {
+fn parsed<T: DeserializeOwned>(file: &Path, text: &str, settings: &[String], object: &str) -> Result<T, Faults> {
     from_ron(file, text, object).map_err(|mut faults| {
         for fault in &mut faults.0 {
-            fault.expected = format!("expected {expected}");
             let (line, column) = (fault.line.unwrap_or(1), fault.column.unwrap_or(1));
             if let Some(setting) = places::setting_at(settings, text, line, column) {
                 *fault = places::fault(setting, fault.found.as_str(), fault.expected.as_str());

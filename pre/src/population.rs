@@ -4,6 +4,7 @@ use std::cell::OnceCell;
 use std::path::Path;
 
 use cd_formats::compute::Compute;
+use cd_formats::error::Faults;
 use cd_formats::report::Report;
 use nalgebra::{Matrix3, Vector3};
 
@@ -82,6 +83,18 @@ impl Grain {
     }
 }
 
+/// Takes the faults of a file that the value at `path` names into the report: of one that cannot be read, the value is at fault.
+fn of_file(faults: Faults, path: &str, report: &mut Report) {
+    for fault in faults.0 {
+        if fault.line.is_none() && fault.object == "file" && fault.found.starts_with("cannot be read") {
+            let found = format!("{} {}", fault.file.display(), fault.found);
+            report.fault(path, found, "a file next to the scene, or an absolute path");
+        } else {
+            report.faults.push(fault);
+        }
+    }
+}
+
 /// The bodies of a (checked) scene; what does not fit or overlaps goes into the report.
 ///
 /// Paths of files begin at `folder`.
@@ -91,13 +104,13 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
     for (group, grains) in scene.grains.iter().enumerate() {
         let shapes = Shapes::of(grains, folder, scene.seed, group);
         let shapes = shapes.map_err(|wrong| match wrong {
-            Wrong::File(faults) => report.faults.0.extend(faults.0),
+            Wrong::File(faults) => of_file(faults, &format!("grains.{group}.shape"), report),
             Wrong::Shape(misfit) => {
                 report.fault(&format!("grains.{group}.shape"), misfit.to_string(), "a shape that can be made");
             }
         });
         let room = grains.place.envelope().map(|envelope| envelope.room(folder)).transpose();
-        let room = room.map_err(|faults| report.faults.0.extend(faults.0));
+        let room = room.map_err(|faults| of_file(faults, &format!("grains.{group}.place"), report));
         let (Ok(mut shapes), Ok(room)) = (shapes, room) else { continue };
         let (room, of_room) = room.map_or((None, String::new()), |(room, told)| (Some(room), told));
         match place::place(grains, &mut shapes, room, scene.seed, group) {

@@ -602,6 +602,11 @@ impl Place {
 }
 
 impl Grains {
+    /// Whether it is a single body.
+    pub fn is_one(&self) -> bool {
+        self.number == Some(1) || matches!(&self.place, Place::List { positions, .. } if positions.len() == 1)
+    }
+
     /// Whether they are polyhedra and no spheres.
     pub fn polyhedral(&self) -> bool {
         self.shape != Shape::Sphere || matches!(self.place, Place::Fragments { .. })

@@ -15,17 +15,20 @@ use crate::shapes::Polyhedron;
 use crate::sizes::volume;
 use crate::walls::{Tables, WallBody};
 
+/// Name of the options' file in DATBOX.
+pub const COMPUTE: &str = "COMPUTE.RON";
+
 /// Name within DATBOX and text of every file, for a (checked) scene.
 pub fn files(scene: &Scene, population: &Population) -> Vec<(String, String)> {
     let (drv_dof, tables) = drv_dof(scene, population);
     let mut files: Vec<(String, String)> = [
         ("BODIES.DAT", bodies(scene, population).to_text()),
         ("BULK_BEHAV.DAT", bulk_behav(scene).to_text()),
-        ("TACT_BEHAV.DAT", tact_behav(scene, population).to_text()),
+        ("TACT_BEHAV.DAT", tact_behav(scene, population).to_text() + &without_law(scene)),
         ("DRV_DOF.DAT", drv_dof.to_text()),
         ("DOF.INI", dof(population).to_text()),
         ("Vloc_Rloc.INI", VlocRloc::default().to_text()),
-        ("COMPUTE.RON", scene.compute.to_text()),
+        (COMPUTE, scene.compute.to_text()),
     ]
     .map(|(name, text)| (name.to_string(), text))
     .into();
@@ -83,6 +86,12 @@ pub fn bulk_behav(scene: &Scene) -> BulkBehav {
 }
 
 /// A row for every pair of colours and of shapes that bear them.
+/// Comments of TACT_BEHAV.DAT for the colours that are to have no law.
+fn without_law(scene: &Scene) -> String {
+    let meant = scene.contacts.iter().filter(|contact| contact.law.is_none());
+    meant.map(|contact| TactBehav::no_law(&contact.between.0, &contact.between.1)).collect()
+}
+
 pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     let law = |law: &crate::scene::Law| {
         let (kind, parameters) = law.kind.row();

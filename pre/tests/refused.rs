@@ -44,23 +44,6 @@ fn check(cases: &[Case]) {
 }
 
 #[test]
-fn text_that_is_no_scene() {
-    for (from, to, start) in [
-        ("spin:", "spinn:", "scene.ron:11:9: scene: Unexpected field named `spinn` in `Grains`, expected one of"),
-        ("dt:", "step:", "scene.ron:14:15: scene: Unexpected field named `step` in `Compute`, expected one of"),
-        ("min:", "low:", "scene.ron:9:24: scene: Unexpected field named `low` in `Uniform`, expected either"),
-        ("Uniform(", "Even(", "scene.ron:9:16: scene: Unexpected variant named `Even` in enum `Sizes`"),
-        ("2700.0", "\"heavy\"", "scene.ron:3:41: scene: Expected float"),
-        ("number: 20", "number: -20", "scene.ron:8:18: scene: Integer is out of bounds"),
-        ("law: \"iqsc0\"), (", "), (", "scene.ron:5:46: scene: Unexpected missing field named `law`"),
-    ] {
-        let said = said(from, to);
-        assert!(said.starts_with(start), "{from} -> {to}: {said}");
-        assert!(said.ends_with("; expected a scene as described in docs/scene.md"), "{said}");
-    }
-}
-
-#[test]
 fn laws_of_events_are_those_of_contacts_and_cohesion_is_changed_where_there_is_some() {
     let event = |action: &str| {
         format!("compute: (\n dt: 1.0e-3,\n events: [\n(time: 1.0, action: Bond),\n(time: 1.0, action: {action})])")
@@ -428,8 +411,9 @@ fn bodies_whose_motion_is_imposed_need_no_law_for_each_other() {
         rough(still),
         "scene.ron:5: contacts: no law between 'BLUEx' and 'ROUGH'; expected one for each pair that can meet (law: None for none)"
     );
-    // Driven in part it may move against the others.
-    assert_eq!(rough("(Constant(0), Constant(0), None)").lines().count(), 3);
+    // Driven in part it may move against the wall too; one alone does not meet itself.
+    let partly = rough("(Constant(0), Constant(0), None)");
+    assert_eq!(partly.lines().count(), 2, "{partly}");
 }
 
 #[test]

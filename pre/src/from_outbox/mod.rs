@@ -143,8 +143,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     };
     let parsed = |text: &str, settings: &[String]| -> Result<(Changes, String), Faults> {
         let text = places::set(text, settings)?;
-        let expected = "changes as described in docs/from-outbox.md";
-        Ok((crate::parsed(file, &text, settings, "changes", expected)?, text))
+        Ok((crate::parsed(file, &text, settings, "changes")?, text))
     };
     // Options that are set where the file has none are for those of the first case.
     let (of_run, others): (Vec<String>, Vec<String>) =
@@ -212,6 +211,11 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let new = New::of(&changes, &parts, &options, folder, &mut report);
     let records = records(&parts, &new);
     check_overlaps(&changes, &parts, &new, &records, &options, &mut report);
+    if let Some(compute) = &changes.compute {
+        let start = if changes.keep_time { sources[0].snapshot.meta.time } else { 0.0 };
+        crate::check::check_event_times(&mut report, &compute.events, start);
+    }
+    crate::doubts::doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, &mut report);
     let tables = Tables::merged(&changes, &parts, &new.population.grains, &records, &options, &mut report);
     if changes.compute.is_some() || !of_run.is_empty() {
         tables.check_events(&options.events, &mut report);
@@ -230,6 +234,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let driven = driven(&parts, &new);
     let files = files(&changes, &parts, &new, &records, &tables, &driven, &options);
     atomic::write_all(files.iter().map(|(name, bytes)| (datbox.join(name), bytes.as_slice())))?;
+    crate::warn(&report.warnings);
     let mut summary = String::new();
     for part in &parts {
         let (step, time) = (part.source.snapshot.meta.step, part.source.snapshot.meta.time);

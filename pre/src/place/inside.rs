@@ -42,7 +42,11 @@ impl Inside {
         let points = vertices.iter().map(|&[x, y, z]| Point::new(x, y, z)).collect();
         let unit = Surface::new(&vertices, surface.triangles()).map_err(|faults| faults.join("; "))?;
         let mesh = TriMesh::with_flags(points, unit.triangles().to_vec(), TriMeshFlags::ORIENTED);
-        Ok(Inside { surface: Rc::new(unit), mesh: Rc::new(mesh.map_err(|error| error.to_string())?), scale })
+        Ok(Inside {
+            surface: Rc::new(unit),
+            mesh: Rc::new(mesh.map_err(|_| "its triangles make no surface with an inside")?),
+            scale,
+        })
     }
 
     /// m^3

@@ -118,6 +118,7 @@ pub fn place(
     }
     // Positions are rounded to 8 digits after they were found: by at most sqrt(3) 5e-8 of the largest
     // coordinate. Grains keep a little more than that from each other and from the envelope.
+    expect_smaller(&room, &drawn)?;
     let margin = 1e-7 * (room.halves().norm() + centre.amax());
     let in_envelope = match &grains.place {
         Place::JitteredLattice { jitter, .. } => jittered_lattice(&room, &drawn, margin, *jitter, &mut random),
@@ -177,6 +178,22 @@ fn draw(
                 }
             }
         },
+    }
+}
+
+/// Errors: grains that are larger than the room itself.
+fn expect_smaller(room: &Room, grains: &[Drawn]) -> Result<(), Misfit> {
+    let half = room.halves().min();
+    let sizes = grains.iter().map(|grain| grain.reach);
+    let (smallest, largest) = (sizes.clone().fold(f64::INFINITY, f64::min), sizes.fold(0.0, f64::max));
+    let larger = |which: &str, radius: f64| Misfit {
+        found: format!("the {which} grain, of radius {radius:?} m, is larger than {room}"),
+        expected: "smaller grains or a larger envelope, lengths in m",
+    };
+    match half {
+        half if smallest > half => Err(larger("smallest", smallest)),
+        half if largest > half => Err(larger("largest", largest)),
+        _ => Ok(()),
     }
 }
 

@@ -1,0 +1,323 @@
+//! Messages of cd-pre as a user meets them: mistakes in the text of a scene with line and column, warnings, exit codes.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+const GOOD: &str = r#"(
+    gravity: (0.0, 0.0, -9.81),
+    materials: [(name: "ROCKx", density: 2700.0)],
+    laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+    contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "WALLx"), law: "iqsc0")],
+    grains: [(
+        material: "ROCKx", colour: "BLUEx",
+        number: 20,
+        sizes: Uniform(min: 0.5, max: 1.0),
+        place: JitteredLattice(envelope: Ball(radius: 10.0)),
+        spin: (0.0, 0.0, 0.1),
+    )],
+    walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0.0, 0.0, -11.0), half_lengths: (9.0, 9.0, 0.5))],
+    compute: (dt: 1.0e-3, output_every: 10, self_gravity: true),
+)
+"#;
+
+/// The faults of a scene, a line each.
+fn faults(scene: &str) -> String {
+    match cd_pre::read(Path::new("scene.ron"), scene, &[]) {
+        Ok(_) => String::from("nothing"),
+        Err(faults) => faults.to_string(),
+    }
+}
+
+/// What is said when `from` stands as `to` in the good scene.
+#[track_caller]
+fn said(from: &str, to: &str) -> String {
+    assert!(GOOD.contains(from), "{from}");
+    faults(&GOOD.replacen(from, to, 1))
+}
+
+/// Runs the program.
+fn cd_pre(arguments: &[&str]) -> (i32, String) {
+    let Output { status, stderr, .. } = Command::new(env!("CARGO_BIN_EXE_cd-pre")).args(arguments).output().unwrap();
+    (status.code().unwrap(), String::from_utf8(stderr).unwrap())
+}
+
+/// Writes a scene into a folder and runs the program; exit code and stderr, without the folder's name.
+fn made(scene: &str, arguments: &[&str]) -> (i32, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ron");
+    std::fs::write(&path, scene).unwrap();
+    let (code, text) = cd_pre(&[&[path.to_str().unwrap()], arguments].concat());
+    (code, text.replace(&format!("{}/", folder.path().display()), ""))
+}
+
+#[test]
+fn mistakes_in_the_text_are_placed() {
+    let wall = "-11.0),";
+    for (from, to, message) in [
+        (
+            "    gravity:",
+            "    # down\n    gravity:",
+            "2:5: scene: '#' begins no comment; expected // before it, or /* */ around it",
+        ),
+        ("gravity:", "\"gravity\":", "2:5: scene: the name \"gravity\" in quotes; expected gravity: without quotes"),
+        ("number: 20", "number: 50.5", "8:17: grains 1, number: 50.5; expected an integer"),
+        ("number: 20", "number: -20", "8:17: grains 1, number: -20; expected an integer of 0 or more"),
+        ("number: 20", "number: \"20\"", "8:17: grains 1, number: \"20\"; expected an integer"),
+        ("number: 20", "number: 20 m", "8:17: grains 1, number: 20 m; expected a number without unit"),
+        ("number: 20", "number 20", "8:15: grains 1: no ':' behind 'number'; expected number: value"),
+        ("number: 20", "number = 20", "8:16: grains 1: '=' behind number; expected number: value"),
+        ("number: 20,", "number: 20", "8:19: grains 1, number: no ',' before 'sizes'; expected ',' here"),
+        ("number: 20,", "number: 20;", "8:19: grains 1, number: ';'; expected ','"),
+        ("number: 20", "number:", "8:16: grains 1, number: ','; expected a value before it"),
+        ("number: 20", "numbr: 20", "8:9: grains 1: unknown field 'numbr'; did you mean number?"),
+        ("min: 0.5", "min: 0,5", "9:29: grains 1, sizes: 0,5; expected a decimal point, 0.5"),
+        ("min: 0.5", "min: 0.5, min: 0.6", "9:34: grains 1, sizes: 'min' is there twice; expected it once"),
+        (", max: 1.0)", ")", "9:16: grains 1, sizes: no field 'max'; expected the field max of Uniform"),
+        ("max: 1.0)", "max: 1.0", "9:23: scene: '(' without ')'; expected ')' in this line"),
+        ("Uniform(", "Unifrom(", "9:16: grains 1, sizes: unknown 'Unifrom'; did you mean Uniform?"),
+        (
+            "Uniform(min: 0.5, max: 1.0)",
+            "Single",
+            "9:16: grains 1, sizes: Single; expected Single(...) with its values",
+        ),
+        (
+            "Uniform(min: 0.5, max: 1.0)",
+            "0.5",
+            "9:16: grains 1, sizes: 0.5; expected one of Single, Uniform, PowerLaw, LogNormal, List",
+        ),
+        (
+            "Uniform(min: 0.5, max: 1.0)",
+            "Single(0.5, 1.0)",
+            "9:16: grains 1, sizes: too many values in Single(0.5, 1.0); expected one value",
+        ),
+        (
+            wall,
+            "-11.0), velocity: (0, 0, 0.1),",
+            "13:93: wall 1, velocity 1: 0; expected a function, one of Constant, Harmonic, Table, such as Constant(0)",
+        ),
+        (wall, "-11.0), velocity: 0.1,", "13:92: wall 1, velocity: 0.1; expected 3 values in ( )"),
+        ("-9.81)", "-9.81", "2:14: scene: '(' without ')'; expected ')' in this line"),
+        ("(0.0, 0.0, -9.81)", "(0.0, -9.81)", "2:14: gravity: 2 values in (0.0, -9.81); expected 3 values in ( )"),
+        (
+            "(0.0, 0.0, -9.81)",
+            "(0.0, 0.0, 0.0, -9.81)",
+            "2:14: gravity: too many values in (0.0, 0.0, 0.0, -9.81); expected 3 values in ( )",
+        ),
+        ("(0.0, 0.0, -9.81)", "[0.0, 0.0, -9.81]", "2:14: gravity: [0.0, 0.0, -9.81]; expected 3 values in ( )"),
+        (
+            "IQS_CLB(friction: 0.4)",
+            "IQS_WET_DS_CLB(cohesion: 3, dynamic_friction: 0.3, static_friction: 0.4)",
+            "4:34: law 1, kind: no field 'range'; expected the field range of IQS_WET_DS_CLB",
+        ),
+        ("IQS_CLB(", "IQS_CBL(", "4:34: law 1, kind: unknown 'IQS_CBL'; did you mean IQS_CLB?"),
+        (
+            "IQS_CLB(friction: 0.4)",
+            "IQS_CLB(0.4)",
+            "4:42: law 1, kind 1: 0.4; expected name: value, with the field friction",
+        ),
+        (
+            "\"ROCKx\", density",
+            "\"ROCKx, density",
+            "3:24: material 1, name: no '\"' behind \"ROCKx, density: 2700.0)],; expected '\"' at the end of the text",
+        ),
+        ("\"ROCKx\", density", "'ROCKx', density", "3:24: material 1, name: 'ROCKx'; expected \"ROCKx\""),
+        ("\"ROCKx\", density", "ROCKx, density", "3:24: material 1, name: ROCKx; expected a text in quotes, \"ROCKx\""),
+        ("2700.0", "\"heavy\"", "3:42: material 1, density: \"heavy\"; expected a number"),
+        ("output_every", "output_evry", "14:27: compute: unknown field 'output_evry'; did you mean output_every?"),
+        ("output_every", "output-every", "14:27: compute: the name 'output-every'; did you mean output_every?"),
+        ("self_gravity: true", "self_gravity: yes", "14:59: compute, self_gravity: yes; expected true or false"),
+        ("self_gravity: true", "accuracy: drat", "14:55: compute, accuracy: unknown 'drat'; did you mean draft?"),
+        (
+            "self_gravity: true",
+            "adaptive: 16",
+            "14:55: compute, adaptive: 16; expected ( ) around fields of most, travel, penetration",
+        ),
+        (
+            "self_gravity: true",
+            "events: [(time: 0, action: AddSpin(0, 0, 1))]",
+            "14:80: compute, event 1, action 1: 0; expected 3 values in ( )",
+        ),
+        (
+            "    )],\n    walls",
+            "    ],\n    walls",
+            "12:5: grains 1: ']', while '(' of 6:14 is open; expected ')' before it",
+        ),
+        (
+            "    )],\n    walls",
+            "    ),\n    walls",
+            "13:5: grains: 'walls:' in a list, while '[' of 6:13 is open; expected ']' before it",
+        ),
+        ("(\n    gravity", "    gravity", "1:5: scene: 'gravity' outside of ( ); expected '(' before it"),
+        ("    compute", "    /* compute", "14:5: scene: a comment without end; expected */ behind it"),
+        ("true),\n)\n", "true),\n", "1:1: scene: '(' without ')'; expected ')' before the end of the text"),
+        ("true),\n)\n", "true),\n))\n", "15:2: scene: ')' closes nothing; expected nothing more"),
+    ] {
+        assert_eq!(said(from, to), format!("scene.ron:{message}"), "{from} -> {to}");
+    }
+    assert_eq!(faults(""), "scene.ron:1:1: scene: no value; expected one");
+    // Several at once.
+    let twice = GOOD.replace("    gravity", "    # a\n    \"gravity\"");
+    assert_eq!(faults(&twice).lines().count(), 2, "{}", faults(&twice));
+}
+
+#[test]
+fn what_was_written_for_another_program_is_told_apart() {
+    let json = GOOD.replacen("(\n    gravity", "{\n    \"gravity\"", 1);
+    let said = faults(&json);
+    let lines: Vec<&str> = said.lines().collect();
+    assert_eq!(lines[0], "scene.ron:1:1: scene: '{'; expected '(' around fields, '[' around lists");
+    assert_eq!(lines[1], "scene.ron:2:5: scene: the name \"gravity\" in quotes; expected gravity: without quotes");
+    assert_eq!(lines.len(), 2, "{said}");
+}
+
+/// Wherever a letter or a bracket is lost, nothing of the RON library is said, and the place is there.
+#[test]
+fn no_text_of_the_library_reaches_the_user() {
+    let words = ["Expected ", "Unexpected", "identifier", "raw ", "std ", "struct", "trailing", "`"];
+    let mut refused = 0;
+    for (at, letter) in GOOD.char_indices() {
+        for with in ["", "x", ")", "\"", ",", "#", "-"] {
+            let said = faults(&format!("{}{with}{}", &GOOD[..at], &GOOD[at + letter.len_utf8()..]));
+            if said == "nothing" {
+                continue;
+            }
+            refused += 1;
+            for line in said.lines() {
+                assert!(!words.iter().any(|word| line.contains(word)), "{at} {with}: {line}");
+                let mut parts = line.splitn(4, ':').skip(1);
+                assert!(parts.next().is_some_and(|line| line.parse::<usize>().is_ok()), "{at} {with}: {line}");
+            }
+        }
+    }
+    assert!(refused > 2000, "{refused}");
+}
+
+#[test]
+fn settings_are_refused_by_their_own_text() {
+    let said = |set: &str| made(GOOD, &["--set", set]);
+    for (set, message) in [
+        ("grains.1.number=5.5", "5.5; expected an integer"),
+        ("grains.1.numbr=5", "unknown field 'numbr'; did you mean number?"),
+        ("compute.output_evry=5", "unknown field 'output_evry'; did you mean output_every?"),
+        ("grain.1.number=5", "no 'grain' in the file; did you mean grains?"),
+        ("grains.1.material=\"ROCK", "value: no '\"' behind \"ROCK; expected '\"' at the end of the text"),
+        ("walls.1.velocity=(0, 0, 1)", "0; expected a function, one of Constant, Harmonic, Table, such as Constant(0)"),
+    ] {
+        assert_eq!(said(set), (2, format!("cd-pre: options: set {set}: {message}\n")));
+    }
+}
+
+#[test]
+fn doubtful_values_are_asked_about_and_accepted() {
+    for (from, to, warning) in [
+        ("2700.0", "2.7", "3: material 1, density: 2.7; did you mean kg/m^3? 2.7 g/cm^3 are 2700.0 kg/m^3"),
+        (
+            "2700.0",
+            "2700e3",
+            "3: material 1, density: 2700000.0; did you mean kg/m^3? water has 1000, rock 2500 to 3500",
+        ),
+        (
+            "friction: 0.4",
+            "friction: 50",
+            "4: law 1, kind, friction: 50.0; did you mean an angle? 50.0 degrees are 1.192",
+        ),
+        (
+            "-11.0),",
+            "-11.0), velocity: (Constant(0), Constant(0), Harmonic(amplitude: 1, omega: 3, ramp_start: 0)),",
+            "13: wall 1, velocity 3: ramp_start 0 without ramp_rate: the function is 0 at all times; \
+             leave ramp_start out, or give a ramp_rate in 1/s",
+        ),
+        (
+            "-11.0),",
+            "-11.0), rotation: (Table([(0, 0), (1, 0)]), Constant(0), Constant(0)),",
+            "13: wall 1, rotation 1: the function is 0 at all times; give values, or Constant(0.0)",
+        ),
+    ] {
+        let expected = format!("cd-pre: warning: scene.ron:{warning}\n");
+        assert_eq!(made(&GOOD.replacen(from, to, 1), &[]), (0, expected), "{to}");
+    }
+    assert_eq!(made(GOOD, &[]), (0, String::new()));
+    // What is set is named, not a line.
+    let (code, said) = made(GOOD, &["--set", "materials.1.density=3.1"]);
+    assert!(
+        code == 0 && said.starts_with("cd-pre: warning: options: set materials.1.density=3.1: 3.1; did you"),
+        "{said}"
+    );
+}
+
+#[test]
+fn events_before_the_start_are_refused() {
+    let event = "events: [(time: 1, action: Bond),\n (time: -1, action: AddSpin((0, 0, 1)))]";
+    let message = "15: compute, event 2, time: -1.0 s is before the start of the run; expected at least 0.0 s";
+    assert_eq!(said("self_gravity: true", event), format!("scene.ron:{message}"));
+}
+
+#[test]
+fn grains_larger_than_their_room_are_named() {
+    let cm = "Uniform(min: 80.0, max: 120.0)";
+    let said = said("Uniform(min: 0.5, max: 1.0)", cm);
+    assert!(said.starts_with("scene.ron:10: grains 1, place: the smallest grain, of radius 8"), "{said}");
+    assert!(
+        said.ends_with(
+            " m, is larger than a ball of radius 10.00000 m; expected smaller grains or a larger envelope, lengths in m"
+        ),
+        "{said}"
+    );
+    let (small, both) = ("Uniform(min: 0.5, max: 1.0)", "List([0.5, 12.0])");
+    let scene = GOOD.replacen("number: 20,", "", 1).replacen(small, both, 1);
+    assert!(
+        faults(&scene).contains("the largest grain, of radius 12.0 m, is larger than a ball"),
+        "{}",
+        faults(&scene)
+    );
+}
+
+#[test]
+fn a_missing_surface_is_a_fault_of_the_grains_that_name_it() {
+    let (code, said) = made(&GOOD.replacen("number: 20,", "number: 20, shape: Model(file: \"rock.obj\"),", 1), &[]);
+    let expected = "cd-pre: scene.ron:8: grains 1, shape: rock.obj cannot be read: there is no such file; \
+                    expected a file next to the scene, or an absolute path\n";
+    assert_eq!((code, said.as_str()), (2, expected));
+}
+
+#[test]
+fn one_body_needs_no_law_with_itself() {
+    let one = |number: &str| {
+        let both = GOOD.replacen("(between: (\"BLUEx\", \"BLUEx\"), law: \"iqsc0\"), ", "", 1);
+        faults(&both.replacen("number: 20", number, 1))
+    };
+    assert_eq!(one("number: 1"), "nothing");
+    assert!(one("number: 2").contains("no law between 'BLUEx' and 'BLUEx'"), "{}", one("number: 2"));
+}
+
+#[test]
+fn commands_and_files_that_are_not_there() {
+    let said = cd_pre(&["from-outbx", "a", "b"]);
+    assert_eq!(said, (2, "cd-pre: from-outbx: is no file and no command; did you mean from-outbox?\n".into()));
+    let said = cd_pre(&["no-such.ron"]);
+    assert_eq!(said, (2, "cd-pre: no-such.ron: file: cannot be read: there is no such file\n".into()));
+}
+
+#[test]
+fn datbox_names_the_scene_that_it_is_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ron");
+    std::fs::write(&path, GOOD).unwrap();
+    let compute = |arguments: &[&str], case: &str| {
+        let (code, said) = cd_pre(&[&[path.to_str().unwrap()], arguments].concat());
+        assert_eq!((code, said), (0, String::new()));
+        std::fs::read_to_string(folder.path().join(case).join("DATBOX/COMPUTE.RON")).unwrap()
+    };
+    let sum = cd_formats::origin::checksum(GOOD.as_bytes());
+    let text = compute(&["--set", "compute.dt=2e-3"], "");
+    assert!(
+        text.starts_with(&format!("// Made from scene.ron, checksum {sum:016x}, --set compute.dt=2e-3\n")),
+        "{text}"
+    );
+    let run = folder.path().join("run");
+    let text = compute(&["-o", run.to_str().unwrap()], "run");
+    assert!(text.starts_with(&format!("// Made from ../scene.ron, checksum {sum:016x}\n")), "{text}");
+    let elsewhere = tempfile::tempdir().unwrap();
+    let text = compute(&["-o", elsewhere.path().to_str().unwrap()], elsewhere.path().to_str().unwrap());
+    assert!(!text.contains("checksum"), "{text}");
+}
