@@ -13,10 +13,11 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use cd_formats::error::{Fault, Faults};
+use cd_formats::ron_text::nearest;
 use cd_formats::tell::{complain, tell};
 use cd_formats::{atomic, snapshot};
-use clap::Parser;
 use clap::builder::RangedU64ValueParser;
+use clap::{CommandFactory, Parser};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
@@ -175,6 +176,17 @@ impl Arguments {
     }
 }
 
+/// What to say of a first argument that is neither a folder nor a command, but nearly one.
+fn misspelt(args: &[OsString]) -> Option<String> {
+    let first = args.get(1)?.to_str().filter(|first| !first.starts_with('-') && !Path::new(first).exists())?;
+    let command = Arguments::command();
+    let names: Vec<&str> = command.get_subcommands().map(|command| command.get_name()).chain(["help"]).collect();
+    if names.contains(&first) {
+        return None;
+    }
+    Some(format!("{first}: is no folder and no command; did you mean {}?", nearest(first, &names)?))
+}
+
 /// Takes a case for this run alone, until the file is dropped; waits for another that is at work in it. Two would write
 /// the same files, and each take away those that the other makes and it does not.
 ///
@@ -222,6 +234,11 @@ pub struct Options {
 /// Returns the exit status: 0 done; 1 done, with something reported; 2 input refused, each fault on
 /// a line of stderr as `cd-post: file: object: found; expected`.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
+    let args: Vec<OsString> = args.into_iter().collect();
+    if let Some(message) = misspelt(&args) {
+        complain(format_args!("cd-post: {message}"));
+        return 2;
+    }
     let arguments = match Arguments::try_parse_from(args) {
         Ok(arguments) => arguments,
         Err(error) => {
@@ -232,9 +249,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let Arguments { command, options } = &arguments;
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {
         Ok(pool) => pool,
-        Err(error) => {
+        Err(_) => {
             complain(format_args!(
-                "cd-post: --threads: {}: {error}; expected a number that the system allows",
+                "cd-post: options: threads: {} cannot be started; expected a number that the system allows",
                 options.threads
             ));
             return 2;
