@@ -1,7 +1,7 @@
 //! Arguments to a run to an exit code; no physics.
 
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use cd_formats::compute::Flags;
 use cd_formats::error::{Fault, Faults};
@@ -74,19 +74,22 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
 fn solve(arguments: &Arguments) -> Result<String, Failure> {
     let case = &arguments.dir;
     if !case.join("DATBOX").is_dir() {
-        let fault =
-            Fault::new(&case.join("DATBOX"), None, "folder", "is not there", "expected the files of cd-pre or LMGC90");
-        return Err(Failure::Files(fault.into()));
+        return Err(Failure::Files(no_case(case).into()));
     }
     let (mut scene, mut state) = read::case(case, &arguments.flags)?;
     let _lock = if arguments.plan { None } else { Some(write::lock(case)?) };
     scene.notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
+    let warn = |warning: &String| complain(format_args!("{PROGRAM}: warning: {warning}"));
+    scene.warnings.iter().for_each(warn);
     let mut resumed = false;
     if arguments.resume {
         let before = read::resume::last(&write::outbox(case), &mut scene, &mut state)?;
         resumed = before.is_some();
         if let Some(before) = before {
-            take_on_forces(&scene, &before, &mut state);
+            take_on_forces(&scene, &before.parameters, &mut state);
+            let (warnings, notes) = before.changes(&scene, &arguments.flags.given());
+            warnings.iter().for_each(warn);
+            notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
         } else {
             write::expect_none(case, scene.options.text)?;
             tell(format_args!("{PROGRAM}: no snapshot to go on from: starting from DATBOX"));
@@ -99,8 +102,8 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
         write::expect_problem(&scene, &state, step)?;
     }
     let threads = scene.options.threads;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
-        let found = format!("{threads}: {error}");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|_| {
+        let found = format!("{threads} cannot be started");
         Failure::Files(Faults::from(Fault::new(
             "options".as_ref(),
             None,
@@ -119,4 +122,25 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
     let advance = || run_case(case, &scene, state, resumed, arguments.dump_problem);
     let large = scene.bodies.len() >= awake::LARGE;
     pool.install(|| if large { awake::awake(advance) } else { advance() })
+}
+
+/// What is wrong with a folder that is no case.
+fn no_case(case: &Path) -> Fault {
+    let scene = case.join("scene.ron");
+    let (object, found, expected) = if case.is_file() && case.extension().is_some_and(|ending| ending == "ron") {
+        let folder = case.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+        let run = format!("run cd-pre {} first, then {PROGRAM} {}", case.display(), folder.display());
+        ("file", "is a scene, no case", run)
+    } else if case.is_file() {
+        ("file", "is no folder", "expected the folder of a case, with DATBOX in it".into())
+    } else if !case.exists() {
+        ("folder", "there is no such folder", "expected the folder of a case, with DATBOX in it".into())
+    } else if case.join("BODIES.DAT").is_file() {
+        ("folder", "is a DATBOX", "expected the folder that it is in".into())
+    } else if scene.is_file() {
+        ("folder", "has a scene but no DATBOX", format!("run cd-pre {} first", scene.display()))
+    } else {
+        ("folder", "has no DATBOX", "expected the files of cd-pre or LMGC90 in it".into())
+    };
+    Fault::new(case, None, object, found, expected)
 }

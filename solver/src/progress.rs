@@ -83,12 +83,18 @@ impl Progress {
             format!(", worst contact bodies {}-{} at ({x:.6e}, {y:.6e}, {z:.6e}) m", a + 1, b + 1)
         };
         let worst = report.worst.map_or(String::new(), place);
-        let (tol, solver) = (options.tol(), by(options.solver, report.replaced.is_some()));
+        let solver = by(options.solver, report.replaced.is_some());
+        let why = why_unconverged(report.residual, options.tol(), report.left_out);
         let message = format!(
-            "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, residual {:.1e} > tol {tol:.1e}{worst}; continuing",
-            state.step, state.time, report.sweeps, report.residual
+            "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, {why}{worst}; continuing",
+            state.step, state.time, report.sweeps
         );
         self.bar.suspend(|| complain(&message));
+    }
+
+    /// A warning on stderr, next to the bar.
+    pub fn warn(&self, message: &str) {
+        self.bar.suspend(|| complain(format_args!("cd-solve: warning: {message}")));
     }
 
     /// Any line, beside the bar.
@@ -98,6 +104,19 @@ impl Progress {
 
     pub fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// Why a step has not converged: by its residual, by the contacts that its problem leaves out, or both.
+fn why_unconverged(residual: f64, tol: f64, left_out: usize) -> String {
+    let contacts = if left_out == 1 { "1 contact".to_string() } else { format!("{left_out} contacts") };
+    match (residual <= tol, left_out) {
+        (true, 0) => format!("residual {residual:.1e}"),
+        (true, _) => {
+            format!("as {contacts} began to close late and are not solved (residual {residual:.1e} <= tol {tol:.1e})")
+        }
+        (false, 0) => format!("residual {residual:.1e} > tol {tol:.1e}"),
+        (false, _) => format!("residual {residual:.1e} > tol {tol:.1e}, without {contacts} that began to close late"),
     }
 }
 
@@ -122,6 +141,15 @@ mod tests {
             [0.01234, 1.0, 9.876, 56.78, 123.4, 56789.1].map(digits),
             ["0.0123", "1.00", "9.88", "56.8", "123", "56789"]
         );
+    }
+
+    #[test]
+    fn a_step_that_has_not_converged_says_why() {
+        assert_eq!(why_unconverged(3e-2, 2e-2, 0), "residual 3.0e-2 > tol 2.0e-2");
+        let late = "as 2 contacts began to close late and are not solved (residual 3.5e-3 <= tol 2.0e-2)";
+        assert_eq!(why_unconverged(3.5e-3, 2e-2, 2), late);
+        let both = "residual 3.0e-2 > tol 2.0e-2, without 1 contact that began to close late";
+        assert_eq!(why_unconverged(3e-2, 2e-2, 1), both);
     }
 
     #[test]

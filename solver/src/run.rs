@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::Parameters;
-use cd_formats::tell::tell;
+use cd_formats::tell::{complain, tell};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
@@ -20,7 +20,7 @@ use crate::plan::{Bound, astray, bounds};
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::state::{Contact, Known, State};
-use crate::step::{Clock, Motion, next_problem, step};
+use crate::step::{Clock, DEEP, Motion, Overlap, deeper, next_problem, step};
 use crate::write::summary::{Course, text};
 use crate::write::{Results, errors};
 
@@ -63,16 +63,15 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     }
 
     let progress = Progress::new(state.step, last.max(state.step));
-    too_long(scene, &state).into_iter().for_each(|message| progress.tell(&message));
-    astray(scene, &state).into_iter().for_each(|message| progress.tell(&format!("cd-solve: {message}")));
-    let mut deep = DEEPER;
+    course.warnings.extend(too_long(scene, &state));
+    course.warnings.extend(astray(scene, &state));
+    course.warnings.iter().for_each(|message| progress.warn(message));
     let mut known = Known::default();
-    if let Some((share, message)) = overlaps(scene, &state, &mut known) {
-        deep += share;
-        if !resumed {
-            progress.tell(&message);
-        }
-    }
+    let (at_start, message) = overlaps(scene, &state, &mut known).unzip();
+    message.filter(|_| !resumed).into_iter().for_each(|message| progress.warn(&message));
+    // Overlaps beyond this share of the smaller radius are those that steps have made.
+    let deep = at_start.map_or(DEEP, |overlap: Overlap| DEEP.max(DEEPER * overlap.share));
+    course.overlap = at_start;
     // What a run goes on with it has from before, and that decides between equals; at its own start it has nothing.
     if state.step == scene.start.0 && state.known == Known::default() {
         state.known = known;
@@ -89,11 +88,14 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
             }
         }
         let mut lap = Clock { writing: std::mem::take(&mut writing), ..Clock::default() };
-        let (first, deepest) = (state.step, state.ledger.penetration_largest);
+        let first = state.step;
         let report = step(scene, &mut state, &mut lap);
         expect_finite(&state).inspect_err(|_| progress.finish())?;
-        if deepest <= deep && state.ledger.penetration_largest > deep {
-            deepened(scene, &state).into_iter().for_each(|message| progress.tell(&message));
+        if let Some(overlap) = report.overlap {
+            if overlap.share > deep && course.overlap.is_none_or(|before| before.share <= deep) {
+                progress.warn(&deepened(&state, overlap));
+            }
+            course.overlap = deeper(course.overlap, overlap);
         }
         course.steps += 1;
         course.units += state.step - first;
@@ -137,6 +139,17 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     course.tally.wrote(&last_output);
     course.clock.add(&last_output);
     progress.finish();
+    // What the last step has made no step has measured.
+    if course.steps > 0
+        && let Some(overlap) = deepest(&detected(scene, &state, &mut state.known.clone()), scene)
+    {
+        course.penetration_end = overlap.depth;
+        if overlap.share > deep && course.overlap.is_none_or(|before| before.share <= deep) {
+            complain(format_args!("cd-solve: warning: {}", deepened(&state, overlap)));
+        }
+        course.overlap = deeper(course.overlap, overlap);
+    }
+    course.overlap = course.overlap.filter(|overlap| overlap.share > DEEP);
     course.wall = start.elapsed();
     let sources = course.tally.sources(scene, &state);
     // Also where a run was killed before it came to that.
@@ -190,11 +203,8 @@ pub fn take_on_forces(scene: &Scene, before: &Parameters, state: &mut State) {
     ));
 }
 
-/// Overlap over the mean radius from which a run tells that it began with it.
-const DEEP: f64 = 1e-2;
-
-/// Overlap over the mean radius, beyond the largest at the start, from which a run tells, once, that steps have made it.
-const DEEPER: f64 = 0.1;
+/// A run warns, once, of overlaps that its steps make this many times as deep as those that it begins with.
+const DEEPER: f64 = 1.1;
 
 /// What to tell of a step that is longer than suits even a draft.
 fn too_long(scene: &Scene, state: &State) -> Option<String> {
@@ -202,46 +212,46 @@ fn too_long(scene: &Scene, state: &State) -> Option<String> {
     let (h, suits) = (scene.options.dt, Accuracy::Draft.step() * sharpest.h);
     let Bound { reason, .. } = sharpest;
     (h > suits).then(|| {
-        format!("cd-solve: dt = {h} s is {:.1} times the longest that suits a draft, {suits:.3e} s: {reason}; --plan tells more", h / suits)
+        format!(
+            "dt = {h} s is {:.1} times the longest that suits a draft, {suits:.3e} s: {reason}; see --plan",
+            h / suits
+        )
     })
 }
 
-/// The largest overlap at the start over the mean radius, which no step has made, and what to tell of it; `known` is what
-/// detection learns.
-fn overlaps(scene: &Scene, state: &State, known: &mut Known) -> Option<(f64, String)> {
+/// The contacts of the state as it is; `known` is what detection learns.
+fn detected(scene: &Scene, state: &State, known: &mut Known) -> Vec<Contact> {
     // As far ahead as the first step looks, so that what is found serves it.
-    let start = Configuration { ahead: scene.options.dt, ..predict(scene, state, 0) };
-    let contacts = detect::contacts(scene, &start, [&state.v, &state.w], known);
-    let deep = || contacts.iter().filter(|contact| -contact.gap > DEEP * scene.mean_radius);
-    let deepest = deep().min_by(|a, b| a.gap.total_cmp(&b.gap))?;
-    let mut pairs: Vec<[u32; 2]> = deep().map(|contact| [contact.candidate, contact.antagonist]).collect();
-    pairs.dedup();
-    let (count, share) = (pairs.len(), -deepest.gap / scene.mean_radius);
-    let message = format!(
-        "cd-solve: from the start bodies overlap by more than {} % of the mean radius: {count} pair{}, most bodies {}-{} by {:.3e} m, {:.1} %; laws other than GAP_SGR_CLB keep what they find, as a push adds energy",
-        100.0 * DEEP,
-        if count == 1 { "" } else { "s" },
-        deepest.candidate + 1,
-        deepest.antagonist + 1,
-        -deepest.gap,
-        100.0 * share,
-    );
-    Some((share, message))
+    let now = Configuration { ahead: scene.options.dt, ..predict(scene, state, 0) };
+    detect::contacts(scene, &now, [&state.v, &state.w], known)
 }
 
-/// What to tell of deep overlaps that steps have made.
-fn deepened(scene: &Scene, state: &State) -> Option<String> {
-    let Contact { candidate, antagonist, gap, .. } =
-        state.contacts.iter().map(|solved| &solved.contact).min_by(|a, b| a.gap.total_cmp(&b.gap))?;
-    Some(format!(
-        "cd-solve: step {}, t = {} s: bodies {}-{} overlap by {:.3e} m, {:.1} % of the mean radius; a smaller dt or tol lets them overlap less",
-        state.step,
-        state.time,
-        candidate + 1,
-        antagonist + 1,
-        -gap,
-        -100.0 * gap / scene.mean_radius,
-    ))
+/// The deepest overlap by its share of the smaller radius.
+fn deepest(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
+    let overlaps = contacts.iter().filter(|contact| contact.gap < 0.0).map(|contact| Overlap::of(scene, contact));
+    overlaps.fold(None, deeper)
+}
+
+/// The deepest overlap at the start, which no step has made, and a warning about all.
+fn overlaps(scene: &Scene, state: &State, known: &mut Known) -> Option<(Overlap, String)> {
+    let contacts = detected(scene, state, known);
+    let deepest = deepest(&contacts, scene).filter(|overlap| overlap.share > DEEP)?;
+    let deep = contacts.iter().filter(|contact| contact.gap < 0.0 && Overlap::of(scene, contact).share > DEEP);
+    let mut pairs: Vec<[u32; 2]> = deep.map(|contact| [contact.candidate, contact.antagonist]).collect();
+    pairs.dedup();
+    let count = if pairs.len() == 1 { "1 pair".to_string() } else { format!("{} pairs", pairs.len()) };
+    let message = format!(
+        "{count} of bodies overlap by more than {} % of the smaller radius from the start, at most {}; laws other than GAP_SGR_CLB keep these overlaps",
+        100.0 * DEEP,
+        deepest.text(),
+    );
+    Some((deepest, message))
+}
+
+/// A warning about deep overlaps that steps have made.
+fn deepened(state: &State, overlap: Overlap) -> String {
+    let State { step, time, .. } = state;
+    format!("step {step}, t = {time} s: {}; use a smaller dt or tol", overlap.text())
 }
 
 /// Writes the state; returns the time that it took.

@@ -233,6 +233,8 @@ pub struct Scene {
     pub part_starts: Vec<u32>,
     /// What users should know about the files' bodies.
     pub notes: Vec<String>,
+    /// What in the input is probably a mistake.
+    pub warnings: Vec<String>,
     /// Free bodies whose moments of inertia differ, in order: their angular velocity changes without a torque.
     pub turning: Vec<u32>,
     /// Of each body whether its orientation is followed: that of a sphere matters to moments and turns in its own axes
@@ -240,6 +242,8 @@ pub struct Scene {
     pub oriented: Vec<bool>,
     /// Mean radius of the free spheres, m; the length that penetrations are compared with.
     pub mean_radius: f64,
+    /// Smallest radius of the free bodies, m.
+    pub smallest_radius: f64,
     /// Largest gap (m) at which a pair is listed, over all rows of the visibility table.
     pub listing_range: f64,
 }
@@ -266,6 +270,14 @@ impl Scene {
     pub fn changes_in_time(&self) -> bool {
         let of_drives = self.drives.iter().flat_map(|drive| drive.velocity.iter().flatten());
         !of_drives.chain(self.loads.iter().map(|load| &load.value)).all(Evolution::is_constant)
+    }
+
+    /// Time (s) up to which all imposed velocities and forces stay as they are at `time`: `time` itself while one changes,
+    /// infinite if none does any more.
+    pub fn constant_until(&self, time: f64) -> f64 {
+        let of_drives = self.drives.iter().flat_map(|drive| drive.velocity.iter().flatten());
+        let all = of_drives.chain(self.loads.iter().map(|load| &load.value));
+        all.map(|value| value.constant_until(time)).fold(f64::INFINITY, f64::min)
     }
 
     /// Radius (m) of the ball that the free bodies would make without pores, and self-gravity at its surface, m/s²; none

@@ -10,7 +10,8 @@
 //! - a step is at most twice as long as the one before, and ends at snapshots, events and the end of the run.
 //!
 //! Detection looks twice as far as a step goes ([`GROWTH`]): so a pair that the next step could bring into contact is
-//! known when its length is chosen; at the start of a run none is, and the first step is `dt`. Where imposed velocities or forces change in time, all steps are `dt`.
+//! known when its length is chosen; at the start of a run none is, and the first step is `dt`. While an imposed velocity or force changes, steps are `dt`, and none
+//! reaches into such a time.
 
 use std::f64::consts::TAU;
 
@@ -30,7 +31,11 @@ pub const GROWTH: u64 = 2;
 pub fn units(scene: &Scene, state: &State, disturbed: bool) -> u64 {
     let adaptive = scene.options.adaptive();
     let knows_neighbours = state.step > scene.start.0 && !disturbed;
-    if !adaptive.is_on() || !knows_neighbours || scene.changes_in_time() {
+    if !adaptive.is_on() || !knows_neighbours {
+        return 1;
+    }
+    let constant = scene.constant_until(state.time) - state.time;
+    if constant <= 0.0 {
         return 1;
     }
     let dt = scene.options.dt;
@@ -40,7 +45,7 @@ pub fn units(scene: &Scene, state: &State, disturbed: bool) -> u64 {
     let contacts = state.contacts.par_iter().with_min_len(1024).map(of_contact).reduce(|| f64::INFINITY, f64::min);
     let turn = adaptive.travel / fastest_turn(scene, state);
     let orbit = shortest_orbit(scene, state) / OF_ORBIT;
-    let wanted = contacts.min(turn).min(orbit) / dt;
+    let wanted = contacts.min(turn).min(orbit).min(constant) / dt;
     let wanted = (wanted.min(most) * (1.0 + 1e-12)).floor().max(1.0) as u64;
     // The way to the next stop in equal parts.
     let left = to_stop(scene, state).max(1);

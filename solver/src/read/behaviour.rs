@@ -147,7 +147,8 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
     scene.visibility = Visibility { classes, table };
     check_periods(&file, tact, scene, faults);
-    scene.notes.extend(unseen(scene));
+    let text = std::fs::read_to_string(&file).unwrap_or_default();
+    scene.notes.extend(unseen(scene, &TactBehav::without_law(&text)));
 }
 
 /// Refuses attraction that reaches farther than to the nearest image.
@@ -171,23 +172,30 @@ fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faul
 /// The contactors of a class.
 #[derive(Default)]
 struct Members {
+    /// Bodies that have one.
     count: usize,
+    /// The last of them.
+    last: Option<u32>,
     /// Whether one of them is on a free body.
     free: bool,
 }
 
 /// What to tell of contactors of free bodies that no row lets meet others.
-fn unseen(scene: &Scene) -> Option<String> {
+///
+/// `meant`: pairs of colours that the file says are to have none.
+fn unseen(scene: &Scene, meant: &[[String; 2]]) -> Option<String> {
     let mut members: BTreeMap<u16, Members> = BTreeMap::new();
-    let mut count = |class: u16, body: &Body| {
+    let mut count = |class: u16, number: u32, body: &Body| {
         let members = members.entry(class).or_default();
-        members.count += 1;
+        // Pieces of one body do not meet.
+        members.count += usize::from(members.last != Some(number));
+        members.last = Some(number);
         members.free |= !body.driven;
     };
     if scene.is_general() {
-        scene.parts.iter().for_each(|part| count(part.class, &scene.bodies[part.body as usize]));
+        scene.parts.iter().for_each(|part| count(part.class, part.body, &scene.bodies[part.body as usize]));
     } else {
-        scene.bodies.iter().for_each(|body| count(body.class, body));
+        (0..).zip(&scene.bodies).for_each(|(number, body)| count(body.class, number, body));
     }
     let colours = scene.colours.len().max(1);
     let name = |class: u16| {
@@ -198,7 +206,9 @@ fn unseen(scene: &Scene) -> Option<String> {
     for (&a, of_a) in &members {
         for (&b, of_b) in members.range(a..) {
             let could = (of_a.free || of_b.free) && (a != b || of_a.count > 1);
-            if could && scene.visibility.see(a, b).is_none() {
+            let colours = [a, b].map(|class| scene.colours.get(class as usize % colours).map_or("", String::as_str));
+            let meant = meant.iter().any(|[a, b]| colours == [a, b] || colours == [b, a]);
+            if could && !meant && scene.visibility.see(a, b).is_none() {
                 missed.push(format!("{} and {}", name(a), name(b)));
             }
         }
@@ -275,6 +285,8 @@ pub fn without_effect(scene: &Scene) -> Vec<String> {
         ),
         ("check_every", !sweeps && scene.options.check_every.is_some(), "solver auto or nlgs"),
     ];
+    let adaptive = scene.options.adaptive().is_on() && scene.changes_in_time();
+    let adaptive = adaptive.then(|| "adaptive: steps are dt while an imposed velocity or force changes".to_string());
     let of_option =
         |(name, idle, needs): (&str, bool, &str)| idle.then(|| format!("{name}: without effect; needs {needs}"));
     let (start, end, dt) = (scene.start.1, scene.end_time(), scene.options.dt);
@@ -290,7 +302,7 @@ pub fn without_effect(scene: &Scene) -> Vec<String> {
         Some(format!("event {}: without effect; {why}", k + 1))
     };
     let events = scene.options.events.iter().enumerate().filter_map(of_event);
-    set.into_iter().filter_map(of_option).chain(events).collect()
+    set.into_iter().filter_map(of_option).chain(adaptive).chain(events).collect()
 }
 
 /// The contacts of Vloc_Rloc.INI that this scene can have, to start the first step from; what it cannot have is told.

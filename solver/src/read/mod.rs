@@ -15,6 +15,7 @@ use cd_formats::compute::{Action, Compute, Event, Flags, schedule};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::origin::Origin;
 use cd_formats::report::Report;
 use cd_formats::snapshot::{Fallback, Ledger, START};
 use cd_formats::tact_behav::TactBehav;
@@ -98,6 +99,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         return Err(faults);
     }
     scene.notes.extend(behaviour::without_effect(&scene));
+    scene.warnings.extend(origin_changed(case));
     scene.events = schedule(&scene.options.events, scene.end_time());
     let dt = scene.options.dt.min(state.h);
     resume::pass_events(&scene, &mut state, dt);
@@ -107,16 +109,22 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     faults.into_result((scene, state))
 }
 
-/// Tells of events before the start that would have added something.
+/// Warns if the scene that DATBOX was made from has changed since.
+fn origin_changed(case: &Path) -> Option<String> {
+    let text = std::fs::read_to_string(case.join("DATBOX").join(COMPUTE)).ok()?;
+    Origin::find(&text)?.changed(case)
+}
+
+/// Reports events before the start that would have added something.
 fn events_passed(scene: &Scene, state: &State) -> Option<String> {
     let adds = |event: &&Event| {
         matches!(event.action, Action::AddSpin(_) | Action::AddVelocity(_) | Action::Shake { .. } | Action::Bond)
     };
     let count = scene.events[..state.events_done].iter().filter(adds).count();
+    let events = if count == 1 { "1 event".to_string() } else { format!("{count} events") };
     let time = state.time;
-    (count > 0).then(|| {
-        format!("events: {count} before the start at {time} s count as done: what they add or bond is not done again")
-    })
+    (count > 0)
+        .then(|| format!("events: {events} before the start at {time} s: what they would add or bond is left out"))
 }
 
 /// Refuses what the program is built without.

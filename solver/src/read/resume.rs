@@ -1,6 +1,7 @@
 //! A snapshot to the state that goes on from it: the last of OUTBOX, or the one to start from in DATBOX.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use cd_formats::compute::schedule;
 use cd_formats::error::{Fault, Faults};
@@ -15,16 +16,17 @@ use crate::state::{
 };
 
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
-/// A snapshot of other bodies or laws than the scene's is refused. Gives back what the run had done its last step with.
-pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Option<Parameters>, Faults> {
+/// A snapshot of other bodies or laws than the scene's is refused. Returns what the run has made its last step with.
+pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Option<Before>, Faults> {
     let snapshots = snapshot::list(outbox)?;
     let Some((_, path)) = snapshots.last() else { return Ok(None) };
     if let Some((step, first)) = snapshots.first().filter(|(step, _)| *step < scene.start.0) {
         let expected = format!("expected none before step {}, with which DATBOX begins", scene.start.0);
         return Err(Fault::new(first, None, "snapshot", format!("step {step}"), expected).into());
     }
-    let snapshot = Snapshot::read(path)?;
+    let snapshot = Snapshot::read(path).map_err(|faults| unreadable(faults, &snapshots))?;
     check(path, scene, &snapshot)?;
+    let options = snapshot.meta.options.clone();
     state.attraction = attraction(scene, &snapshot);
     let parameters = snapshot.meta.parameters.clone();
     let kept = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| pairs(scene, shapes, |row| row));
@@ -44,7 +46,56 @@ pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Optio
         let dt = if parameters.adaptive.is_none() { state.h } else { scene.options.dt.min(state.h) };
         pass_events(scene, state, dt);
     }
-    Ok(Some(parameters))
+    Ok(Some(Before { parameters, options }))
+}
+
+/// What a run has made its last step with.
+pub struct Before {
+    pub parameters: Parameters,
+    /// As [`cd_formats::compute::Compute::of_results`].
+    pub options: BTreeMap<String, String>,
+}
+
+impl Before {
+    /// A sentence for each option that is another one now: warnings, and those of the options that flags have `given`.
+    pub fn changes(&self, scene: &Scene, given: &[&str]) -> (Vec<String>, Vec<String>) {
+        const LONGEST: usize = 100;
+        let now = scene.options.of_results();
+        let (mut warnings, mut notes) = (Vec::new(), Vec::new());
+        for (name, now) in now.iter().filter(|(name, now)| self.options.get(*name).is_some_and(|then| then != *now)) {
+            let then = &self.options[name];
+            let short = |value: &str| {
+                let cut = value.chars().count() > LONGEST;
+                value.chars().take(LONGEST).collect::<String>() + if cut { "..." } else { "" }
+            };
+            let change = format!("{name} was {} in the run so far and is {} from here on", short(then), short(now));
+            if given.contains(&name.as_str()) {
+                notes.push(change);
+                continue;
+            }
+            let flag = format!("--{}", name.replace('_', "-"));
+            let keep = match then.as_str() {
+                "None" => format!("COMPUTE.RON without {name} keeps it"),
+                value if value.chars().all(|c| c.is_alphanumeric() || "._+-".contains(c)) => {
+                    format!("{flag}={value} keeps it")
+                }
+                value => format!("{flag}='{value}' keeps it"),
+            };
+            warnings.push(format!("{change}; {keep}"));
+        }
+        (warnings, notes)
+    }
+}
+
+/// The faults of the last snapshot, with what can be done about them.
+fn unreadable(faults: Faults, snapshots: &[(u64, PathBuf)]) -> Faults {
+    let before = snapshots.len().checked_sub(2).map(|last| &snapshots[last].1);
+    let from = before.map_or("DATBOX".into(), |path| path.file_name().unwrap_or_default().display().to_string());
+    let one = |fault: Fault| Fault {
+        expected: format!("{}; if it is deleted, --resume continues from {from}", fault.expected),
+        ..fault
+    };
+    Faults(faults.0.into_iter().map(one).collect())
 }
 
 /// Step and time (s) from which the steps up to `end_time` are counted: the start, as an unbroken run counts, unless steps

@@ -259,6 +259,7 @@ fn by_stored(
         best.active = rows.len();
         let missed = closing_outside(&system, &rows, &best.records);
         best.converged = best.residual <= task.until.tol && missed.is_empty();
+        best.left_out = missed.len();
         if missed.is_empty() || left.max_sweeps == 0 || left.max_cost <= 0.0 {
             best.worst = best.worst.or(missed.first().copied());
             return best;

@@ -85,6 +85,8 @@ pub struct Solution {
     /// E of [`crate::solve::residual`].
     pub residual: f64,
     pub converged: bool,
+    /// Rows outside of the problem that the solution closes: while there are any, it has not converged.
+    pub left_out: usize,
     /// Row with the largest part in the residual.
     pub worst: Option<u32>,
     /// Rows that took part.
@@ -146,6 +148,7 @@ pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
                 single: single && sweeps > 0,
                 residual: residual.value,
                 converged: residual.value <= tol && missed.is_empty(),
+                left_out: missed.len(),
                 worst: residual.worst.or(missed.first().copied()),
                 active: active.len(),
                 taken_over: false,

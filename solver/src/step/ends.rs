@@ -40,7 +40,8 @@ pub fn end_of_contacts(
     let mut ends = std::mem::take(&mut state.contacts);
     ends.resize(contacts.len(), SolvedContact::default());
     let driven: Vec<bool> = scene.bodies.iter().map(|body| body.driven).collect();
-    let end = End { scene, state, q_c, system, solution, v: &v, w: &w, driven: &driven };
+    let deep = DEEP * scene.smallest_radius;
+    let end = End { scene, state, q_c, system, solution, v: &v, w: &w, driven: &driven, deep };
     // In parts that the number of rows alone decides.
     let parts = ends.par_chunks_mut(PART).zip(contacts.par_chunks(PART)).enumerate();
     let parts: Vec<(Given, Vec<Exchange>)> =
@@ -62,6 +63,44 @@ struct End<'a> {
     w: &'a [Vec3],
     /// Of each body; together, as contacts ask for it in any order.
     driven: &'a [bool],
+    /// Depth that is worth a warning between the smallest bodies, m: no contact is compared with its radii below it.
+    deep: f64,
+}
+
+/// Overlap over the smaller radius from which on a run warns: no law makes it, and volumes are off by three times as much.
+pub const DEEP: f64 = 1e-2;
+
+/// Two bodies that overlap.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Overlap {
+    pub bodies: [u32; 2],
+    /// m
+    pub depth: f64,
+    /// Depth over the smaller radius of the two, of those that move freely.
+    pub share: f64,
+}
+
+impl Overlap {
+    pub fn of(scene: &Scene, contact: &Contact) -> Overlap {
+        let bodies = [contact.candidate, contact.antagonist];
+        let radius = |body: &u32| {
+            let body = &scene.bodies[*body as usize];
+            if body.driven { f64::INFINITY } else { body.radius }
+        };
+        let (depth, smaller) = (-contact.gap, bodies.iter().map(radius).fold(f64::INFINITY, f64::min));
+        Overlap { bodies, depth, share: depth / smaller }
+    }
+
+    /// As messages say it, bodies counted from 1.
+    pub fn text(&self) -> String {
+        let Overlap { bodies: [a, b], depth, share } = self;
+        format!("bodies {}-{} overlap by {depth:.3e} m, {:.1} % of the smaller radius", a + 1, b + 1, 100.0 * share)
+    }
+}
+
+/// The one of larger share; of equal ones the first.
+pub fn deeper(a: Option<Overlap>, b: Overlap) -> Option<Overlap> {
+    a.filter(|a| a.share >= b.share).or(Some(b))
 }
 
 impl End<'_> {
@@ -78,6 +117,9 @@ impl End<'_> {
             let depth = (-contact.gap).max(0.0);
             given.penetration_largest = given.penetration_largest.max(depth);
             given.penetration_sum += depth;
+            if depth > self.deep {
+                given.overlap = deeper(given.overlap, Overlap::of(self.scene, contact));
+            }
             if end.impulse != Vec3::zeros() {
                 given.contacts_active += 1;
                 let may_close = self.state.laws[contact.law as usize].closing(row.u_before.x);
@@ -166,6 +208,8 @@ impl End<'_> {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Given {
     pub contacts_active: usize,
+    /// The deepest of those that are worth a warning.
+    pub overlap: Option<Overlap>,
     /// m, of the listed contacts.
     pub penetration_largest: f64,
     pub penetration_sum: f64,
@@ -188,6 +232,7 @@ impl Add for Given {
     fn add(self, other: Given) -> Given {
         Given {
             contacts_active: self.contacts_active + other.contacts_active,
+            overlap: other.overlap.map_or(self.overlap, |overlap| deeper(self.overlap, overlap)),
             penetration_largest: self.penetration_largest.max(other.penetration_largest),
             penetration_sum: self.penetration_sum + other.penetration_sum,
             penetration_added: self.penetration_added + other.penetration_added,

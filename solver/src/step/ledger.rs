@@ -5,7 +5,7 @@ use std::ops::Add;
 use rayon::prelude::*;
 
 use super::PART;
-use super::ends::Solved;
+use super::ends::{Overlap, Solved};
 use crate::assemble::{Free, GravityReport, System};
 use crate::detect::Missed;
 use crate::integrate::Configuration;
@@ -29,6 +29,8 @@ pub struct StepReport {
     pub single: bool,
     pub residual: f64,
     pub converged: bool,
+    /// Contacts that began to close in the solution and are not part of it.
+    pub left_out: usize,
     /// Whether a solver of stored problems found the solution where the sweeps had stalled.
     pub taken_over: bool,
     /// Whether `auto` left it unconverged after one round of sweeps, as more was in vain before.
@@ -39,6 +41,8 @@ pub struct StepReport {
     pub norms: Option<Norms>,
     /// The contact with the largest part in the residual.
     pub worst: Option<WorstContact>,
+    /// Deepest overlap in the contact configuration, if it is worth a warning.
+    pub overlap: Option<Overlap>,
     /// Largest penetration in the contact configuration, and the sum of all over `contacts_active`, m.
     pub penetration_largest: f64,
     pub penetration_mean: f64,
@@ -130,10 +134,12 @@ pub fn book(
         single: solution.single,
         residual: solution.residual,
         converged: solution.converged,
+        left_out: solution.left_out,
         taken_over: solution.taken_over,
         replaced: solution.replaced,
         norms: scene.options.lmgc90_norms.then(|| norms(system, &solution.impulses, &solution.records)),
         worst: solution.worst.map(worst),
+        overlap: given.overlap,
         penetration_largest: given.penetration_largest,
         penetration_mean: given.penetration_sum / active,
         missed: None,

@@ -5,6 +5,7 @@ mod ledger;
 
 use std::time::{Duration, Instant};
 
+pub use self::ends::{DEEP, Overlap, deeper};
 pub use self::ledger::{Motion, StepReport, WorstContact};
 
 use self::ends::end_of_contacts;

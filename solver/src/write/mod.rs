@@ -77,11 +77,11 @@ pub fn expect_none(case: &Path, text: bool) -> Result<(), Faults> {
     let outbox = outbox(case);
     let (found, expected) = match list(&outbox)?.last() {
         Some((_, last)) => {
-            let found = format!("there is {}", last.file_name().unwrap_or_default().display());
-            (found, "expected none; --resume goes on from the last, --force starts anew")
+            let found = format!("{} exists", last.file_name().unwrap_or_default().display());
+            (found, "use --resume to continue from it, --force to overwrite all results")
         }
         None if text && is_there(&outbox.join("DOF.OUT.1")) => {
-            ("there is DOF.OUT.1".into(), "expected none, as --text would write over it; --force removes such files")
+            ("DOF.OUT.1 exists".into(), "--text would overwrite it; use --force to remove such files")
         }
         None => return Ok(()),
     };

@@ -11,7 +11,7 @@ use crate::gravity::sample::Sampled;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::State;
-use crate::step::{Clock, Motion};
+use crate::step::{Clock, DEEP, Motion, Overlap};
 
 use super::errors::{self, Source, Tally};
 
@@ -35,6 +35,11 @@ pub struct Course {
     /// Steps that were swept in single precision.
     pub single: u64,
     pub given_up: u64,
+    /// Deepest overlap of the run, its start and end included, if it is worth a warning.
+    pub overlap: Option<Overlap>,
+    /// Deepest overlap of the last state, m.
+    pub penetration_end: f64,
+    pub warnings: Vec<String>,
     pub threads: usize,
     pub wall: Duration,
     pub clock: Clock,
@@ -100,19 +105,34 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
     let last = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
     line("unconverged steps", format!("{} now, {} in all{last}", course.unconverged, ledger.steps_unconverged));
     if course.taken_over > 0 {
-        let stalled = if scene.options.solver == ContactSolver::Auto { " where sweeps had stalled" } else { "" };
-        line("stored solvers", format!("found the solution in {} steps{stalled}", course.taken_over));
+        let name = if scene.options.solver == ContactSolver::Auto { "fallback solver" } else { "stored solver" };
+        let steps = if course.taken_over == 1 { "step" } else { "steps" };
+        line(name, format!("converged in {} {steps}", course.taken_over));
     }
     if course.given_up > 0 {
-        line("given up", format!("{} steps after one round of sweeps, as more was in vain before", course.given_up));
+        line(
+            "given up",
+            format!("{} steps after one round of sweeps, as further sweeps failed before", course.given_up),
+        );
     }
+    // Of all steps where contacts were detected, those of the start included, and of the last state.
+    let ended = course.penetration_end / scene.mean_radius.max(f64::MIN_POSITIVE);
+    let largest = ledger.penetration_largest.max(ended);
     line(
         "largest penetration",
         format!(
-            "{:.2e} of the mean radius; {:.1e} in the mean left by unfinished solutions",
-            ledger.penetration_largest, ledger.penetration_left
+            "{largest:.2e} of the mean radius, {:.3e} m; mean residual penetration {:.1e} of the mean radius",
+            largest * scene.mean_radius,
+            ledger.penetration_left
         ),
     );
+    for warning in &course.warnings {
+        line("warning", warning.clone());
+    }
+    if let Some(overlap) = course.overlap {
+        let deep = 100.0 * DEEP;
+        line("warning", format!("{}: more than {deep} %; volumes and stresses are off accordingly", overlap.text()));
+    }
     line("energy drift", format!("{:.2e}", energy_drift(scene, state).0));
     if let Some(Sampled { rms, largest, .. }) = course.gravity {
         let asked = scene.options.gravity_error();

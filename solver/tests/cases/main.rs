@@ -14,6 +14,7 @@ mod gravity;
 mod invariants;
 mod laws;
 mod limits;
+mod messages;
 mod peer;
 mod periodic;
 mod polyhedra;

@@ -1,0 +1,199 @@
+//! Messages of a run: what is no case, options and scenes that have changed, overlaps, steps that are too long.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use cd_formats::compute::Adaptive;
+use cd_formats::drv_dof::Evolution;
+use cd_formats::origin::Origin;
+use cd_formats::snapshot;
+use cd_formats::tact_behav::TactBehav;
+
+use crate::case::Case;
+
+/// Exit code, stdout and stderr, with CASE for the case's folder.
+fn ran(path: &Path, case: &Path, flags: &[&str]) -> (i32, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(path).args(flags).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap().replace(case.to_str().unwrap(), "CASE");
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+fn of(case: &Case, flags: &[&str]) -> (i32, String, String) {
+    ran(&case.path(), &case.path(), flags)
+}
+
+/// A ball that falls on a floor.
+fn falling() -> Case {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.3]);
+    case.floor();
+    case.sphere(0.5, [0.0, 0.0, 0.6]);
+    case.gravity = [0.0, 0.0, -1.0];
+    case.options.steps = Some(4);
+    case
+}
+
+#[test]
+fn what_is_no_case_says_what_to_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path();
+    let said = |name: &str| {
+        let (code, _, text) = ran(&case.join(name), case, &[]);
+        assert_eq!(code, 2, "{text}");
+        text
+    };
+    assert_eq!(
+        said("absent"),
+        "cd-solve: CASE/absent: folder: there is no such folder; expected the folder of a case, with DATBOX in it\n"
+    );
+    fs::write(case.join("scene.ron"), "()").unwrap();
+    assert_eq!(
+        said("scene.ron"),
+        "cd-solve: CASE/scene.ron: file: is a scene, no case; run cd-pre CASE/scene.ron first, then cd-solve CASE\n"
+    );
+    assert_eq!(said(""), "cd-solve: CASE/: folder: has a scene but no DATBOX; run cd-pre CASE/scene.ron first\n");
+    fs::write(case.join("notes.txt"), "").unwrap();
+    assert!(said("notes.txt").starts_with("cd-solve: CASE/notes.txt: file: is no folder; expected the folder"));
+    fs::create_dir(case.join("DATBOX")).unwrap();
+    fs::write(case.join("DATBOX/BODIES.DAT"), "").unwrap();
+    assert_eq!(said("DATBOX"), "cd-solve: CASE/DATBOX: folder: is a DATBOX; expected the folder that it is in\n");
+}
+
+#[test]
+fn options_that_a_resumed_run_has_no_longer_are_named() {
+    let case = falling();
+    case.write();
+    let first = ["--dt", "0.002", "--tol", "1e-6", "--gravity-error", "1e-5", "--steps", "2"];
+    assert_eq!(of(&case, &first).0, 0);
+    let (code, _, text) = of(&case, &["--resume", "--steps", "4", "--threads", "2"]);
+    let warnings: Vec<&str> = text.lines().filter(|line| line.contains("run so far")).collect();
+    assert_eq!(
+        warnings,
+        [
+            "cd-solve: warning: dt was 0.002 in the run so far and is 0.001 from here on; --dt=0.002 keeps it",
+            "cd-solve: warning: gravity_error was 1e-5 in the run so far and is None from here on; --gravity-error=1e-5 keeps it",
+            "cd-solve: warning: tol was 1e-6 in the run so far and is 1e-12 from here on; --tol=1e-6 keeps it",
+        ],
+        "{text}"
+    );
+    assert_eq!(code, 0);
+    // What the flags of the warnings keep is no change, and what flags change is no warning.
+    let case = falling();
+    case.write();
+    assert_eq!(of(&case, &first).0, 0);
+    let (_, out, text) = of(&case, &["--resume", "--steps", "4", "--dt=0.002", "--tol=1e-7", "--gravity-error=1e-5"]);
+    assert!(!text.contains("run so far"), "{text}");
+    assert!(out.contains("cd-solve: tol was 1e-6 in the run so far and is 1e-7 from here on\n"), "{out}");
+    assert!(!out.contains("dt was"), "{out}");
+}
+
+#[test]
+fn a_scene_that_has_changed_since_is_named() {
+    let case = falling();
+    case.write();
+    let scene = case.path().join("scene.ron");
+    fs::write(&scene, "(a)").unwrap();
+    let origin = Origin::of(&scene, b"(a)", &["a=1".into()], &case.path()).unwrap();
+    let options = case.path().join("DATBOX/COMPUTE.RON");
+    let text = fs::read_to_string(&options).unwrap();
+    fs::write(&options, origin.line() + &text).unwrap();
+    assert_eq!(of(&case, &[]).2, "");
+    fs::write(&scene, "(b)").unwrap();
+    let warning = "cd-solve: warning: CASE/scene.ron has changed since DATBOX was made from it; to use it, run \
+                   cd-pre CASE/scene.ron --set 'a=1'\n";
+    for flags in [&["--force"][..], &["--plan"], &["--resume", "--steps", "5"]] {
+        let (code, _, text) = of(&case, flags);
+        assert_eq!((code, text.as_str()), (0, warning), "{flags:?}");
+    }
+}
+
+#[test]
+fn a_truncated_snapshot_is_named_with_what_resume_takes_without_it() {
+    let mut case = falling();
+    case.options.output_every = 2;
+    case.write();
+    assert_eq!(of(&case, &[]).0, 0);
+    let last = snapshot::path(&case.path().join("OUTBOX"), 4);
+    let bytes = fs::read(&last).unwrap();
+    fs::write(&last, &bytes[..bytes.len() / 2]).unwrap();
+    let line = "cd-solve: CASE/OUTBOX/snapshot-000004.npz: snapshot: the file is truncated; expected an .npz file of \
+                cd-solve; if it is deleted, --resume continues from snapshot-000002.npz\n";
+    let (code, _, text) = of(&case, &["--resume"]);
+    assert_eq!((code, text.as_str()), (2, line));
+    fs::write(&last, "text").unwrap();
+    assert!(of(&case, &["--resume"]).2.contains("snapshot: the file is no .npz file; "));
+    fs::remove_file(&last).unwrap();
+    assert_eq!(of(&case, &["--resume"]).0, 0);
+}
+
+#[test]
+fn overlaps_and_steps_that_are_too_long_are_in_the_summary() {
+    // Falls 5 m in a step: through the floor's upper side, deep into the plate or beyond it.
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.3]);
+    case.floor();
+    case.sphere(0.5, [0.0, 0.0, 0.45]);
+    case.options.steps = Some(1);
+    case.write();
+    let (code, out, text) = of(&case, &[]);
+    assert_eq!(code, 0);
+    let start = "cd-solve: warning: 1 pair of bodies overlap by more than 1 % of the smaller radius from the start, at \
+                 most bodies 1-2 overlap by 5.000e-2 m, 10.0 % of the smaller radius; laws other than GAP_SGR_CLB keep \
+                 these overlaps\n";
+    let start = start.replace("bodies 1-2", if text.contains("bodies 2-1") { "bodies 2-1" } else { "bodies 1-2" });
+    assert_eq!(text, start);
+    assert!(out.contains("largest penetration    1.00e-1 of the mean radius, 5.000e-2 m; mean residual"), "{out}");
+    assert!(out.contains("overlap by 5.000e-2 m, 10.0 % of the smaller radius: more than 1 %"), "{out}");
+
+    let mut case = falling();
+    case.options.dt = 5.0;
+    case.options.steps = Some(1);
+    case.write();
+    let (code, out, text) = of(&case, &[]);
+    assert_eq!(code, 0);
+    let too_long = text.lines().find(|line| line.contains("times the longest")).unwrap();
+    assert!(too_long.starts_with("cd-solve: warning: dt = 5 s is "), "{text}");
+    assert!(out.contains(&format!("  warning                {}\n", &too_long["cd-solve: warning: ".len()..])), "{out}");
+}
+
+#[test]
+fn pairs_that_are_meant_to_have_no_law_are_no_news() {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.3]);
+    case.sphere(0.5, [0.0; 3]);
+    case.sphere(0.5, [3.0, 0.0, 0.0]);
+    case.tact.visibility.clear();
+    case.options.steps = Some(1);
+    case.write();
+    let told = |case: &Case| of(case, &["--force"]).1.contains("they pass through each other");
+    assert!(told(&case));
+    let file = case.path().join("DATBOX/TACT_BEHAV.DAT");
+    let text = fs::read_to_string(&file).unwrap();
+    fs::write(&file, text + &TactBehav::no_law("GRAIN", "GRAIN")).unwrap();
+    assert!(!told(&case));
+}
+
+#[test]
+fn steps_are_long_while_a_table_is_constant() {
+    let mut case = Case::new();
+    let plate = case.plate([1.0, 1.0, 0.1], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    case.sphere(0.5, [0.0, 0.0, 50.0]);
+    let dt = 1.0 / 1024.0;
+    // A gate that moves from step 100 to step 120.
+    let points = [(0.0, 0.0), (100.0, 0.0), (110.0, 1.0), (120.0, 0.0), (130.0, 0.0)].map(|(t, v)| [t * dt, v]);
+    case.drive_along(plate, 2, Evolution::Table { name: "gate.dat".into(), points: points.to_vec() });
+    case.options.dt = dt;
+    case.options.adaptive = Some(Adaptive { most: 16, ..Adaptive::default() });
+    case.run(400);
+    let (steps, lengths) = (case.column("step"), case.column("h"));
+    let ends = |k: usize| (steps[k], (lengths[k] / dt).round());
+    let all: Vec<(f64, f64)> = (0..steps.len()).map(ends).collect();
+    // No step reaches into the motion, in which each is dt; before and after they are longer.
+    assert!(all.iter().any(|&(step, _)| step == 100.0), "{all:?}");
+    assert!(all.iter().filter(|&&(step, _)| step > 100.0 && step <= 120.0).all(|&(_, units)| units == 1.0), "{all:?}");
+    assert!(all.iter().any(|&(step, units)| step <= 100.0 && units == 16.0), "{all:?}");
+    assert!(all.iter().any(|&(step, units)| step > 120.0 && units == 16.0), "{all:?}");
+    let (_, out, _) = of(&case, &["--force", "--steps", "1"]);
+    assert!(out.contains("cd-solve: adaptive: steps are dt while an imposed velocity or force changes\n"), "{out}");
+}
