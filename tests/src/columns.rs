@@ -100,7 +100,7 @@ fn npy(bytes: &[u8]) -> Option<Vec<f64>> {
     (values.len() == count).then_some(values)
 }
 
-/// Numbers and truth values by their path; the version of the program is not a result.
+/// Numbers and truth values by their path; the version of the program and the options of the run are no results.
 fn flatten(path: &str, value: &Value, columns: &mut Columns) {
     match value {
         Value::Null => drop(columns.insert(path.into(), vec![f64::NAN])),
@@ -109,6 +109,7 @@ fn flatten(path: &str, value: &Value, columns: &mut Columns) {
         Value::String(_) if path == "meta.program" => {}
         Value::String(s) => columns.entry(path.into()).or_default().extend(s.bytes().map(f64::from)),
         Value::Array(list) => list.iter().for_each(|item| flatten(path, item, columns)),
+        Value::Object(_) if path == "meta.options" => {}
         Value::Object(map) => map.iter().for_each(|(key, item)| flatten(&format!("{path}.{key}"), item, columns)),
     }
 }
