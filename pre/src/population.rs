@@ -223,7 +223,7 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut Report) {
             fault(path.clone(), name, x);
         }
     }
-    let alert = write::default_alert(scene, population);
+    let alert = write::default_alert(population);
     let used =
         !grains.is_empty() && scene.contacts.iter().any(|contact| contact.law.is_some() && contact.alert.is_none());
     if used && !check::positive(alert) {

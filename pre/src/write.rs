@@ -7,7 +7,7 @@ use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof};
 use cd_formats::surface::MassProperties;
 use cd_formats::tact_behav::{Law, See, Side, TactBehav};
 use cd_formats::vloc_rloc::VlocRloc;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use crate::population::{Grain, Population};
 use crate::scene::{Evolution, Scene};
@@ -118,7 +118,7 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     for contact in &scene.contacts {
         let Some(law) = &contact.law else { continue };
         let range = scene.laws.iter().find(|known| known.name == *law).map_or(0.0, |known| known.kind.range());
-        let alert = contact.alert.unwrap_or_else(|| default_alert(scene, population).max(range));
+        let alert = contact.alert.unwrap_or_else(|| default_alert(population).max(range));
         let mut row = |candidate: Side, antagonist: Side| {
             visibility.push(See { line: 0, candidate, law: law.clone(), antagonist, alert });
         };
@@ -139,16 +139,10 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     TactBehav { laws: scene.laws.iter().map(law).collect(), visibility }
 }
 
-/// A tenth of the mean radius, and at least what two bodies at the greatest initial speed, from the mean velocity of the
-/// grains, approach each other in a step, m.
-pub fn default_alert(scene: &Scene, population: &Population) -> f64 {
+/// A tenth of the mean radius, m: cd-solve finds what is farther apart and meets in a step.
+pub fn default_alert(population: &Population) -> f64 {
     let grains = &population.grains;
-    let mean_radius = grains.iter().map(|grain| grain.radius).sum::<f64>() / grains.len() as f64;
-    let drift = grains.iter().map(|grain| grain.velocity).sum::<Vector3<f64>>() / grains.len() as f64;
-    let of_wall = |wall: &WallBody| Vector3::from_fn(|k, _| wall.motion[k].at_start());
-    let velocities = grains.iter().map(|grain| grain.velocity).chain(population.walls.iter().map(of_wall));
-    let fastest = velocities.map(|v| (v - drift).norm()).fold(0.0, f64::max);
-    (0.1 * mean_radius).max(2.0 * scene.compute.dt * fastest)
+    0.1 * grains.iter().map(|grain| grain.radius).sum::<f64>() / grains.len() as f64
 }
 
 /// The components of every wall and of every driven grain that are imposed; and the tables of their files.

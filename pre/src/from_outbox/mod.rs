@@ -216,7 +216,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         crate::check::check_event_times(&mut report, &compute.events, start);
     }
     crate::doubts::doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, &mut report);
-    let tables = Tables::merged(&changes, &parts, &new.population.grains, &records, &options, &mut report);
+    let tables = Tables::merged(&changes, &parts, &new.population.grains, &records, &mut report);
     if changes.compute.is_some() || !of_run.is_empty() {
         tables.check_events(&options.events, &mut report);
     }

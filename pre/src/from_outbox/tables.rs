@@ -4,10 +4,9 @@ use std::collections::BTreeSet;
 
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::{BulkBehav, Material};
-use cd_formats::compute::{Compute, ContactSolver, Event};
+use cd_formats::compute::{ContactSolver, Event};
 use cd_formats::report::Report;
 use cd_formats::tact_behav::{Law, See, Side, TactBehav, labels};
-use nalgebra::Vector3;
 
 use super::Changes;
 use super::source::Part;
@@ -44,12 +43,11 @@ impl Tables {
         parts: &[Part],
         grains: &[Grain],
         records: &Bodies,
-        options: &Compute,
         report: &mut Report,
     ) -> Tables {
         let bulk = materials(changes, parts, records, report);
         let laws = laws(changes, parts, report);
-        let visibility = visibility(changes, parts, grains, records, &laws, options, report);
+        let visibility = visibility(changes, parts, grains, records, &laws, report);
         Tables { bulk, tact: TactBehav { laws, visibility } }
     }
 }
@@ -182,7 +180,6 @@ fn visibility(
     grains: &[Grain],
     records: &Bodies,
     laws: &[Law],
-    options: &Compute,
     report: &mut Report,
 ) -> Vec<See> {
     let all = worn(&records.0);
@@ -236,7 +233,7 @@ fn visibility(
             report.fault(&format!("{path}.law"), found, check::one_of(&names, "a law"));
             continue;
         };
-        let alert = contact.alert.unwrap_or_else(|| default_alert(parts, grains, options).max(range(law)));
+        let alert = contact.alert.unwrap_or_else(|| default_alert(parts, grains).max(range(law)));
         let holds = check::positive(alert) && alert >= range(law);
         let expected = "a distance > 0 m, at least the range of the law";
         report.expect(holds, &format!("{path}.alert"), format!("{alert:?}"), expected);
@@ -311,9 +308,8 @@ fn expect_all_pairs(changes: &Changes, parts: &[Part], rows: &[See], named: &[(&
     }
 }
 
-/// As for a scene: a tenth of the mean radius, and at least what two bodies at the greatest speed, from the mean velocity,
-/// approach each other in a step, m; eight digits.
-fn default_alert(parts: &[Part], grains: &[Grain], options: &Compute) -> f64 {
+/// As for a scene: a tenth of the mean radius, m; eight digits.
+fn default_alert(parts: &[Part], grains: &[Grain]) -> f64 {
     let radii: Vec<f64> = parts
         .iter()
         .flat_map(|part| {
@@ -322,12 +318,7 @@ fn default_alert(parts: &[Part], grains: &[Grain], options: &Compute) -> f64 {
         })
         .collect();
     let new = grains.iter().map(|grain| &grain.radius);
-    let mean = radii.iter().chain(new).sum::<f64>() / (radii.len() + grains.len()) as f64;
-    let known = parts.iter().flat_map(|part| part.state.bodies.body_v.iter().map(|v| Vector3::from(*v)));
-    let velocities: Vec<Vector3<f64>> = known.chain(grains.iter().map(|grain| grain.velocity)).collect();
-    let drift = velocities.iter().sum::<Vector3<f64>>() / velocities.len() as f64;
-    let fastest = velocities.iter().map(|v| (v - drift).norm()).fold(0.0, f64::max);
-    round8((0.1 * mean).max(2.0 * options.dt * fastest))
+    round8(0.1 * radii.iter().chain(new).sum::<f64>() / (radii.len() + grains.len()) as f64)
 }
 
 impl Part<'_> {
