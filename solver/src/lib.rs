@@ -10,6 +10,7 @@
 //! `read` and `write` are rooms; `laws`, `gravity`, `geometry` and `math` are benches; `scene` holds what is
 //! constant during a run and `state` what changes.
 
+mod activity;
 pub mod assemble;
 mod awake;
 mod cli;

@@ -1,25 +1,32 @@
 //! What a user sees while a run goes on: a bar on a terminal, a line per output otherwise.
 
 use std::cell::Cell;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex};
+use std::thread::{JoinHandle, spawn};
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::{Compute, ContactSolver};
 use cd_formats::tell::{complain, tell};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::activity;
 use crate::state::State;
 use crate::step::{StepReport, WorstContact};
 
-/// Without a terminal, a line after so long at most.
+/// Without a terminal, a line after so long at most, in a step that takes longer, too.
 const SILENCE: Duration = Duration::from_secs(30);
+/// After so long the end of a step is reported, which says more.
+const REPORT: Duration = Duration::from_secs(29);
 
 pub struct Progress {
     bar: ProgressBar,
     first: u64,
     last: u64,
     start: Instant,
-    /// When a line was told last.
-    heard: Cell<Instant>,
+    /// When the last line was printed, and the step in progress.
+    heard: Arc<Mutex<(Instant, u64)>>,
+    watch: Option<(Sender<()>, JoinHandle<()>)>,
     /// Whether it was told that sweeps take another solver's place.
     told: Cell<bool>,
 }
@@ -32,7 +39,16 @@ impl Progress {
             bar.set_style(style);
         }
         bar.reset_eta();
-        Progress { bar, first, last, start: Instant::now(), heard: Cell::new(Instant::now()), told: Cell::new(false) }
+        let heard = Arc::new(Mutex::new((Instant::now(), first)));
+        let watch = bar.is_hidden().then(|| watch(Arc::clone(&heard), last));
+        Progress { bar, first, last, start: Instant::now(), heard, watch, told: Cell::new(false) }
+    }
+
+    /// Reports that the step after `step` begins.
+    pub fn begins(&self, step: u64) {
+        if let Ok(mut heard) = self.heard.lock() {
+            heard.1 = step;
+        }
     }
 
     pub fn step(&self, state: &State, report: &StepReport) {
@@ -51,12 +67,14 @@ impl Progress {
 
     /// Whether nothing has been told for long.
     pub fn silent(&self) -> bool {
-        self.heard.get().elapsed() > SILENCE
+        self.heard.lock().is_ok_and(|heard| heard.0.elapsed() > REPORT)
     }
 
     /// Tells where the run is.
     pub fn line(&self, state: &State, report: &StepReport) {
-        self.heard.set(Instant::now());
+        if let Ok(mut heard) = self.heard.lock() {
+            heard.0 = Instant::now();
+        }
         if !self.bar.is_hidden() {
             return;
         }
@@ -118,6 +136,33 @@ fn why_unconverged(residual: f64, tol: f64, left_out: usize) -> String {
         (false, 0) => format!("residual {residual:.1e} > tol {tol:.1e}"),
         (false, _) => format!("residual {residual:.1e} > tol {tol:.1e}, without {contacts} that began to close late"),
     }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some((end, watch)) = self.watch.take() {
+            drop(end);
+            let _ = watch.join();
+        }
+    }
+}
+
+/// A thread that prints a line where a step takes longer than lines may be apart.
+fn watch(heard: Arc<Mutex<(Instant, u64)>>, last: u64) -> (Sender<()>, JoinHandle<()>) {
+    let (end, ends) = channel();
+    let look = move || {
+        let mut wait = SILENCE;
+        while ends.recv_timeout(wait) == Err(RecvTimeoutError::Timeout) {
+            let Ok(mut heard) = heard.lock() else { return };
+            let silent = heard.0.elapsed();
+            if silent >= SILENCE {
+                tell(format_args!("after step {}/{last}: next step in progress, {}", heard.1, activity::describe()));
+                heard.0 = Instant::now();
+            }
+            wait = SILENCE.saturating_sub(heard.0.elapsed()).max(Duration::from_millis(100));
+        }
+    };
+    (end, spawn(look))
 }
 
 /// Three digits at least.

@@ -189,8 +189,12 @@ impl Visibility {
 /// Steps made when neither `steps` nor `end_time` is given.
 pub const DEFAULT_STEPS: u64 = 1000;
 
-/// By so much of a step the time of an event may be off: the time is a sum of steps, a little before or after their product.
+/// By so much of a step the time of an event may be off: decimal numbers and their products are rounded.
 pub const EVENT_SLACK: f64 = 1e-3;
+
+/// Gap, over the smaller radius and for each step looked ahead, up to which a pair is listed and solved whichever way its bodies
+/// move, if their speeds are enough: what contacts push may close it. In a step suited to the motion bodies go as far.
+pub const NEARBY: f64 = 0.1;
 
 /// So many times `tol` moves what rests.
 const STILL: f64 = 3.0;
@@ -208,7 +212,7 @@ pub struct Scene {
     pub options: Compute,
     /// Step and time (s) of the state in DATBOX.
     pub start: (u64, f64),
-    /// Those of the state that the run goes on from.
+    /// Step and time (s) from which steps of `dt` are counted: those of the start, unless `dt` has changed at a resume.
     pub from: (u64, f64),
     /// Events of the options by time, repeated ones each time for itself.
     pub events: Vec<Event>,
@@ -256,8 +260,13 @@ impl Scene {
 
     /// When the last step ends, s.
     pub fn end_time(&self) -> f64 {
+        self.time_at(self.last_step())
+    }
+
+    /// Time at the end of a step, s: a product, as a sum of many steps would round each.
+    pub fn time_at(&self, step: u64) -> f64 {
         let (first, time) = self.from;
-        time + self.last_step().saturating_sub(first) as f64 * self.options.dt
+        time + step.saturating_sub(first) as f64 * self.options.dt
     }
 
     /// Whether a contact moves at `speed` (m/s) by more than an unfinished solution leaves: three times `tol` of the

@@ -12,7 +12,7 @@ use crate::integrate::Configuration;
 use crate::laws::{Approach, Rolling, Shift};
 use crate::math::lanes::Width;
 use crate::math::{MANY, Quat, Vec3, to_local, to_world};
-use crate::scene::{Body, Geometry, Scene, Shape};
+use crate::scene::{Body, Geometry, NEARBY, Scene, Shape};
 use crate::state::{Contact, SolvedContact, State, Status};
 
 /// What a sweep reads and writes of a body.
@@ -260,7 +260,7 @@ impl Setting<'_> {
     /// Whether a contact can close within the step or is within the range of its law.
     pub(super) fn in_reach(&self, contact: &Contact) -> bool {
         let range = self.state.laws[contact.law as usize].range(self.effective_radius(contact));
-        contact.gap <= self.travel(contact).max(range)
+        contact.gap <= self.closing(contact).max(range)
     }
 
     /// Asks for what [`Self::row`] reads of a contact's antagonist; candidates come one after the other.
@@ -272,7 +272,22 @@ impl Setting<'_> {
         width.fetch(&records[b]);
     }
 
-    /// How far the two bodies may come nearer in the step at the contact, m, past what all have in common.
+    /// How far the two bodies may come nearer in the step at the contact, m: by their free velocities against each other, and as far
+    /// as they are near, by their speeds past what all have in common, as contacts may turn them.
+    fn closing(&self, contact: &Contact) -> f64 {
+        let Setting { q_c, v_free, w_free, .. } = self;
+        let travel = self.travel(contact);
+        let sides = [contact.candidate, contact.antagonist].map(|i| &self.scene.bodies[i as usize]);
+        let free = sides.into_iter().filter(|body| !body.driven).map(|body| body.radius);
+        let nearby = NEARBY * free.fold(f64::INFINITY, f64::min);
+        if travel <= nearby || contact.gap <= nearby {
+            return travel.min(nearby);
+        }
+        let u = relative_velocity(contact, &q_c.x, v_free, w_free);
+        (q_c.h * -contact.normal.dot(&u)).clamp(nearby, travel)
+    }
+
+    /// How far the two bodies may come nearer in the step at the contact, m, past what all have in common, whichever way they go.
     fn travel(&self, contact: &Contact) -> f64 {
         let Setting { q_c, speeds, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| speeds[i as usize]);
@@ -345,7 +360,7 @@ impl Setting<'_> {
             friction: shift.friction,
             impulse_shift: shift.impulse,
             acts,
-            can_close: acts && (contact.gap <= self.travel(contact) || shift.impulse != 0.0),
+            can_close: acts && (contact.gap <= self.closing(contact) || shift.impulse != 0.0),
             start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
             bond: hold.bond.filter(|_| acts),

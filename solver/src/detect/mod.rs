@@ -1,15 +1,20 @@
 //! Room: the contact configuration to contacts.
 //!
 //! A pair is listed when its gap is at most the alert distance of its row in TACT_BEHAV.DAT, or
-//! the range of its cohesion, or what its two bodies can travel in the step at their free
-//! velocities, h (|v_a| + |v_b|), and what surfaces that turn add: so no contact that can close in the step
-//! is missed, however short the alert distance.
+//! the range of its cohesion, or when the free velocities of its two bodies against each other close it in the
+//! step: so no contact that can close in the step is missed, however short the alert distance, and no motion that
+//! bodies have in common, or that parts them, lists a pair. Contact impulses may turn bodies towards others:
+//! [`late`] finds the pairs that the solved velocities close.
 
 pub mod broad;
+mod late;
 pub mod narrow;
 mod neighbours;
 mod parts;
 mod periodic;
+pub mod swept;
+
+pub use late::late;
 
 use std::collections::BTreeMap;
 
@@ -17,8 +22,10 @@ use cd_formats::compute::NarrowPhase;
 use rayon::prelude::*;
 
 use crate::math::{MANY, Vec3};
-use crate::scene::{Scene, See, Shape};
+use crate::scene::{NEARBY, Scene, See, Shape};
 use crate::state::{Contact, Known};
+
+use self::neighbours::Things;
 
 use crate::integrate::Configuration;
 
@@ -27,11 +34,11 @@ use crate::integrate::Configuration;
 /// `free`: velocities (m/s) and angular velocities (rad/s) after the step if nothing touched.
 /// `known`: of the last step, then of this one.
 pub fn contacts(scene: &Scene, q_c: &Configuration, free: [&[Vec3]; 2], known: &mut Known) -> Vec<Contact> {
-    let ways = Ways::new(q_c, free);
+    let ways = Ways::new(scene, q_c, free, q_c.ahead);
     if scene.is_general() {
         return parts::contacts(scene, q_c, &ways, scene.options.narrow_phase(), known);
     }
-    let mut pairs = among_spheres(scene, q_c, &ways.travel, known);
+    let mut pairs = among_spheres(scene, q_c, &ways, known);
     let mut of_planes = with_planes(scene, q_c, &ways);
     if !of_planes.is_empty() {
         pairs.append(&mut of_planes);
@@ -40,20 +47,37 @@ pub fn contacts(scene: &Scene, q_c: &Configuration, free: [&[Vec3]; 2], known: &
     pairs.par_iter().with_min_len(256).map(|&(pair, law)| contact(scene, q_c, pair, law)).collect()
 }
 
-/// How far bodies can get in the step.
+/// Displacements of bodies in the step.
 struct Ways<'a> {
-    /// Each beside the others, m.
+    /// Length of each past what all have in common, m.
     travel: Vec<f64>,
+    /// Mean free velocity of the free bodies, m/s: what they share moves no two past each other.
+    drift: Vec3,
+    v_free: &'a [Vec3],
     w_free: &'a [Vec3],
     /// s
     ahead: f64,
+    /// [`NEARBY`] for the time looked ahead.
+    nearby: f64,
 }
 
 impl<'a> Ways<'a> {
-    fn new(q_c: &Configuration, [v_free, w_free]: [&'a [Vec3]; 2]) -> Self {
-        let ahead = q_c.ahead;
-        let travel = v_free.par_iter().with_min_len(MANY).map(|v| ahead * (v - q_c.drift).norm()).collect();
-        Ways { travel, w_free, ahead }
+    fn new(scene: &Scene, q_c: &Configuration, [v_free, w_free]: [&'a [Vec3]; 2], ahead: f64) -> Self {
+        let sum: Vec3 = scene.free.iter().map(|&i| v_free[i as usize]).sum();
+        let drift = sum / scene.free.len().max(1) as f64;
+        let travel = v_free.par_iter().with_min_len(MANY).map(|v| ahead * (v - drift).norm()).collect();
+        let steps = if q_c.h > 0.0 { ahead / q_c.h } else { 1.0 };
+        Ways { travel, drift, v_free, w_free, ahead, nearby: NEARBY * steps }
+    }
+
+    /// Displacement of the centre of body `i` past what all have in common, m.
+    fn path(&self, i: usize) -> Vec3 {
+        (self.v_free[i] - self.drift) * self.ahead
+    }
+
+    /// Rotation of body `i`, rad.
+    fn turn(&self, i: usize) -> Vec3 {
+        self.w_free[i] * self.ahead
     }
 
     /// The way of what turns with body `i`, at most `arm` (m) from its centre, m.
@@ -73,7 +97,8 @@ pub struct Missed {
 /// Compares `contacts` with what the accurate narrow phase finds; the other arguments are those of [`contacts`] that made
 /// them. A pair that only one of them lists counts with its overlap.
 pub fn missed(scene: &Scene, q_c: &Configuration, free: [&[Vec3]; 2], known: &Known, contacts: &[Contact]) -> Missed {
-    let exact = parts::contacts(scene, q_c, &Ways::new(q_c, free), NarrowPhase::Accurate, &mut known.clone());
+    let exact =
+        parts::contacts(scene, q_c, &Ways::new(scene, q_c, free, q_c.ahead), NarrowPhase::Accurate, &mut known.clone());
     let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
     let gaps = |contacts: &[Contact]| {
         let mut gaps = BTreeMap::new();
@@ -97,24 +122,28 @@ pub fn missed(scene: &Scene, q_c: &Configuration, free: [&[Vec3]; 2], known: &Kn
 type Listed = ([u32; 2], u8);
 
 /// In the order of candidates, then of antagonists.
-fn among_spheres(scene: &Scene, q_c: &Configuration, travel: &[f64], known: &mut Known) -> Vec<Listed> {
+fn among_spheres(scene: &Scene, q_c: &Configuration, ways: &Ways, known: &mut Known) -> Vec<Listed> {
     let bodies = scene.spheres.par_iter().with_min_len(MANY);
     let centres: Vec<Vec3> = bodies.clone().map(|&i| q_c.x[i as usize]).collect();
+    let travel: Vec<f64> = bodies.clone().map(|&i| ways.travel[i as usize]).collect();
     let radii: Vec<f64> = bodies.map(|&i| scene.bodies[i as usize].radius).collect();
-    let reach = |(k, radius): (usize, &f64)| radius + travel[scene.spheres[k] as usize] + 0.5 * scene.listing_range;
-    let reach: Vec<f64> = radii.iter().enumerate().map(reach).collect();
-    let of_sphere = |k: usize| travel[scene.spheres[k] as usize];
-    if known.neighbours.renew(&centres, &reach, of_sphere, scene.periods(), scene.mean_radius) {
+    let reach = |(radius, travel): (&f64, &f64)| radius + travel + 0.5 * scene.listing_range;
+    let reach: Vec<f64> = radii.iter().zip(&travel).map(reach).collect();
+    let path = |k: usize| ways.path(scene.spheres[k] as usize);
+    let things = Things { centres: &centres, reach: &reach, path, travel: &travel };
+    if known.neighbours.renew(&things, scene.periods(), scene.mean_radius) {
         let near = std::mem::take(&mut known.neighbours.pairs);
         known.pairs = near.into_par_iter().with_min_len(1024).filter_map(|pair| meet(scene, pair)).collect();
         known.pairs.par_sort_unstable_by_key(|(pair, _)| *pair);
     }
     let listed = |&([i, j], see): &([u32; 2], See)| {
         let pair = [i, j].map(|k| scene.spheres[k as usize]);
-        let [a, b] = [i, j].map(|k| (&centres[k as usize], radii[k as usize]));
-        let gap = narrow::sphere_sphere(a.0, a.1, &(b.0 + scene.image(a.0, b.0)), b.1).gap;
-        let travel = travel[pair[0] as usize] + travel[pair[1] as usize];
-        is_listed(scene, pair, see, gap, travel).then_some((pair, see.law))
+        let [i, j] = [i as usize, j as usize];
+        let (a, b) = (centres[i], centres[j] + scene.image(&centres[i], &centres[j]));
+        let gap = narrow::sphere_sphere(&a, radii[i], &b, radii[j]).gap;
+        let approach = Approach { travel: travel[i] + travel[j], nearby: ways.nearby * radii[i].min(radii[j]) };
+        let closing = || swept::least_distance(&(a - b), &(path(i) - path(j))) - (radii[i] + radii[j]);
+        is_listed(scene, pair, see, gap, approach, closing).then_some((pair, see.law))
     };
     known.pairs.par_iter().with_min_len(512).filter_map(listed).collect()
 }
@@ -131,6 +160,7 @@ fn with_planes(scene: &Scene, q_c: &Configuration, ways: &Ways) -> Vec<Listed> {
         let Shape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
         // A wall's travel is that of its farthest corner.
         let swept = ways.of_rim(p, half_lengths.norm());
+        let (path, turn) = (ways.path(p), ways.turn(p));
         let into_axes = q_c.q[p].inverse().to_rotation_matrix();
         let near = move |&sphere: &u32| {
             let (s, pair) = (sphere as usize, [sphere, plane]);
@@ -141,7 +171,15 @@ fn with_planes(scene: &Scene, q_c: &Configuration, ways: &Ways) -> Vec<Listed> {
             let [sphere, plane] = [s, p].map(|i| &scene.bodies[i]);
             let near = gap <= scene.listing_range + travel && !(sphere.driven && plane.driven);
             let see = scene.visibility.see(sphere.class, plane.class).filter(|_| near)?;
-            is_listed(scene, pair, see, found(scene, q_c, pair).gap, travel).then_some((pair, see.law))
+            let found = found(scene, q_c, pair);
+            let approach = Approach { travel, nearby: ways.nearby * sphere.radius };
+            // A plate is convex: what passes it stays beyond the plane through its nearest point. As it turns its surface bends.
+            let closing = || {
+                let against = ways.path(s) - path - turn.cross(&from);
+                let bend = 0.5 * turn.norm_squared() * from.norm();
+                found.gap - ((-found.normal.dot(&against)).max(0.0) + bend).min(travel)
+            };
+            is_listed(scene, pair, see, found.gap, approach, closing).then_some((pair, see.law))
         };
         scene.spheres.par_iter().with_min_len(512).filter_map(near)
     };
@@ -160,13 +198,35 @@ fn found(scene: &Scene, q_c: &Configuration, [candidate, antagonist]: [u32; 2]) 
     }
 }
 
-/// Whether two that see each other so are near enough.
-fn is_listed(scene: &Scene, [candidate, antagonist]: [u32; 2], see: See, gap: f64, travel: f64) -> bool {
+/// How near two bodies may come in the step.
+#[derive(Clone, Copy)]
+struct Approach {
+    /// At most, by their speeds past what all have in common, m.
+    travel: f64,
+    /// Gap up to which they are listed whichever way they move, m.
+    nearby: f64,
+}
+
+/// Whether two that see each other so are near enough; `closing`: the least gap on their ways through the step, m.
+fn is_listed(
+    scene: &Scene,
+    [candidate, antagonist]: [u32; 2],
+    see: See,
+    gap: f64,
+    Approach { travel, nearby }: Approach,
+    closing: impl Fn() -> f64,
+) -> bool {
     // The range of a bond needs the radii, which a near pair is not asked for.
     let law = &scene.laws[see.law as usize];
     let range = || law.range(scene.effective_radius((candidate, 0), (antagonist, 0)));
-    gap <= see.alert.max(travel) || (law.cohesion().is_some() && gap <= range())
+    gap <= see.alert.max(travel.min(nearby))
+        || (gap <= MARGIN * see.alert + travel && closing() <= MARGIN * see.alert)
+        || (law.cohesion().is_some() && gap <= range())
 }
+
+/// Part of the alert distance by which ways may pass each other and still be listed, so that small changes of velocities by contacts
+/// close no pair that is not listed.
+const MARGIN: f64 = 0.5;
 
 fn contact(scene: &Scene, q_c: &Configuration, pair: [u32; 2], law: u8) -> Contact {
     let found = found(scene, q_c, pair);

@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use crate::detect::periodic;
+use crate::detect::swept::Moving;
 use crate::math::{MANY, Vec3};
 use crate::state::Neighbours;
 
@@ -17,27 +18,77 @@ const STEPS: f64 = 6.0;
 const MOST: f64 = 0.2;
 /// Room where nothing is to be saved: what rounding may make of a distance.
 const NONE: f64 = 1e-9;
+/// Pairs that cells would find per thing, over those of things that rest, from which on paths are searched instead: cells
+/// know speeds against a common velocity alone.
+const CROWDED: f64 = 3.0;
+
+/// Things that move, in whose order pairs are numbered.
+pub struct Things<'a, P> {
+    /// m
+    pub centres: &'a [Vec3],
+    /// Radius with `travel` and half of the distance at which pairs are listed, m.
+    pub reach: &'a [f64],
+    /// Displacement in the time looked ahead, m, of each.
+    pub path: P,
+    /// Length of it past what all have in common, m.
+    pub travel: &'a [f64],
+}
+
+impl<P: Fn(usize) -> Vec3 + Sync> Things<'_, P> {
+    /// Whether reaches that hold the travel meet those of many more things than come near.
+    fn are_crowded(&self) -> bool {
+        let count = self.centres.len() as f64;
+        let more = |(reach, travel): (&f64, &f64)| (reach / (reach - travel)).powi(3).min(count);
+        self.reach.iter().zip(self.travel).map(more).sum::<f64>() > CROWDED * count
+    }
+
+    fn swept(&self, periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
+        let ball = |k: usize| {
+            let reach = self.reach[k] - self.travel[k];
+            Moving { centre: self.centres[k], path: (self.path)(k), reach, searched: true }
+        };
+        let balls: Vec<Moving> = (0..self.centres.len()).into_par_iter().with_min_len(MANY).map(ball).collect();
+        periodic::pairs_swept(&balls, self.reach, periods)
+    }
+}
 
 impl Neighbours {
-    /// Makes the pairs hold for things that are at `centres` and `reach` so far, m; whether they had to be looked for.
+    /// Updates the pairs to those of `things`; returns whether they had to be searched for.
     ///
-    /// `travel`: how far each may get in a step, m; `size`: the mean radius, m.
-    pub fn renew(
+    /// `size`: the mean radius, m.
+    pub fn renew<P: Fn(usize) -> Vec3 + Sync>(
         &mut self,
-        centres: &[Vec3],
-        reach: &[f64],
-        travel: impl Fn(usize) -> f64 + Sync,
+        things: &Things<P>,
         periods: [Option<f64>; 2],
         size: f64,
     ) -> bool {
+        let &Things { centres, reach, travel, .. } = things;
+        if things.are_crowded() {
+            *self = Neighbours { pairs: things.swept(periods), ..Neighbours::default() };
+            return true;
+        }
         let known = self.centres.len() == centres.len();
-        let stays =
-            |k: usize| (centres[k] - self.centres[k]).norm() + (reach[k] - self.reach[k]).max(0.0) <= self.room[k];
-        if known && (0..centres.len()).into_par_iter().with_min_len(MANY).all(stays) {
+        let stay = |shift: Vec3| {
+            let stays = |k: usize| {
+                let moved = centres[k] - self.centres[k] - shift;
+                moved.norm() + (reach[k] - self.reach[k]).max(0.0) <= self.room[k]
+            };
+            (0..centres.len()).into_par_iter().with_min_len(MANY).all(stays)
+        };
+        // What all have in common changes no distance.
+        let shift = |from: &[Vec3]| {
+            let sum: Vec3 = centres.iter().zip(from).map(|(centre, from)| centre - from).sum();
+            sum / centres.len().max(1) as f64
+        };
+        if known && (stay(Vec3::zeros()) || stay(shift(&self.centres))) {
             self.last.copy_from_slice(centres);
             return false;
         }
-        let way = |k: usize| if known { (centres[k] - self.last[k]).norm() } else { travel(k) };
+        let common = if known { shift(&self.last) } else { Vec3::zeros() };
+        let way = |k: usize| {
+            let way = if known { centres[k] - self.last[k] } else { return travel[k] };
+            way.norm().min((way - common).norm())
+        };
         self.room = (0..centres.len()).map(|k| ROOM * size + STEPS * way(k)).collect();
         if self.room.iter().sum::<f64>() > MOST * size * reach.len() as f64 {
             self.room.fill(NONE * size);
@@ -64,6 +115,41 @@ mod tests {
         (x.collect(), reach.collect())
     }
 
+    /// Things whose motion within a step is in their reaches.
+    fn at_rest<'a>(centres: &'a [Vec3], reach: &'a [f64]) -> Things<'a, impl Fn(usize) -> Vec3 + Sync> {
+        Things { centres, reach, path: |_| Vec3::zeros(), travel: &[] }
+    }
+
+    #[test]
+    fn what_all_have_in_common_leaves_no_room() {
+        let (mut neighbours, mut looked) = (Neighbours::default(), 0);
+        for step in 0..60 {
+            let (mut x, reach) = crowd(f64::from(step), 0.001);
+            x.iter_mut().for_each(|x| *x += Vec3::new(7.0, -3.0, 0.1) * f64::from(step * step));
+            looked += usize::from(neighbours.renew(&at_rest(&x, &reach), [None; 2], 1.0));
+            for pair in &periodic::pairs(&x, &reach, [None; 2]) {
+                assert!(neighbours.pairs.contains(pair), "{step}: {pair:?}");
+            }
+        }
+        assert!((2..9).contains(&looked), "{looked}");
+    }
+
+    #[test]
+    fn groups_that_move_apart_are_searched_by_their_paths() {
+        let (mut x, mut reach) = crowd(0.0, 0.0);
+        x.extend(x.clone().iter().map(|x| x + Vec3::x() * 18.0));
+        reach.extend(reach.clone());
+        let travel = vec![500.0; 600];
+        let reach: Vec<f64> = reach.iter().map(|reach| reach + 500.0).collect();
+        let path = |k: usize| Vec3::x() * if k < 300 { -500.0 } else { 500.0 };
+        let mut neighbours = Neighbours::default();
+        let things = Things { centres: &x, reach: &reach, path, travel: &travel };
+        assert!(neighbours.renew(&things, [None; 2], 1.0));
+        let rest: Vec<f64> = reach.iter().map(|reach| reach - 500.0).collect();
+        let apart = |range: std::ops::Range<usize>| periodic::pairs(&x[range.clone()], &rest[range], [None; 2]).len();
+        assert_eq!(neighbours.pairs.len(), apart(0..300) + apart(300..600));
+    }
+
     #[test]
     fn no_pair_is_missed_and_slow_ones_are_looked_for_seldom() {
         let free = [None; 2];
@@ -73,7 +159,7 @@ mod tests {
             let (mut neighbours, mut looked) = (Neighbours::default(), 0);
             for step in 0..60 {
                 let (x, reach) = crowd(f64::from(step), speed);
-                looked += usize::from(neighbours.renew(&x, &reach, |_| 0.0, periods, 1.0));
+                looked += usize::from(neighbours.renew(&at_rest(&x, &reach), periods, 1.0));
                 let pairs = periodic::pairs(&x, &reach, periods);
                 assert!(!pairs.is_empty());
                 for pair in &pairs {
@@ -91,7 +177,7 @@ mod tests {
         for step in 0..60 {
             let (mut x, reach) = crowd(0.0, 0.0);
             x[7] += Vec3::new(10.0, 0.5 * f64::from(step), 0.01 * f64::from(step * step));
-            looked += usize::from(neighbours.renew(&x, &reach, |_| 0.0, [None; 2], 1.0));
+            looked += usize::from(neighbours.renew(&at_rest(&x, &reach), [None; 2], 1.0));
         }
         assert!((8..20).contains(&looked), "{looked}");
     }

@@ -5,7 +5,10 @@ use smallvec::SmallVec;
 
 use cd_formats::compute::NarrowPhase;
 
-use crate::detect::{Ways, narrow};
+use crate::activity;
+use crate::detect::neighbours::Things;
+use crate::detect::swept::Moving;
+use crate::detect::{MARGIN, Ways, narrow, periodic, swept};
 use crate::geometry::{
     Apart, Manifold, Memory, Narrow, Point, Posed, Range, Sight, Together, polyhedron_cylinder,
     polyhedron_hollow_cylinder, polyhedron_sphere,
@@ -24,6 +27,15 @@ struct Place<'a> {
     travel: f64,
     /// Of the ball about it, with what it can travel and half of what is listed, m.
     reach: f64,
+    /// Displacement of the centre in the step, m, and rotation, rad.
+    path: Vec3,
+    turn: Vec3,
+    /// Largest distance from the centre of what a rotation moves, m: 0 for a sphere.
+    rim: f64,
+    /// Of the ball about it, m.
+    radius: f64,
+    /// By how much the way of the centre, as the body turns, is not straight, m.
+    bend: f64,
     /// How far its surface has moved in all, m.
     moved: f64,
     /// As cohesion knows it, 1/m.
@@ -60,8 +72,10 @@ impl Known {
         }
         let centres: Vec<Vec3> = places.iter().map(|place| place.centre).collect();
         let reach: Vec<f64> = places.iter().map(|place| place.reach).collect();
-        let travel = |k: usize| places[k].travel;
-        if !self.neighbours.renew(&centres, &reach, travel, scene.periods(), scene.mean_radius) {
+        let travel: Vec<f64> = places.iter().map(|place| place.travel).collect();
+        let path = |k: usize| places[k].path;
+        let things = Things { centres: &centres, reach: &reach, path, travel: &travel };
+        if !self.neighbours.renew(&things, scene.periods(), scene.mean_radius) {
             return;
         }
         let before = self.kept();
@@ -87,6 +101,7 @@ pub fn contacts(
 ) -> Vec<Contact> {
     let mut places: Vec<Place> =
         scene.parts.par_iter().with_min_len(64).map(|part| place(scene, part, q_c, ways)).collect();
+    let nearby = ways.nearby;
     known.renew(scene, &mut places, &q_c.order);
     let Known { pairs, memories, separations, .. } = known;
     let narrow = match narrow {
@@ -98,7 +113,39 @@ pub fn contacts(
     let chunks = chunks.map(|((pairs, memories), separations)| Chunk { pairs, memories, separations });
     let hands = || Hands { polyhedra: Together::new(width), ahead: Ahead::new(&places, width) };
     let found: Vec<Listed> =
-        chunks.map_init(hands, |hands, chunk| look(scene, &places, narrow, hands, chunk)).collect();
+        chunks.map_init(hands, |hands, chunk| look(scene, &places, nearby, narrow, hands, chunk)).collect();
+    sorted(&found, scene.bodies.len(), width)
+}
+
+/// Contacts of pairs that come near each other by these displacements, of bodies of which at least one is `searched`.
+pub fn near_paths(
+    scene: &Scene,
+    q_c: &Configuration,
+    ways: &Ways,
+    narrow: Narrow,
+    searched: impl Fn(u32) -> bool + Sync,
+) -> Vec<Contact> {
+    let places: Vec<Place> =
+        scene.parts.par_iter().with_min_len(64).map(|part| place(scene, part, q_c, ways)).collect();
+    let ball = |place: &Place| Moving {
+        centre: place.centre,
+        path: place.path,
+        reach: place.radius + place.bend,
+        searched: searched(place.body),
+    };
+    let balls: Vec<Moving> = places.iter().map(ball).collect();
+    let reach: Vec<f64> = places.iter().map(|place| place.reach).collect();
+    let near = periodic::pairs_swept(&balls, &reach, scene.periods());
+    let mut pairs: Vec<([u32; 2], See)> = near.into_iter().filter_map(|ij| meet(scene, &places, ij)).collect();
+    pairs.sort_unstable_by_key(|(parts, _)| *parts);
+    let width = Width::detect();
+    let mut hands = Hands { polyhedra: Together::new(width), ahead: Ahead::new(&places, width) };
+    let look_at = |pairs: &[([u32; 2], See)]| {
+        let (mut memories, mut separations) = ([Memory::default(); CHUNK], [Separation::default(); CHUNK]);
+        let (memories, separations) = (&mut memories[..pairs.len()], &mut separations[..pairs.len()]);
+        look(scene, &places, ways.nearby, narrow, &mut hands, Chunk { pairs, memories, separations })
+    };
+    let found: Vec<Listed> = pairs.chunks(CHUNK).map(look_at).collect();
     sorted(&found, scene.bodies.len(), width)
 }
 
@@ -119,9 +166,19 @@ struct Hands<'a> {
 }
 
 /// Looks at those pairs that are not known to be apart.
-fn look<'a>(scene: &Scene, places: &'a [Place<'a>], narrow: Narrow, hands: &mut Hands<'a>, chunk: Chunk) -> Listed {
+fn look<'a>(
+    scene: &Scene,
+    places: &'a [Place<'a>],
+    nearby: f64,
+    narrow: Narrow,
+    hands: &mut Hands<'a>,
+    chunk: Chunk,
+) -> Listed {
     let Chunk { pairs, memories, separations } = chunk;
-    let meeting = |k: usize| Meeting::new(scene, places, k, &pairs[k]);
+    if activity::is_stopped() {
+        return Listed::new(0, scene.periods());
+    }
+    let meeting = |k: usize| Meeting::new(scene, places, nearby, k, &pairs[k]);
     let (mut near, mut count) = ([0; CHUNK], 0);
     for (k, separation) in separations.iter().enumerate() {
         let meeting = meeting(k);
@@ -161,30 +218,69 @@ struct Meeting<'a> {
     image: Vec3,
     range: Range,
     law: u8,
+    /// Gap up to which points are listed however the two move, m; infinite where all that are found are.
+    always: f64,
+    /// Part of the alert distance by which ways may pass each other, m.
+    margin: f64,
 }
 
 impl<'a> Meeting<'a> {
-    fn new(scene: &Scene, places: &'a [Place<'a>], pair: usize, (parts, see): &([u32; 2], See)) -> Self {
+    fn new(scene: &Scene, places: &'a [Place<'a>], nearby: f64, pair: usize, (parts, see): &([u32; 2], See)) -> Self {
         let [a, b] = parts.map(|k| &places[k as usize]);
         let radius = 1.0 / (a.curvature + b.curvature);
         let law = &scene.laws[see.law as usize];
-        // Farther apart than that they do not touch in this step, unless something pushes them.
-        let patch = law.range(radius).max(a.travel + b.travel);
-        let range = Range { alert: patch.max(see.alert), patch, area: law.range_of_stress(radius) };
         let image = scene.image(&a.centre, &b.centre);
-        Meeting { pair, a, b, c: b.centre + image - a.centre, image, range, law: see.law }
+        let c = b.centre + image - a.centre;
+        let held = law.range(radius);
+        // Farther apart than that they do not touch in this step, unless something pushes them.
+        let (mut travel, mut always) = (a.travel + b.travel, f64::INFINITY);
+        let nearby = nearby * a.radius.min(b.radius);
+        let margin = MARGIN * see.alert;
+        if travel > nearby.max(margin) {
+            travel = travel.min(approach(a, b, &c, Vec3::norm) + margin).max(nearby);
+            always = held.max(see.alert).max(nearby);
+        }
+        let patch = held.max(travel);
+        let range = Range { alert: patch.max(see.alert), patch, area: law.range_of_stress(radius) };
+        Meeting { pair, a, b, c, image, range, law: see.law, always, margin }
     }
 
-    /// Whether the balls about them, with what they can travel, are within the range.
+    /// Whether the balls about them come within the range in the step.
     fn is_near(&self) -> bool {
-        let reach = self.a.reach + self.b.reach;
-        self.c.norm_squared() <= reach * reach
+        let Meeting { a, b, c, .. } = self;
+        let reach = a.reach + b.reach;
+        let near = c.norm_squared() <= reach * reach;
+        let rest = reach - (a.travel + b.travel);
+        near && (self.always == f64::INFINITY || swept::least_distance(c, &(b.path - a.path)) <= rest + a.bend + b.bend)
+    }
+
+    /// Gap up to which points with this normal, from the antagonist to the candidate, are listed, m.
+    fn listed_up_to(&self, normal: &Vec3) -> f64 {
+        // The inside of a cylinder curves towards what moves along it.
+        let curves = matches!(self.b.shape, Shape::Cylinder { hollow: true, .. });
+        if self.always == f64::INFINITY || curves {
+            return self.range.alert;
+        }
+        let closing = approach(self.a, self.b, &self.c, |against| (-normal.dot(against)).max(0.0));
+        self.always.max(closing + self.margin).min(self.range.alert)
     }
 
     /// How far their surfaces have moved together, m.
     fn moved(&self) -> f64 {
         self.a.moved + self.b.moved
     }
+}
+
+/// How far the surfaces of `a` and `b`, at `c` from it, come nearer in the step, m: `along` of their displacement against each
+/// other, and what turning adds. As seen by an observer who turns with one of them or not at all: what turns as one body does
+/// not move.
+fn approach(a: &Place, b: &Place, c: &Vec3, along: impl Fn(&Vec3) -> f64) -> f64 {
+    let path = a.path - b.path;
+    let turn = (a.turn - b.turn).norm();
+    let at_rest = along(&path) + a.turn.norm() * a.rim + b.turn.norm() * b.rim;
+    let with_a = along(&(path + a.turn.cross(c))) + turn * b.rim;
+    let with_b = along(&(path + b.turn.cross(c))) + turn * a.rim;
+    at_rest.min(with_a).min(with_b)
 }
 
 /// What a task has found.
@@ -224,9 +320,10 @@ impl Listed {
         if self.runs.last().is_none_or(|(candidate, _)| *candidate != a.body) {
             self.runs.push((a.body, self.contacts.len()));
         }
+        let up_to = meeting.listed_up_to(&manifold.normal);
         let on_area = |point: &Point| point.gap <= range.area;
         let share = manifold.area / manifold.points.iter().filter(|point| on_area(point)).count() as f64;
-        self.contacts.extend(manifold.points.iter().filter(|point| point.gap <= range.alert).map(|point| Contact {
+        self.contacts.extend(manifold.points.iter().filter(|point| point.gap <= up_to).map(|point| Contact {
             candidate: a.body,
             antagonist: b.body,
             ranks: (a.rank, b.rank),
@@ -312,11 +409,17 @@ fn place<'a>(scene: &Scene, part: &'a Part, q_c: &Configuration, ways: &Ways) ->
     let arm = q * part.offset;
     let axes = q * part.axes;
     let travel = ways.of_rim(i, arm.norm() + part.radius);
+    let turn = ways.turn(i);
     Place {
         centre: q_c.x[i] + arm,
         axes,
         travel,
         reach: part.radius + travel + 0.5 * scene.listing_range,
+        path: ways.path(i) + turn.cross(&arm),
+        turn,
+        rim: if matches!(part.geometry, Geometry::Sphere { .. }) { 0.0 } else { part.radius },
+        radius: part.radius,
+        bend: (0.5 * turn.norm_squared() * arm.norm()).min(travel),
         moved: 0.0,
         curvature: scene.curvature_of(part),
         body: part.body,

@@ -1,6 +1,7 @@
 //! Near pairs in a space that comes again along x, y or both.
 
 use crate::detect::broad;
+use crate::detect::swept::{self, Moving};
 use crate::math::Vec3;
 
 /// Steps to images of which each pair of neighbouring cells is one.
@@ -14,6 +15,36 @@ pub fn pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 
     if periods == [None; 2] {
         return broad::pairs(x, reach);
     }
+    let (centres, of) = images(x, reach, periods);
+    let reaches: Vec<f64> = of.iter().map(|&i| reach[i as usize]).collect();
+    own(broad::pairs(&centres, &reaches), x.len(), &of)
+}
+
+/// The same of [`swept::pairs`]; `reach`: radii with the whole length of the paths, m.
+pub fn pairs_swept(balls: &[Moving], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
+    if periods == [None; 2] {
+        return swept::pairs(balls);
+    }
+    let x: Vec<Vec3> = balls.iter().map(|ball| ball.centre).collect();
+    let (centres, of) = images(&x, reach, periods);
+    let moved = |(centre, &i): (&Vec3, &u32)| Moving { centre: *centre, ..balls[i as usize] };
+    let moving: Vec<Moving> = centres.iter().zip(&of).map(moved).collect();
+    own(swept::pairs(&moving), x.len(), &of)
+}
+
+/// Pairs of things from pairs of their images, of which the first `count` are the things themselves.
+fn own(found: Vec<[u32; 2]>, count: usize, of: &[u32]) -> Vec<[u32; 2]> {
+    // Of two images the pair is another's.
+    let own = found.into_iter().filter(|[i, _]| (*i as usize) < count);
+    let mut pairs: Vec<[u32; 2]> = own.map(|pair| pair.map(|k| of[k as usize])).filter(|[i, j]| i != j).collect();
+    pairs.iter_mut().for_each(|pair| pair.sort_unstable());
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+/// Centres within the cell, then those of the images that may be near, and what each is an image of.
+fn images(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> (Vec<Vec3>, Vec<u32>) {
     let within = |x: f64, period: Option<f64>| period.map_or(x, |period| x - period * (x / period).round());
     let mut centres: Vec<Vec3> =
         x.iter().map(|x| Vec3::new(within(x.x, periods[0]), within(x.y, periods[1]), x.z)).collect();
@@ -27,7 +58,6 @@ pub fn pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 
         all.filter(allowed).collect::<Vec<_>>()
     };
     let steps = [steps(false), steps(true)];
-    let mut reaches = reach.to_vec();
     let mut of: Vec<u32> = (0..x.len() as u32).collect();
     for i in 0..x.len() {
         let wide = is_wide(reach[i]);
@@ -39,19 +69,11 @@ pub fn pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 
             let image = centres[i] + move_by;
             if inside(image.x, periods[0]) && inside(image.y, periods[1]) {
                 centres.push(image);
-                reaches.push(reach[i]);
                 of.push(i as u32);
             }
         }
     }
-    let found = broad::pairs(&centres, &reaches).into_iter();
-    // Of two images the pair is another's.
-    let own = found.filter(|[i, _]| (*i as usize) < x.len());
-    let mut pairs: Vec<[u32; 2]> = own.map(|pair| pair.map(|k| of[k as usize])).filter(|[i, j]| i != j).collect();
-    pairs.iter_mut().for_each(|pair| pair.sort_unstable());
-    pairs.sort_unstable();
-    pairs.dedup();
-    pairs
+    (centres, of)
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use cd_formats::compute::ContactSolver;
 use cd_formats::snapshot::Fallback;
 
+use crate::activity;
 use crate::assemble::{StoredProblem, System};
 use crate::math::lanes::Width;
 use crate::math::{Vec3, to_local, to_world};
@@ -127,7 +128,7 @@ fn untied(system: &System, task: Task, limit: u64, stored: impl Fn(&System) -> S
     }
     let mut system = system.clone();
     let mut best = last.clone();
-    while !best.converged && best.sweeps < limit {
+    while !best.converged && best.sweeps < limit && !activity::is_stopped() {
         let solved = knot(&system, &last.impulses, task.width, &stored);
         let taken_over = last.taken_over || solved.is_some();
         let sweeps = (limit - best.sweeps).min(if solved.is_some() { BETWEEN } else { ROUND });
@@ -260,7 +261,7 @@ fn by_stored(
         let missed = closing_outside(&system, &rows, &best.records);
         best.converged = best.residual <= task.until.tol && missed.is_empty();
         best.left_out = missed.len();
-        if missed.is_empty() || left.max_sweeps == 0 || left.max_cost <= 0.0 {
+        if missed.is_empty() || activity::is_stopped() || left.max_sweeps == 0 || left.max_cost <= 0.0 {
             best.worst = best.worst.or(missed.first().copied());
             return best;
         }

@@ -11,6 +11,7 @@
 use cd_formats::compute::SweepPrecision;
 use rayon::prelude::*;
 
+use crate::activity;
 use crate::assemble::{Record, System};
 use crate::math::lanes::Width;
 use crate::math::{MANY, Vec3};
@@ -138,7 +139,7 @@ pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
         let (residual, motions) = sweep_until(system, &judge, &active, &mut reactions, until, single, &mut sweeps);
         let records = judge.records(&motions);
         let missed = closing_outside(system, &active, &records);
-        if missed.is_empty() || sweeps >= max_sweeps {
+        if missed.is_empty() || sweeps >= max_sweeps || activity::is_stopped() {
             let Reactions { impulses, moments } = reactions;
             return Solution {
                 impulses,
@@ -199,8 +200,12 @@ fn sweep_until(
     loop {
         let swept = problem.sweep(judge.width, momentum.beta);
         momentum.after(swept.uphill, swept.change);
+        activity::sweep();
         *sweeps += 1;
         patience += 1;
+        if activity::is_stopped() {
+            return best; // which nobody will use
+        }
         let due = match check_every {
             Some(block) => patience >= block,
             None if *sweeps < least_sweeps => false,

@@ -21,6 +21,16 @@ pub struct Solved {
     pub exchanges: Vec<Vec<Exchange>>,
 }
 
+/// Velocities and angular velocities in the contact configuration with all impulses, m/s and rad/s.
+pub fn velocities(solution: &Solution, free: &Free) -> (Vec<Vec3>, Vec<Vec3>) {
+    // What is imposed stays as it was.
+    let motion = |((record, v), w): ((&Record, &Vec3), &Vec3)| {
+        if record.inverse_mass > 0.0 { (record.v, record.w) } else { (*v, *w) }
+    };
+    let bodies = solution.records.par_iter().zip(&free.v).zip(&free.w);
+    bodies.with_min_len(MANY).map(motion).unzip()
+}
+
 /// Takes the place that the contacts of the last step have in memory.
 pub fn end_of_contacts(
     scene: &Scene,
@@ -31,12 +41,7 @@ pub fn end_of_contacts(
     system: &System,
     solution: &Solution,
 ) -> Solved {
-    // What is imposed stays as it was.
-    let motion = |((record, v), w): ((&Record, &Vec3), &Vec3)| {
-        if record.inverse_mass > 0.0 { (record.v, record.w) } else { (*v, *w) }
-    };
-    let bodies = solution.records.par_iter().zip(&free.v).zip(&free.w);
-    let (v, w): (Vec<Vec3>, Vec<Vec3>) = bodies.with_min_len(MANY).map(motion).unzip();
+    let (v, w) = velocities(solution, free);
     let mut ends = std::mem::take(&mut state.contacts);
     ends.resize(contacts.len(), SolvedContact::default());
     let driven: Vec<bool> = scene.bodies.iter().map(|body| body.driven).collect();

@@ -5,11 +5,14 @@ mod ledger;
 
 use std::time::{Duration, Instant};
 
+use cd_formats::snapshot::Ledger;
+
 pub use self::ends::{DEEP, Overlap, deeper};
 pub use self::ledger::{Motion, StepReport, WorstContact};
 
 use self::ends::end_of_contacts;
 use self::ledger::book;
+use crate::activity::{self, Stage};
 use crate::assemble;
 use crate::detect::{self, Missed};
 use crate::integrate::{self, Configuration};
@@ -18,7 +21,7 @@ use crate::math::Vec3;
 use crate::math::lanes::Width;
 use crate::scene::Scene;
 use crate::solve::{self, Task, Until};
-use crate::state::{Bonding, Contact, State};
+use crate::state::{Attraction, Bonding, Contact, Known, PairMemory, State};
 
 /// Time spent in each room.
 #[derive(Debug, Clone, Copy, Default)]
@@ -42,9 +45,11 @@ impl Clock {
     }
 }
 
-/// Advances the state by one step.
-pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
+/// Advances the state by one step; none if the program was requested to stop within it, and the state is as it was.
+pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> Option<StepReport> {
     let lap = &mut Lap::start();
+    let before = Before::of(scene, state);
+    activity::enter(Stage::Forces, 0);
     let happened = assemble::events(scene, state);
     let units = integrate::units(scene, state, happened.any);
     assemble::interventions(scene, state, units);
@@ -53,13 +58,34 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     let mut free = assemble::free_velocity(scene, state, &q_c, &happened.shakes); // M2  V_free = V + h M⁻¹ F(x_c)
     state.attraction = free.attraction.take();
     lap.stop(&mut clock.gravity);
-    let contacts = detect::contacts(scene, &q_c, [&free.v, &free.w], &mut state.known); // M3  g, (n, t, s)
+    activity::enter(Stage::Detection, 0);
+    let mut contacts = detect::contacts(scene, &q_c, [&free.v, &free.w], &mut state.known); // M3  g, (n, t, s)
     let missed = looked_at(scene, state, &q_c, [&free.v, &free.w], &contacts);
     lap.stop(&mut clock.detection);
-    let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
-    lap.stop(&mut clock.assembly);
     let task = task(scene, state, units);
-    let solution = solve::contact_problem(&system, task, |s| assemble::stored_problem(s, &contacts)); // M5  r
+    let mut sweeps = 0;
+    let (system, mut solution) = loop {
+        let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
+        lap.stop(&mut clock.assembly);
+        activity::enter(Stage::Solve, contacts.len());
+        let solution = solve::contact_problem(&system, task, |s| assemble::stored_problem(s, &contacts)); // M5  r
+        sweeps += solution.sweeps;
+        lap.stop(&mut clock.solve);
+        // What contacts have pushed may close pairs that nothing closed before: again with these.
+        let (v, w) = ends::velocities(&solution, &free);
+        let late = detect::late(scene, &q_c, [&free.v, &free.w], [&v, &w], &contacts);
+        lap.stop(&mut clock.detection);
+        if activity::is_stopped() {
+            before.put_back(state);
+            return None;
+        }
+        if late.is_empty() {
+            break (system, solution);
+        }
+        contacts.extend(late);
+        contacts.sort_unstable_by_key(Contact::key);
+    };
+    solution.sweeps = sweeps;
     solve::learn(&mut state.fallback, task, state.step, units, &solution);
     lap.stop(&mut clock.solve);
     let solved = end_of_contacts(scene, state, &q_c, &contacts, &free, &system, &solution);
@@ -72,7 +98,41 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> StepReport {
     (state.contacts, state.order) = (solved.contacts, q_c.order);
     state.bonding = Bonding::No;
     lap.stop(&mut clock.integration);
-    report
+    Some(report)
+}
+
+/// What a step changes of the state before its contacts are solved.
+struct Before {
+    /// Velocities, angular velocities and momenta, where events or options change them.
+    motion: Option<[Vec<Vec3>; 3]>,
+    settings: (Vec3, f64, Vec3, Vec<Law>, Bonding, usize),
+    attraction: Option<Attraction>,
+    ledger: Ledger,
+    kept: Vec<PairMemory>,
+}
+
+impl Before {
+    fn of(scene: &Scene, state: &State) -> Self {
+        let State { gravity, quench, torque, bonding, events_done, .. } = *state;
+        let intervenes = events_done < scene.events.len() || quench > 0.0 || torque != Vec3::zeros();
+        Before {
+            motion: intervenes.then(|| [state.v.clone(), state.w.clone(), state.spin.clone()]),
+            settings: (gravity, quench, torque, state.laws.clone(), bonding, events_done),
+            attraction: state.attraction.clone(),
+            ledger: state.ledger.clone(),
+            kept: state.known.kept(),
+        }
+    }
+
+    /// Makes the state what it was; what only saves time is lost.
+    fn put_back(self, state: &mut State) {
+        if let Some(motion) = self.motion {
+            [state.v, state.w, state.spin] = motion;
+        }
+        (state.gravity, state.quench, state.torque, state.laws, state.bonding, state.events_done) = self.settings;
+        (state.attraction, state.ledger) = (self.attraction, self.ledger);
+        state.known = Known { read: self.kept, ..Known::default() };
+    }
 }
 
 /// What the fast narrow phase has missed of the contacts, in the steps in which that is looked at.

@@ -27,6 +27,8 @@ mod sweep;
 
 use std::time::{Duration, Instant};
 
+use crate::activity;
+
 pub use local::Local;
 pub use residual::residual;
 
@@ -275,12 +277,14 @@ impl<'a> Run<'a> {
 
     /// Enters a pass over the contacts and its cost.
     fn pass(&mut self, cost: f64) {
+        activity::sweep();
         self.sweeps += 1;
         self.cost += cost;
     }
 
     fn is_over(&self) -> bool {
-        self.best.1 <= self.limits.tol
+        activity::is_stopped()
+            || self.best.1 <= self.limits.tol
             || self.sweeps >= self.limits.max_sweeps
             || self.cost >= self.limits.max_cost
             || self.limits.max_time.is_some_and(|time| self.start.elapsed() >= time)

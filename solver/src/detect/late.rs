@@ -1,0 +1,107 @@
+//! Pairs that no free velocity closes, but the velocities that contacts have given.
+
+use std::collections::HashSet;
+
+use rayon::prelude::*;
+
+use super::swept::{Moving, least_distance};
+use super::{MARGIN, Ways, found, meet, parts, periodic};
+use crate::geometry::Narrow;
+use crate::integrate::Configuration;
+use crate::math::{MANY, Vec3};
+use crate::scene::{Scene, Shape};
+use crate::state::Contact;
+
+/// Contacts of pairs that are not among `listed` and that the `solved` velocities close in the step, in the order of their keys.
+///
+/// `free`, `solved`: velocities (m/s) and angular velocities (rad/s) in the contact configuration without and with contacts. A pair
+/// whose bodies have changed their ways by less than the margin with which pairs are listed cannot be one: most
+/// steps end with that.
+pub fn late(
+    scene: &Scene,
+    q_c: &Configuration,
+    free: [&[Vec3]; 2],
+    solved: [&[Vec3]; 2],
+    listed: &[Contact],
+) -> Vec<Contact> {
+    let alerts = scene.visibility.table.iter().flatten().map(|see| see.alert);
+    let Some(alert) = alerts.reduce(f64::min).filter(|_| !listed.is_empty()) else { return Vec::new() };
+    // Half of it for each of the two.
+    let margin = 0.5 * MARGIN * alert;
+    let extents = extents(scene);
+    let turned = |i: usize| {
+        let extent = extents.get(i).copied().unwrap_or(0.0);
+        if extent > 0.0 { extent * (solved[1][i] - free[1][i]).norm() } else { 0.0 }
+    };
+    let changed = |i: usize| q_c.h * ((solved[0][i] - free[0][i]).norm() + turned(i)) > margin;
+    let searched: Vec<bool> = (0..scene.bodies.len()).into_par_iter().with_min_len(MANY).map(changed).collect();
+    if !searched.contains(&true) {
+        return Vec::new();
+    }
+    let known: HashSet<_> = listed.iter().map(pair).collect();
+    let ways = Ways { nearby: 0.0, ..Ways::new(scene, q_c, solved, q_c.h) };
+    if scene.is_general() {
+        let mut found = parts::near_paths(scene, q_c, &ways, Narrow::Accurate, |body| searched[body as usize]);
+        // All points of a pair of which one closes.
+        let closing: HashSet<_> = found.iter().filter(|contact| closes(contact, q_c, solved)).map(pair).collect();
+        found.retain(|contact| closing.contains(&pair(contact)) && !known.contains(&pair(contact)));
+        return found;
+    }
+    let ball = |&i: &u32| {
+        let (i, reach) = (i as usize, scene.bodies[i as usize].radius);
+        Moving { centre: q_c.x[i], path: ways.path(i), reach, searched: searched[i] }
+    };
+    let balls: Vec<Moving> = scene.spheres.iter().map(ball).collect();
+    let reach: Vec<f64> = balls.iter().map(|ball| ball.reach + ball.path.norm()).collect();
+    let near = periodic::pairs_swept(&balls, &reach, scene.periods());
+    let spheres = near.into_iter().filter_map(|near| meet(scene, near)).filter_map(|([i, j], see)| {
+        let [a, b] = [i, j].map(|k| &balls[k as usize]);
+        let between = a.centre - b.centre - scene.image(&a.centre, &b.centre);
+        let closes = least_distance(&between, &(a.path - b.path)) < a.reach + b.reach;
+        closes.then_some(([i, j].map(|k| scene.spheres[k as usize]), see.law))
+    });
+    let mut pairs: Vec<([u32; 2], u8)> = spheres.collect();
+    for &plane in &scene.planes {
+        let with = |&sphere: &u32| {
+            let [s, p] = [sphere, plane].map(|i| &scene.bodies[i as usize]);
+            let see = scene.visibility.see(s.class, p.class).filter(|_| !(s.driven && p.driven))?;
+            Some(([sphere, plane], see.law))
+        };
+        let moved = scene.spheres.iter().filter(|&&sphere| searched[sphere as usize] || searched[plane as usize]);
+        pairs.extend(moved.filter_map(with).filter(|(pair, _)| {
+            let Shape::Plane { half_lengths } = scene.bodies[plane as usize].shape else { return false };
+            let near = found(scene, q_c, *pair).gap
+                <= ways.travel[pair[0] as usize] + ways.of_rim(pair[1] as usize, half_lengths.norm());
+            near && closes(&super::contact(scene, q_c, *pair, 0), q_c, solved)
+        }));
+    }
+    pairs.sort_unstable();
+    let found = pairs.into_iter().map(|(pair, law)| super::contact(scene, q_c, pair, law));
+    found.filter(|contact| !known.contains(&pair(contact))).collect()
+}
+
+/// What tells the pairs of contactors apart.
+fn pair(contact: &Contact) -> (u32, u32, (u16, u16)) {
+    (contact.candidate, contact.antagonist, contact.ranks)
+}
+
+/// Whether a contact's gap closes in the step at these velocities.
+fn closes(contact: &Contact, q_c: &Configuration, [v, w]: [&[Vec3]; 2]) -> bool {
+    let [a, b] = [contact.candidate as usize, contact.antagonist as usize];
+    let at = |i: usize, centre: Vec3| v[i] + w[i].cross(&(contact.point - centre));
+    let u = at(a, q_c.x[a]) - at(b, q_c.x[b] + contact.image);
+    contact.gap + q_c.h * contact.normal.dot(&u) < 0.0
+}
+
+/// Of each body the largest distance from its centre of what a rotation moves, m; empty in a scene of spheres and plates.
+fn extents(scene: &Scene) -> Vec<f64> {
+    if !scene.is_general() {
+        return Vec::new();
+    }
+    let mut extents = vec![0.0f64; scene.bodies.len()];
+    for part in &scene.parts {
+        let extent = &mut extents[part.body as usize];
+        *extent = extent.max(part.offset.norm() + part.radius);
+    }
+    extents
+}

@@ -1,0 +1,238 @@
+//! Pairs of moving balls that come near each other within a step, found by their paths instead of their speeds.
+//!
+//! A tree of boxes around positions and displacements together: two boxes are searched further only if some ball of one and
+//! some ball of the other can be in reach of each other at the same time. So the work is in proportion to the number of
+//! balls and of pairs, also where groups of balls move past each other at any speed: what moves together is kept
+//! together, as a box is halved along the widest of its positions and displacements.
+
+use rayon::prelude::*;
+
+use crate::math::Vec3;
+
+/// Balls in a leaf of the tree.
+const LEAF: usize = 8;
+/// Part of a reach, and of the length of the step, that rounding may take away.
+const ROUNDING: f64 = 1e-9;
+
+/// A ball on its straight way through a step.
+#[derive(Debug, Clone, Copy)]
+pub struct Moving {
+    /// At the step's contact configuration, m.
+    pub centre: Vec3,
+    /// Displacement in the time looked ahead, m.
+    pub path: Vec3,
+    /// Radius, m.
+    pub reach: f64,
+    /// Whether its pairs are searched for; those of two balls without it are left out.
+    pub searched: bool,
+}
+
+/// Least distance of two points, of which one moves by `path` against the other from `between` on, m.
+///
+/// ```
+/// # use cd_solve::{detect::swept::least_distance, math::Vec3};
+/// let at = |x: f64| least_distance(&Vec3::new(x, 3.0, 0.0), &Vec3::new(8.0, 0.0, 0.0));
+/// assert_eq!((at(-4.0), at(-12.0), at(4.0)), (3.0, 5.0, 5.0));
+/// ```
+pub fn least_distance(between: &Vec3, path: &Vec3) -> f64 {
+    let along = -between.dot(path);
+    if along <= 0.0 {
+        return between.norm();
+    }
+    (between + path * (along / path.norm_squared()).min(1.0)).norm()
+}
+
+struct Node {
+    /// Least and greatest coordinates of the balls, their reach included, and displacements, m.
+    balls: [[f64; 2]; 3],
+    paths: [[f64; 2]; 3],
+    /// The balls by their position in the tree's order.
+    first: u32,
+    end: u32,
+    /// Index of the second child; the first follows its parent. 0 for a leaf.
+    second: u32,
+    searched: bool,
+}
+
+struct Tree<'a> {
+    balls: &'a [Moving],
+    order: Vec<u32>,
+    nodes: Vec<Node>,
+}
+
+impl<'a> Tree<'a> {
+    fn new(balls: &'a [Moving]) -> Self {
+        let mut tree = Tree { balls, order: (0..balls.len() as u32).collect(), nodes: Vec::new() };
+        tree.build(0, balls.len());
+        tree
+    }
+
+    fn build(&mut self, first: usize, end: usize) {
+        const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut node = Node {
+            balls: [NONE; 3],
+            paths: [NONE; 3],
+            first: first as u32,
+            end: end as u32,
+            second: 0,
+            searched: false,
+        };
+        // Of the centres and displacements alone.
+        let mut extent = [NONE; 6];
+        let widen = |range: &mut [f64; 2], low: f64, high: f64| *range = [range[0].min(low), range[1].max(high)];
+        for &i in &self.order[first..end] {
+            let ball = &self.balls[i as usize];
+            let reach = ball.reach * (1.0 + ROUNDING);
+            for k in 0..3 {
+                widen(&mut node.balls[k], ball.centre[k] - reach, ball.centre[k] + reach);
+                widen(&mut node.paths[k], ball.path[k], ball.path[k]);
+                widen(&mut extent[k], ball.centre[k], ball.centre[k]);
+            }
+            node.searched |= ball.searched;
+        }
+        extent[3..].copy_from_slice(&node.paths);
+        let place = self.nodes.len();
+        self.nodes.push(node);
+        if end - first <= LEAF {
+            return;
+        }
+        let axis = (0..6).max_by(|a, b| (extent[*a][1] - extent[*a][0]).total_cmp(&(extent[*b][1] - extent[*b][0])));
+        let axis = axis.unwrap_or(0);
+        let balls = self.balls;
+        let coordinate = |i: &u32| {
+            let ball = &balls[*i as usize];
+            if axis < 3 { ball.centre[axis] } else { ball.path[axis - 3] }
+        };
+        let half = (end - first) / 2;
+        let order = |a: &u32, b: &u32| coordinate(a).total_cmp(&coordinate(b)).then(a.cmp(b));
+        self.order[first..end].select_nth_unstable_by(half, order);
+        self.build(first, first + half);
+        self.nodes[place].second = self.nodes.len() as u32;
+        self.build(first + half, end);
+    }
+
+    /// Adds the pairs of the leaf `a` with itself and with leaves behind it.
+    fn pairs_of(&self, a: &Node, pairs: &mut Vec<[u32; 2]>) {
+        let mut stack = vec![0u32];
+        while let Some(k) = stack.pop() {
+            let b = &self.nodes[k as usize];
+            if b.end <= a.first || !(a.searched || b.searched) || !meet(a, b) {
+                continue;
+            }
+            if b.second != 0 {
+                stack.extend([b.second, k + 1]);
+                continue;
+            }
+            for place in a.first..a.end {
+                let others = b.first.max(place + 1)..b.end;
+                let [i, others] =
+                    [place..place + 1, others].map(|r| &self.order[r.start as usize..r.end.max(r.start) as usize]);
+                let one = &self.balls[i[0] as usize];
+                for &j in others {
+                    let other = &self.balls[j as usize];
+                    let searched = one.searched || other.searched;
+                    if searched
+                        && least_distance(&(one.centre - other.centre), &(one.path - other.path))
+                            <= one.reach + other.reach
+                    {
+                        pairs.push([i[0].min(j), i[0].max(j)]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Whether a ball of each can reach the other's at some time of the step.
+fn meet(a: &Node, b: &Node) -> bool {
+    // The part of the step in which the boxes, which grow as their balls part, overlap along all axes.
+    let mut part = [0.0, 1.0f64];
+    for k in 0..3 {
+        for (one, other) in [(a, b), (b, a)] {
+            // The lower side of one is not above the upper side of the other: rate s <= limit.
+            let (rate, limit) = (one.paths[k][0] - other.paths[k][1], other.balls[k][1] - one.balls[k][0]);
+            if rate > 0.0 {
+                part[1] = part[1].min(limit / rate);
+            } else if rate < 0.0 {
+                part[0] = part[0].max(limit / rate);
+            } else if limit < 0.0 {
+                return false;
+            }
+        }
+    }
+    part[0] <= part[1] + ROUNDING
+}
+
+/// All pairs i < j of balls that touch or overlap within the step, in an order that does not depend on threads.
+pub fn pairs(balls: &[Moving]) -> Vec<[u32; 2]> {
+    let tree = Tree::new(balls);
+    let leaves: Vec<&Node> = tree.nodes.iter().filter(|node| node.second == 0).collect();
+    let found = leaves.par_chunks(16).map(|leaves| {
+        let mut pairs = Vec::new();
+        leaves.iter().for_each(|leaf| tree.pairs_of(leaf, &mut pairs));
+        pairs
+    });
+    found.collect::<Vec<_>>().concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn sorted(mut pairs: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
+        pairs.sort_unstable();
+        pairs
+    }
+
+    proptest! {
+        #[test]
+        fn pairs_are_those_whose_paths_meet(
+            points in prop::collection::vec(
+                (prop::array::uniform3(-10.0..10.0f64), prop::array::uniform3(-9.0..9.0f64), -6.0..1.0f64, any::<bool>(), 0..3u32),
+                0..90,
+            ),
+        ) {
+            let ball = |(x, u, size, searched, group): ([f64; 3], [f64; 3], f64, bool, u32)| {
+                // Groups that move past each other, one of them far away.
+                let (away, common) = [(0.0, 0.0), (5.0, -20.0), (1e6, 1e3)][group as usize];
+                Moving {
+                    centre: Vec3::from(x) + Vec3::x() * away,
+                    path: Vec3::from(u) * 0.3 + Vec3::x() * common,
+                    reach: size.exp2(),
+                    searched,
+                }
+            };
+            let balls: Vec<Moving> = points.into_iter().map(ball).collect();
+            let mut expected = Vec::new();
+            for j in 0..balls.len() {
+                for i in 0..j {
+                    let [a, b] = [&balls[i], &balls[j]];
+                    let distance = least_distance(&(a.centre - b.centre), &(a.path - b.path));
+                    if (a.searched || b.searched) && distance <= a.reach + b.reach {
+                        expected.push([i as u32, j as u32]);
+                    }
+                }
+            }
+            prop_assert_eq!(sorted(pairs(&balls)), sorted(expected));
+        }
+    }
+
+    #[test]
+    fn work_goes_with_pairs_where_two_groups_move_apart() {
+        // Two cubes of 10 x 10 x 10 balls, in each of which neighbours touch.
+        let balls: Vec<Moving> = (0..2000u32)
+            .map(|k| {
+                let (side, k) = (f64::from(k / 1000), k % 1000);
+                let centre = Vec3::new(f64::from(k % 10) + side * 11.0, f64::from(k / 10 % 10), f64::from(k / 100));
+                Moving { centre, path: Vec3::x() * (1e4 * side), reach: 0.5, searched: true }
+            })
+            .collect();
+        assert_eq!(pairs(&balls).len(), 2 * 3 * 900);
+        let tree = Tree::new(&balls);
+        let leaves = tree.nodes.iter().filter(|node| node.second == 0).count();
+        let met: usize = tree.nodes.iter().map(|a| tree.nodes.iter().filter(|b| meet(a, b)).count()).sum();
+        // Each node meets a few neighbours at each of its eight levels.
+        assert!(met < 200 * leaves, "{met}");
+    }
+}
