@@ -1,7 +1,7 @@
 //! Files that appear complete or not at all: written aside, synced, renamed.
 
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Fault, Faults};
@@ -13,6 +13,16 @@ use crate::error::{Fault, Faults};
 /// is overwritten by the next writing.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Faults> {
     Part::write(path, bytes)?.put()
+}
+
+/// The same of what `put` writes, piece by piece: of files too large for memory.
+pub fn write_with(path: &Path, put: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), Faults> {
+    Part::write_with(path, |file| {
+        let mut file = BufWriter::new(file);
+        put(&mut file)?;
+        file.flush()
+    })?
+    .put()
 }
 
 /// The same of files that belong together: none is put in its place before all are written.
@@ -30,6 +40,10 @@ struct Part {
 
 impl Part {
     fn write(path: &Path, bytes: &[u8]) -> Result<Part, Faults> {
+        Part::write_with(path, |file| file.write_all(bytes))
+    }
+
+    fn write_with(path: &Path, put: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<Part, Faults> {
         let fault = |error: std::io::Error| Faults::from(Fault::io(path, "written", &error));
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
@@ -42,7 +56,7 @@ impl Part {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let part = Part { path: path.to_path_buf(), part: folder.join(format!(".{name}.part")), folder };
         let written = File::create(&part.part).and_then(|mut file| {
-            file.write_all(bytes)?;
+            put(&mut file)?;
             file.sync_all()
         });
         written.map_err(fault).map(|()| part)

@@ -44,12 +44,18 @@ impl Event {
     /// How often it happens up to `end` (s) after the first time.
     fn repeats(&self, end: f64) -> f64 {
         let every = self.every.unwrap_or(f64::INFINITY);
-        ((self.until.unwrap_or(f64::INFINITY).min(end) - self.time) / every + ROUNDING).floor().max(0.0)
+        let until = self.until.unwrap_or(f64::INFINITY).min(end);
+        // Far from time 0 the digits of times are coarser.
+        let rounding = ROUNDING.max(SAME * until.abs() / every);
+        ((until - self.time) / every + rounding).floor().max(0.0)
     }
 }
 
 /// What decimal numbers and their products may be off by, of an interval.
 const ROUNDING: f64 = 1e-9;
+
+/// Times are the same if they differ by no more than this part of them: what rounding makes of a sum and a product.
+const SAME: f64 = 4.0 * f64::EPSILON;
 
 /// More happenings than this are a slip: each is kept.
 pub const MOST_EVENTS: f64 = 1e6;
@@ -68,7 +74,7 @@ pub fn schedule(events: &[Event], end: f64) -> Vec<Event> {
         all.extend((0..=event.repeats(end) as u64).map(|k| (place, Event::once(time(k), event.action.clone()))));
     }
     all.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
-    let same = |(_, a): &(usize, Event), (_, b): &(usize, Event)| b.time - a.time <= ROUNDING * b.time.abs();
+    let same = |(_, a): &(usize, Event), (_, b): &(usize, Event)| b.time - a.time <= SAME * b.time.abs();
     all.chunk_by_mut(same).for_each(|at_one_time| at_one_time.sort_by_key(|(k, _)| *k));
     all.into_iter().map(|(_, event)| event).collect()
 }
@@ -308,6 +314,8 @@ options! {
     quench: f64 = 0.0, f64, [num_args = 0..=1, require_equals = true, default_missing_value = "0.01", value_name = "X"];
     /// Steps between two snapshots.
     output_every: u64 = 100, u64, [value_name = "N"];
+    /// Steps between two rows of steps.csv and TIMER.csv, of which each sums up the steps since the row before; there is a row at each snapshot, too.
+    log_every: u64 = 1, u64, [value_name = "N"];
     /// Threads; 0 takes all processors. Never changes a result.
     threads: usize = 0, usize, [value_name = "N"];
     /// Also writes DOF.OUT.k and Vloc_Rloc.OUT.k in the syntax of LMGC90.
@@ -451,6 +459,7 @@ impl Compute {
         }
         expect((0.0..=1.0).contains(&self.quench), "quench", format!("{}", self.quench), "0 to 1");
         expect(self.output_every > 0, "output_every", format!("{}", self.output_every), "at least 1");
+        expect(self.log_every > 0, "log_every", format!("{}", self.log_every), "at least 1");
         expect(self.threads <= MOST_THREADS, "threads", format!("{}", self.threads), "0 to 1024");
         for (k, event) in self.events.iter().enumerate() {
             let values = match &event.action {

@@ -72,6 +72,9 @@ pub struct Meta {
     pub time: f64,
     /// Length of the last step, s; before the first, that of the first.
     pub h: f64,
+    /// Step and time (s) from which steps of one length lead here, where they are not those of DATBOX.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counted_from: Option<(u64, f64)>,
     /// Time of the snapshot before or of the start, from which the arrays of the interval count, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interval_start: Option<f64>,
@@ -244,6 +247,7 @@ impl Default for Meta {
             step: 0,
             time: 0.0,
             h: 0.0,
+            counted_from: None,
             interval_start: None,
             parameters: Parameters::default(),
             colours: Vec::new(),

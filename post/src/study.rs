@@ -157,7 +157,14 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     let steps = compare::read_log(&outbox.join("steps.csv"), &["sweeps", "contacts_active", "converged"])?;
     let timed = [&TIMED[..], &["writing"]].concat();
     let timer = compare::read_log(&case.join("TIMER.csv"), &timed)?;
-    let per_step = |table: &Columns, name: &str| table[name].iter().sum::<f64>() / table[name].len() as f64;
+    // A row is a step, or as many as it says: sums over these, but for the contacts of the last of them.
+    let steps_of = |table: &Columns, k: usize| table.get("steps").map_or(1.0, |steps| steps[k]).max(1.0);
+    let number = |table: &Columns, rows: usize| (0..rows).map(|k| steps_of(table, k)).sum::<f64>();
+    let per_step = |table: &Columns, name: &str| table[name].iter().sum::<f64>() / number(table, table[name].len());
+    let weighted = |table: &Columns, name: &str| {
+        let column = table[name].iter().enumerate().map(|(k, x)| x * steps_of(table, k));
+        column.sum::<f64>() / number(table, table[name].len())
+    };
     let all = snapshots(&outbox)?;
     let end = Snapshot::read(&all[all.len() - 1].1)?.meta;
     of_this_run(case, &series, &end)?;
@@ -186,7 +193,7 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     values.push(by_inertia);
     values.push(isostatic(mean("n_grains")));
     values.push(per_step(&steps, "sweeps"));
-    values.push(per_step(&steps, "contacts_active"));
+    values.push(weighted(&steps, "contacts_active"));
     values.push(1.0 - per_step(&steps, "converged"));
     values.extend(ROOMS.iter().map(|(_, names)| room(names)));
     values.push(room(&timed));

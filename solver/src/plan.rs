@@ -12,6 +12,7 @@ use crate::scene::{Body, Drive, Geometry, Part, Scene, Shape};
 use crate::solve::batches::Batch;
 use crate::state::{Contact, SolvedContact, State};
 use crate::step::{Clock, StepReport, step};
+use crate::write;
 
 /// A trial ends after so many steps or so much time, whichever is first; the first step, from a cold start, is not timed.
 const TRIAL: u64 = 20;
@@ -193,7 +194,7 @@ pub fn text(scene: &Scene, state: &State) -> String {
     lines.push(("not needed", not_needed(scene).join("; ")));
     // Steps that are far too long may take hours.
     let sane = bounds.first().is_none_or(|sharpest| h <= INSANE * sharpest.h);
-    let tried = sane.then(|| trial(scene, state));
+    let tried = if sane { trial(scene, state) } else { None };
     if let Some(Trial { report, .. }) = &tried {
         let (listed, active) = (report.contacts_listed, report.contacts_active);
         lines.push(("contacts", format!("{listed} listed, {active} carry force, now")));
@@ -220,6 +221,9 @@ pub fn text(scene: &Scene, state: &State) -> String {
     };
     let seconds = |tried: &Trial| format!(" {:.3e} s as now;", left as f64 * tried.each() / at_once(tried));
     let seconds = tried.as_ref().map_or(String::new(), seconds);
+    if let Some(tried) = &tried {
+        lines.push(("disk", disk(scene, left, at_once(tried), tried.sizes)));
+    }
     lines.push(("run", format!("{left} steps{longer};{seconds} t = {:.6e} s", scene.end_time())));
     let place = match bounds.first() {
         Some(sharpest) if h > sharpest.h => format!("{h} s is {:.1} times the sharpest bound", h / sharpest.h),
@@ -241,6 +245,20 @@ pub fn text(scene: &Scene, state: &State) -> String {
         .collect()
 }
 
+/// Bytes that the files of `left` units of `dt` take, of which a step takes so many.
+fn disk(scene: &Scene, left: u64, at_once: f64, [row, snapshot]: [usize; 2]) -> String {
+    let options = &scene.options;
+    let snapshots = left.div_ceil(options.output_every) + 1;
+    let rows = (left as f64 / at_once.max(options.log_every as f64)).max(snapshots.min(left) as f64).ceil();
+    let mb = |count: f64, bytes: usize| count * bytes as f64 / 1e6;
+    let [of_snapshots, of_rows] = [mb(snapshots as f64, snapshot), mb(rows, row)];
+    format!(
+        "{:.3e} MB: {snapshots} snapshots of {:.3} MB, {rows} rows of {row} bytes in steps.csv and TIMER.csv",
+        of_snapshots + of_rows,
+        mb(1.0, snapshot)
+    )
+}
+
 /// Some steps made with a copy of the state.
 struct Trial {
     clock: Clock,
@@ -249,6 +267,8 @@ struct Trial {
     units: u64,
     /// What the last of them did.
     report: StepReport,
+    /// Bytes of a row of the logs and of a snapshot.
+    sizes: [usize; 2],
 }
 
 impl Trial {
@@ -274,14 +294,16 @@ impl Trial {
     }
 }
 
-fn trial(scene: &Scene, state: &State) -> Trial {
+/// None if the program was requested to stop.
+fn trial(scene: &Scene, state: &State) -> Option<Trial> {
     let mut state = state.clone();
-    let mut report = step(scene, &mut state, &mut Clock::default());
+    let mut report = step(scene, &mut state, &mut Clock::default())?;
     let (start, first) = (Instant::now(), state.step);
     let (mut clock, mut steps) = (Clock::default(), 0);
     while steps < TRIAL && start.elapsed() < TRIAL_TIME && state.is_finite() {
-        report = step(scene, &mut state, &mut clock);
+        report = step(scene, &mut state, &mut clock)?;
         steps += 1;
     }
-    Trial { clock, steps, units: state.step - first, report }
+    let sizes = write::sizes(scene, &state, &report);
+    Some(Trial { clock, steps, units: state.step - first, report, sizes })
 }

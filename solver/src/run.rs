@@ -12,6 +12,8 @@ use cd_formats::tell::{complain, tell};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
+use crate::activity;
+
 use crate::assemble::potential_energy;
 use crate::detect;
 use crate::integrate::{Configuration, predict};
@@ -89,7 +91,12 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         }
         let mut lap = Clock { writing: std::mem::take(&mut writing), ..Clock::default() };
         let first = state.step;
-        let report = step(scene, &mut state, &mut lap);
+        progress.begins(state.step);
+        let Some(report) = step(scene, &mut state, &mut lap) else {
+            results.finish(&mut course.tally).map_err(Failure::Unwritten)?;
+            output(&mut results, scene, &state).map_err(written_before)?;
+            return Err(stopped_at(&state, last, &progress));
+        };
         expect_finite(&state).inspect_err(|_| progress.finish())?;
         if let Some(overlap) = report.overlap {
             if overlap.share > deep && course.overlap.is_none_or(|before| before.share <= deep) {
@@ -116,11 +123,13 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
             }
         }
         progress.step(&state, &report);
-        results.step(scene, &state, &report, &lap).map_err(Failure::Unwritten)?;
-        course.tally.step(scene, &state, &report, &lap);
+        results.step(scene, &state, &report, &lap, &mut course.tally).map_err(Failure::Unwritten)?;
         course.clock.add(&lap);
         let stopped = stop.load(Ordering::Relaxed) && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
+            if state.step == last || stopped {
+                results.finish(&mut course.tally).map_err(Failure::Unwritten)?;
+            }
             writing = output(&mut results, scene, &state).map_err(written_before)?;
             progress.line(&state, &report);
         } else if progress.silent() {
@@ -128,11 +137,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
             progress.line(&state, &report);
         }
         if stopped {
-            progress.finish();
-            let State { step, time, .. } = state;
-            return Err(Failure::Stopped(format!(
-                "stopped after step {step}, t = {time} s, of {last}; --resume goes on"
-            )));
+            return Err(stopped_at(&state, last, &progress));
         }
     }
     let last_output = Clock { writing, ..Clock::default() };
@@ -159,13 +164,19 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     Ok(text(scene, &state, &course, &sources))
 }
 
-/// Set when the user or the system asks the program to stop. Asked again, it ends at once.
-static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(|| {
-    let stop = Arc::new(AtomicBool::new(false));
+fn stopped_at(state: &State, last: u64, progress: &Progress) -> Failure {
+    progress.finish();
+    let State { step, time, .. } = state;
+    Failure::Stopped(format!("stopped after step {step}, t = {time} s, of {last}; --resume goes on"))
+}
+
+/// The flag that is set when the user or the system requests the program to stop. At a second request it ends at once.
+static STOP: LazyLock<&Arc<AtomicBool>> = LazyLock::new(|| {
+    let stop = activity::stop();
     for signal in [SIGINT, SIGTERM] {
         // What cannot be caught ends the program as it would without.
-        let _ = flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&stop));
-        let _ = flag::register(signal, Arc::clone(&stop));
+        let _ = flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(stop));
+        let _ = flag::register(signal, Arc::clone(stop));
     }
     stop
 });

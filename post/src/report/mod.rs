@@ -183,14 +183,11 @@ fn run(dir: &Path, first: u64, last: &Frame, seconds: &[(&str, f64)]) -> String 
     let (meta, ledger) = (&last.meta, &last.meta.ledger);
     let mut rows: Vec<(String, String)> = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.to_string(), value));
-    // With steps of their own length the number of a step counts units of dt; a row of steps.csv is a step. A run that was cut
-    // off has rows after its last snapshot, which the ledger does not know.
+    // With steps of their own length the number of a step counts units of dt; a row of steps.csv is a step, or as many as it
+    // says. A run that was cut off has rows after its last snapshot, which the ledger does not know.
     let adaptive = meta.parameters.adaptive.is_some();
-    let counted =
-        |line: &&str| line.split(',').next().and_then(|step| step.parse().ok()).is_some_and(|k: u64| k <= meta.step);
-    let rows_of_steps = atomic::read_text(&dir.join("OUTBOX/steps.csv"))
-        .map(|text| text[..text.rfind('\n').unwrap_or(0)].lines().skip(1).filter(counted).count() as u64);
-    let steps = rows_of_steps.ok().or((!adaptive).then_some(meta.step.saturating_sub(first)));
+    let steps = steps_of_log(&dir.join("OUTBOX/steps.csv"), meta.step);
+    let steps = steps.or((!adaptive).then_some(meta.step.saturating_sub(first)));
     row(if adaptive { "last time step" } else { "time step" }, format!("{} s", significant(meta.h)));
     let units = steps.filter(|_| !adaptive).unwrap_or(meta.step.saturating_sub(first));
     row(if adaptive { "units of dt" } else { "steps" }, units.to_string());
@@ -221,6 +218,19 @@ fn run(dir: &Path, first: u64, last: &Frame, seconds: &[(&str, f64)]) -> String 
         text += &format!("<h3>COMPUTE.RON</h3>\n<pre>{}</pre>\n", escaped(&options));
     }
     text
+}
+
+/// Steps in the rows of a log up to step `last`: one each, unless a column says how many; none without the log.
+fn steps_of_log(path: &Path, last: u64) -> Option<u64> {
+    let text = atomic::read_text(path).ok()?;
+    let mut lines = text[..text.rfind('\n').unwrap_or(0)].lines();
+    let place = lines.next()?.split(',').position(|name| name == "steps");
+    let steps = |line: &str| {
+        let number = line.split(',').next()?.parse::<u64>().ok()?;
+        let steps = place.and_then(|k| line.split(',').nth(k)?.parse().ok()).unwrap_or(1);
+        (number <= last).then_some(steps)
+    };
+    Some(lines.filter_map(steps).sum())
 }
 
 /// Seconds spent in each room, the sums of the columns of TIMER.csv; none where there is no such file.

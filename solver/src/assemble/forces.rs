@@ -242,7 +242,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration, shakes: 
         free.w[i] += body.angular_velocity(&q_c.q[i], &(torque * h));
     }
     coriolis(scene, state, q_c, &mut free);
-    let end = state.time + h;
+    let end = scene.time_at(state.step + q_c.units);
     for drive in &scene.drives {
         let i = drive.body;
         (free.v[i], free.w[i]) = drive.at(end, &q_c.q[i], &free.v[i]);
@@ -485,12 +485,13 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
 
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.
 fn loads(scene: &Scene, state: &State, q_c: &Configuration) -> Vec<(usize, Vec3, Vec3)> {
-    let (theta, h) = (scene.options.theta, q_c.h);
+    let theta = scene.options.theta;
     scene
         .loads
         .iter()
         .map(|load| {
-            let value = (1.0 - theta) * load.value.at(state.time) + theta * load.value.at(state.time + h);
+            let value = (1.0 - theta) * load.value.at(state.time)
+                + theta * load.value.at(scene.time_at(state.step + q_c.units));
             let mut vector = Vec3::zeros();
             vector[load.component % 3] = value;
             match load.component {

@@ -118,5 +118,5 @@ pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec
     state.w = w;
     state.h = h;
     state.step += q_c.units;
-    state.time += h;
+    state.time = scene.time_at(state.step);
 }

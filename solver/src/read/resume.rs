@@ -37,9 +37,10 @@ pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Optio
         let found = "other contactors or moments of inertia";
         return Err(Fault::new(path, None, "snapshot", found, "expected those of DATBOX").into());
     }
+    let from = snapshot.meta.counted_from;
     restore(snapshot, state);
     state.known = Known { read: kept, ..Known::default() };
-    scene.from = counted_from(scene, state);
+    scene.from = counted_from(scene, state, from);
     scene.events = schedule(&scene.options.events, scene.end_time());
     if state.step > scene.start.0 {
         state.bonding = Bonding::No;
@@ -98,14 +99,15 @@ fn unreadable(faults: Faults, snapshots: &[(u64, PathBuf)]) -> Faults {
     Faults(faults.0.into_iter().map(one).collect())
 }
 
-/// Step and time (s) from which the steps up to `end_time` are counted: the start, as an unbroken run counts, unless steps
-/// have been of another length. The time is a sum, which each step may round.
-fn counted_from(scene: &Scene, state: &State) -> (u64, f64) {
-    let (first, start) = scene.start;
-    let steps = state.step.saturating_sub(first) as f64;
-    let away = (state.time - (start + steps * scene.options.dt)).abs();
-    let rounding = (steps + 1.0) * f64::EPSILON * state.time.abs().max(start.abs());
-    if away <= rounding { scene.start } else { (state.step, state.time) }
+/// Step and time (s) from which steps are counted: as the run before did, or from the start, unless that had steps of another
+/// length.
+fn counted_from(scene: &Scene, state: &State, before: Option<(u64, f64)>) -> (u64, f64) {
+    let agrees = |(step, time): &(u64, f64)| {
+        let steps = state.step.saturating_sub(*step) as f64;
+        let away = (state.time - (time + steps * scene.options.dt)).abs();
+        away <= 4.0 * f64::EPSILON * state.time.abs().max(time.abs())
+    };
+    before.into_iter().chain([scene.start]).find(agrees).unwrap_or((state.step, state.time))
 }
 
 /// What events have set follows from the events, so that flags may change the rest.

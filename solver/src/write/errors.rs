@@ -22,9 +22,9 @@ use cd_formats::error::Faults;
 use crate::math::{Vec3, to_world};
 use crate::scene::Scene;
 use crate::state::{SolvedContact, State};
-use crate::step::{Clock, StepReport};
+use crate::step::Clock;
 
-use super::log::Kept;
+use super::log::Row;
 use super::summary;
 
 /// File beside OUTBOX, as durations are.
@@ -33,19 +33,68 @@ pub const ERRORS: &str = "ERRORS.csv";
 /// What the forces of one pair differ by that could have come otherwise, over their mean, in the scenes of examples/trade.
 const CHANCE: f64 = 0.35;
 
-/// Figures of the steps so far.
+/// Figures of the steps so far, in a memory that does not grow with them.
 #[derive(Debug, Clone, Default)]
 pub struct Tally {
-    /// Of the steps in which contacts carry force, one after the other: time (s), Σ f·l (J), mean penetration over the mean radius,
-    /// number.
-    loaded: Vec<[f64; 4]>,
-    /// Time (s), and by which each step errs in the kinetic energy of bodies in flight, J.
-    flights: Vec<[f64; 2]>,
-    /// Relative errors of the virial at the looks at self-gravity.
-    virials: Vec<f64>,
-    /// What the fast narrow phase missed at the looks, in the mean of pairs that touch, over the mean radius.
-    missed: Vec<f64>,
+    /// Of the rows in which contacts carry force: time (s), Σ f·l (J), mean penetration over the mean radius, number of the step, change of
+    /// Σ f·l since the row before (J).
+    loaded: Sample<5>,
+    /// Of the intervals between snapshots in these rows: time (s), mean of Σ f·l (J), number of rows, change of the mean (J).
+    intervals: Sample<4>,
+    interval: Option<Mean>,
+    /// Of the row before: Σ f·l, and of the interval before its mean.
+    before: [Option<f64>; 2],
+    /// Time (s), by which the steps of a row err in the kinetic energy of bodies in flight (J), and their number.
+    flights: Sample<3>,
+    /// Relative errors of the virial at the looks at self-gravity: sum and number.
+    virials: [f64; 2],
+    /// What the fast narrow phase missed at the looks, in the mean of pairs that touch, over the mean radius: sum and number.
+    missed: [f64; 2],
     clock: Clock,
+    output_every: f64,
+}
+
+/// Mean of Σ f·l in an interval so far.
+#[derive(Debug, Clone, Copy)]
+struct Mean {
+    interval: f64,
+    time: f64,
+    sum: f64,
+    count: f64,
+}
+
+/// Rows of a sample: all, as long as they are few.
+const MOST_ROWS: usize = 1 << 14;
+
+/// Rows that come one after the other, of which every second is dropped, again and again, where there are too many.
+#[derive(Debug, Clone)]
+struct Sample<const N: usize> {
+    rows: Vec<[f64; N]>,
+    /// Rows of which one is kept, and rows that have come.
+    stride: u64,
+    seen: u64,
+}
+
+impl<const N: usize> Default for Sample<N> {
+    fn default() -> Self {
+        Sample { rows: Vec::new(), stride: 1, seen: 0 }
+    }
+}
+
+impl<const N: usize> Sample<N> {
+    fn push(&mut self, row: [f64; N]) {
+        if self.seen.is_multiple_of(self.stride) {
+            if self.rows.len() == MOST_ROWS {
+                let mut place = 0..;
+                self.rows.retain(|_| place.next().is_some_and(|k: usize| k.is_multiple_of(2)));
+                self.stride *= 2;
+            }
+            if self.seen.is_multiple_of(self.stride) {
+                self.rows.push(row);
+            }
+        }
+        self.seen += 1;
+    }
 }
 
 /// An estimate and the seconds spent on making it as small as it is.
@@ -59,41 +108,56 @@ pub struct Source {
 }
 
 impl Tally {
-    /// The figures of steps from the rows that they have left in steps.csv and TIMER.csv.
-    pub fn of(steps: &Kept, timer: &Kept) -> Tally {
-        let seen = |name: &str| steps.column(name).filter(|x| !x.is_nan()).collect();
-        let figures = steps.column("time").zip(steps.column("virial")).zip(steps.column("penetration_mean"));
-        let loaded = figures.zip(steps.column("contacts_active")).zip(steps.column("step"));
-        let loaded = loaded.filter(|((((_, virial), _), active), _)| *active > 0.0 && !virial.is_nan());
-        let spent = |name: &str| Duration::try_from_secs_f64(timer.column(name).sum()).unwrap_or_default();
-        Tally {
-            loaded: loaded
-                .map(|((((time, virial), penetration), _), step)| [time, virial, penetration, step])
-                .collect(),
-            flights: steps.column("time").zip(steps.column("flight_error")).map(<[f64; 2]>::from).collect(),
-            virials: seen("gravity_sampled_virial"),
-            missed: seen("narrow_error"),
-            clock: Clock {
-                gravity: spent("gravity"),
-                detection: spent("detection"),
-                assembly: spent("assembly"),
-                solve: spent("solve"),
-                integration: spent("integration"),
-                writing: spent("writing"),
-            },
+    pub fn new(output_every: u64) -> Self {
+        Tally { output_every: output_every as f64, ..Tally::default() }
+    }
+
+    /// Enters a row of steps.csv.
+    pub fn figures(&mut self, row: &Row) {
+        let [time, step, virial] = ["time", "step", "virial"].map(|name| row.get(name));
+        if row.get("contacts_active") > 0.0 && !virial.is_nan() {
+            let change = self.before[0].map_or(f64::NAN, |before| (virial - before).abs());
+            self.before[0] = Some(virial);
+            self.loaded.push([time, virial, row.get("penetration_mean"), step, change]);
+            let interval = ((step - 1.0) / self.output_every).floor();
+            match &mut self.interval {
+                Some(mean) if mean.interval == interval => {
+                    (mean.time, mean.sum, mean.count) = (time, mean.sum + virial, mean.count + 1.0);
+                }
+                open => {
+                    let done = open.replace(Mean { interval, time, sum: virial, count: 1.0 });
+                    done.into_iter().for_each(|done| self.end_interval(done));
+                }
+            }
+        }
+        let steps = row.get("steps");
+        self.flights.push([time, row.get("flight_error"), if steps.is_nan() { 1.0 } else { steps }]);
+        for (sum, name) in [(&mut self.virials, "gravity_sampled_virial"), (&mut self.missed, "narrow_error")] {
+            let value = row.get(name);
+            if !value.is_nan() {
+                *sum = [sum[0] + value, sum[1] + 1.0];
+            }
         }
     }
 
-    /// Enters a step.
-    pub fn step(&mut self, scene: &Scene, state: &State, report: &StepReport, lap: &Clock) {
-        let (time, step) = (state.time, state.step as f64);
-        if report.contacts_active > 0 {
-            self.loaded.push([time, report.virial, report.penetration_mean / scene.mean_radius, step]);
-        }
-        self.flights.push([time, report.flight]);
-        self.virials.extend(report.gravity.sampled.map(|sampled| sampled.virial));
-        self.missed.extend(report.missed.map(|missed| missed.mean / scene.mean_radius));
-        self.clock.add(lap);
+    fn end_interval(&mut self, Mean { time, sum, count, .. }: Mean) {
+        let mean = sum / count;
+        let change = self.before[1].map_or(f64::NAN, |before| (mean - before).abs());
+        self.before[1] = Some(mean);
+        self.intervals.push([time, mean, count, change]);
+    }
+
+    /// Enters a row of TIMER.csv.
+    pub fn seconds(&mut self, row: &Row) {
+        let spent = |name: &str| Duration::try_from_secs_f64(row.get(name)).unwrap_or_default();
+        self.clock.add(&Clock {
+            gravity: spent("gravity"),
+            detection: spent("detection"),
+            assembly: spent("assembly"),
+            solve: spent("solve"),
+            integration: spent("integration"),
+            writing: spent("writing"),
+        });
     }
 
     /// Seconds that belong to no step.
@@ -103,14 +167,18 @@ impl Tally {
 
     /// The sources of error, each with its cost.
     pub fn sources(&self, scene: &Scene, state: &State) -> Vec<Source> {
-        let recent = second_half(&self.loaded);
-        let mean = mean_of(recent.iter().map(|figures| figures[2]));
+        let recent = second_half(&self.loaded.rows);
+        let depth = mean_of(recent.iter().map(|figures| figures[2]));
         let virials: Vec<f64> = recent.iter().map(|figures| figures[1]).collect();
         let typical = median(virials.iter().map(|virial| virial.abs()));
-        let every = scene.options.output_every as f64;
-        let interval = |figures: &[f64; 4]| ((figures[3] - 1.0) / every).floor();
-        let intervals = recent.chunk_by(|a, b| interval(a) == interval(b));
-        let means: Vec<f64> = intervals.map(|steps| mean_of(steps.iter().map(|figures| figures[1]))).collect();
+        let noise = if self.loaded.stride == 1 {
+            let interval = |figures: &[f64; 5]| ((figures[3] - 1.0) / self.output_every).floor();
+            let intervals = recent.chunk_by(|a, b| interval(a) == interval(b));
+            let means: Vec<f64> = intervals.map(|steps| mean_of(steps.iter().map(|figures| figures[1]))).collect();
+            noise(&virials, &means)
+        } else {
+            self.noise_of_samples()
+        };
         let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
         let (drift, scale) = summary::energy_drift(scene, state);
         let lost = over(state.ledger.contact_work.abs(), scale);
@@ -120,7 +188,7 @@ impl Tally {
             loaded.map(|solved| (solved.contact.candidate, solved.contact.antagonist)).collect();
         pairs.dedup();
         let stray = summary::momentum_drift(scene, state).0 * state.ledger.momentum_scale;
-        let flight = over(mean_of(second_half(&self.flights).iter().map(|figures| figures[1])), scale);
+        let flight = over(self.flight(), scale);
         let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).sum();
         let Clock { gravity, detection, assembly, solve, integration, writing } = self.clock;
         let of = |name, option, error, seconds: Duration| Source {
@@ -131,16 +199,40 @@ impl Tally {
         };
         let none = Duration::ZERO;
         vec![
-            of("contacts", "tol", over(noise(&virials, &means), typical), assembly + solve),
-            of("step", "dt", 2.0 * mean + flight, detection + integration),
-            of("gravity", "gravity_error", mean_of(self.virials.iter().copied()).abs(), gravity),
-            of("narrow", "narrow_phase", 2.0 * mean_of(self.missed.iter().copied()), none),
+            of("contacts", "tol", over(noise, typical), assembly + solve),
+            of("step", "dt", 2.0 * depth + flight, detection + integration),
+            of("gravity", "gravity_error", mean(self.virials).abs(), gravity),
+            of("narrow", "narrow_phase", 2.0 * mean(self.missed), none),
             of("chance", "", lost * (over(CHANCE, (pairs.len() as f64).sqrt()) + wedged(scene, state)), none),
             of("energy", "theta", drift.abs(), none),
             of("momentum", "", over(0.5 * stray * stray / mass, scale), none),
             of("writing", "output_every", 0.0, writing),
         ]
     }
+}
+
+impl Tally {
+    /// What a step errs by in the kinetic energy of bodies in flight, mean of the second half, J.
+    fn flight(&self) -> f64 {
+        let recent = second_half(&self.flights.rows);
+        let steps: f64 = recent.iter().map(|figures| figures[2]).sum();
+        recent.iter().map(|figures| figures[1]).sum::<f64>() / steps.max(1.0)
+    }
+
+    /// [`noise`] where some rows are left out: from the changes that those kept have from their neighbours.
+    fn noise_of_samples(&self) -> f64 {
+        let changes = |values: &mut dyn Iterator<Item = f64>| median(values.filter(|change| !change.is_nan()));
+        let of_steps = 2.0 * changes(&mut second_half(&self.loaded.rows).iter().map(|figures| figures[4]));
+        let intervals = second_half(&self.intervals.rows);
+        let number = mean_of(intervals.iter().map(|figures| figures[2])).max(1.0);
+        let of_means = changes(&mut intervals.iter().map(|figures| figures[3])) / number.sqrt();
+        if intervals.len() < INTERVALS { of_steps } else { of_steps.min(of_means) }
+    }
+}
+
+/// Of a sum and a number; 0 of nothing.
+fn mean([sum, number]: [f64; 2]) -> f64 {
+    sum / number.max(1.0)
 }
 
 /// Intervals from which their changes tell anything.
@@ -247,6 +339,17 @@ mod tests {
         assert_eq!(of(&[1.0, 2.0, 3.0, 4.0]), 2);
         // Short steps, then long ones.
         assert_eq!(of(&[1.0, 1.1, 1.2, 1.3, 1.4, 5.0, 9.0]), 2);
+    }
+
+    #[test]
+    fn a_sample_is_even_and_bounded() {
+        let mut sample = Sample::default();
+        for k in 0..10 * MOST_ROWS {
+            sample.push([k as f64]);
+        }
+        assert!(sample.rows.len() > MOST_ROWS / 2 && sample.rows.len() <= MOST_ROWS);
+        assert_eq!(sample.stride, 16);
+        assert!((0..).zip(&sample.rows).all(|(k, row)| row[0] == f64::from(k * 16)));
     }
 
     #[test]

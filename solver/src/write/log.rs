@@ -1,7 +1,7 @@
 //! The logs that grow by a row a step.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
@@ -18,51 +18,189 @@ pub const STEPS: &str = "steps.csv";
 /// Seconds of every step by room, beside OUTBOX.
 pub const TIMER: &str = "TIMER.csv";
 
+/// What a row keeps of the figures of the steps that it stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// That of the last step.
+    Last,
+    /// The last that there is, of figures that few steps have.
+    Known,
+    Sum,
+    Largest,
+}
+
+/// Name and kind of a column.
+pub type Column = (&'static str, Kind);
+
+/// Figure of a step or of several.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cell {
+    Count(u64),
+    Real(f64),
+}
+
+impl Cell {
+    fn value(self) -> f64 {
+        match self {
+            Cell::Count(n) => n as f64,
+            Cell::Real(x) => x,
+        }
+    }
+
+    /// The shortest decimals that read back as the same number; empty where it is not finite, as everywhere in this project's tables.
+    fn text(self) -> String {
+        match self {
+            Cell::Count(n) => n.to_string(),
+            Cell::Real(x) if x.is_finite() => format!("{x:e}"),
+            Cell::Real(_) => String::new(),
+        }
+    }
+
+    fn read(text: &str) -> Self {
+        text.parse().map_or_else(|_| Cell::Real(text.parse().unwrap_or(f64::NAN)), Cell::Count)
+    }
+
+    /// Takes the figure of a later step in.
+    fn add(&mut self, kind: Kind, later: Cell) {
+        *self = match (kind, *self, later) {
+            (Kind::Last, _, later) => later,
+            (Kind::Known, known, Cell::Real(x)) if x.is_nan() => known,
+            (Kind::Known, _, later) => later,
+            (Kind::Sum, Cell::Count(a), Cell::Count(b)) => Cell::Count(a + b),
+            (Kind::Sum, a, b) => Cell::Real(a.value() + b.value()),
+            (Kind::Largest, Cell::Count(a), Cell::Count(b)) => Cell::Count(a.max(b)),
+            (Kind::Largest, a, b) => Cell::Real(a.value().max(b.value())),
+        };
+    }
+}
+
 /// A CSV file whose first column is the step.
 pub struct Table {
     path: PathBuf,
     file: BufWriter<File>,
+    columns: Vec<Column>,
     /// Empty fields of columns that an earlier part of the run had and this one has not.
     others: String,
+    /// Figures of the steps since the last row.
+    pending: Option<Vec<Cell>>,
+    /// Step of the last row.
+    last: u64,
+}
+
+/// Figures of a row by their names.
+pub struct Row<'a> {
+    names: &'a [&'a str],
+    cells: &'a [Cell],
+}
+
+impl Row<'_> {
+    /// NaN for an empty field, and without such a column.
+    pub fn get(&self, name: &str) -> f64 {
+        let place = self.names.iter().position(|column| *column == name);
+        place.map_or(f64::NAN, |k| self.cells[k].value())
+    }
+}
+
+/// When rows are due.
+#[derive(Debug, Clone, Copy)]
+pub struct Due {
+    /// Steps between two rows, and between two snapshots, each of which has one.
+    pub log_every: u64,
+    pub output_every: u64,
+}
+
+impl Due {
+    /// Whether a row is due after `step` if `last` was the one before.
+    fn after(&self, step: u64, last: u64) -> bool {
+        step / self.log_every > last / self.log_every || step.is_multiple_of(self.output_every)
+    }
 }
 
 impl Table {
-    /// Opens the file to go on after `step`, in a run that began after `first`. Its rows up to that step are kept, and given
-    /// back; where other options made other columns, fields that a row has not are empty. Tells of rows that are not there.
-    pub fn open(path: &Path, header: &str, first: u64, step: u64) -> Result<(Self, Kept), Faults> {
-        let old = if path.is_file() { std::fs::read(path).unwrap_or_default() } else { Vec::new() };
-        let old = String::from_utf8_lossy(&old);
-        let mut lines = old.split_inclusive('\n').filter_map(|line| line.strip_suffix('\n'));
-        let known: Vec<&str> = lines.next().filter(|line| line.starts_with("step,")).unwrap_or("").split(',').collect();
-        let mut columns: Vec<&str> = header.split(',').collect();
-        let own = columns.len();
-        columns
-            .extend(known.iter().filter(|name| !name.is_empty() && !header.split(',').any(|column| column == **name)));
-        let place = |column: &&str| known.iter().position(|name| name == column);
-        let places: Vec<Option<usize>> = columns.iter().map(place).collect();
-        let (mut text, mut last) = (format!("{}\n", columns.join(",")), first);
-        let mut kept = Kept { columns: columns.iter().map(ToString::to_string).collect(), rows: Vec::new() };
-        for line in lines {
-            let fields: Vec<&str> = line.split(',').collect();
-            let number = fields[0].parse::<u64>().ok().filter(|number| (last + 1..=step).contains(number));
-            let (Some(number), true) = (number, fields.len() == known.len()) else { break };
-            let fields: Vec<&str> = places.iter().map(|place| place.map_or("", |k| fields[k])).collect();
-            text += &format!("{}\n", fields.join(","));
-            kept.rows.push(fields.iter().map(|field| field.parse().unwrap_or(f64::NAN)).collect());
-            last = number;
-        }
+    /// Opens the file to go on after `step`, in a run that began after `first`. Its rows up to that step are kept, and given to
+    /// `take`; where other options made other columns, fields that a row has not are empty. A last row that is not `due` but was
+    /// written as the run ended is taken back: the steps that follow belong to it. Prints a line if rows are missing.
+    pub fn open(
+        path: &Path,
+        columns: &[Column],
+        [first, step]: [u64; 2],
+        due: Due,
+        mut take: impl FnMut(&Row),
+    ) -> Result<Self, Faults> {
+        let mut old: Box<dyn BufRead> = match File::open(path) {
+            Ok(file) if path.is_file() => Box::new(BufReader::new(file)),
+            _ => Box::new(std::io::empty()),
+        };
+        let header = line_of(&mut old).filter(|line| line.starts_with("step,")).unwrap_or_default();
+        let known: Vec<&str> = header.split(',').collect();
+        let mut names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
+        let own = names.len();
+        let others = known.iter().filter(|name| !name.is_empty() && !columns.iter().any(|(own, _)| own == *name));
+        names.extend(others);
+        let places: Vec<Option<usize>> =
+            names.iter().map(|column| known.iter().position(|name| name == column)).collect();
+        let (mut last, mut before) = (first, first);
+        let mut held: Option<(String, Vec<Cell>)> = None;
+        atomic::write_with(path, |file| {
+            writeln!(file, "{}", names.join(","))?;
+            while let Some(line) = line_of(&mut old) {
+                let fields: Vec<&str> = line.split(',').collect();
+                let number = fields[0].parse::<u64>().ok().filter(|number| (last + 1..=step).contains(number));
+                let (Some(number), true) = (number, fields.len() == known.len()) else { break };
+                if let Some((text, cells)) = held.take() {
+                    writeln!(file, "{text}")?;
+                    take(&Row { names: &names, cells: &cells });
+                }
+                let fields: Vec<&str> = places.iter().map(|place| place.map_or("", |k| fields[k])).collect();
+                held = Some((fields.join(","), fields.iter().map(|field| Cell::read(field)).collect()));
+                (before, last) = (last, number);
+            }
+            if due.after(last, before)
+                && let Some((text, cells)) = held.take()
+            {
+                writeln!(file, "{text}")?;
+                take(&Row { names: &names, cells: &cells });
+                before = last;
+            }
+            Ok(())
+        })?;
         if last < step {
             let path = path.display();
             tell(format_args!("cd-solve: {path}: no rows of steps {} to {step}, which are behind this run", last + 1));
         }
-        atomic::write(path, text.as_bytes())?;
         let file = File::options().append(true).open(path).map_err(|error| Fault::io(path, "written", &error))?;
-        let others = ",".repeat(columns.len() - own);
-        Ok((Table { path: path.to_path_buf(), file: BufWriter::new(file), others }, kept))
+        Ok(Table {
+            path: path.to_path_buf(),
+            file: BufWriter::new(file),
+            columns: columns.to_vec(),
+            others: ",".repeat(names.len() - own),
+            pending: held.map(|(_, cells)| cells[..own].to_vec()),
+            last: before,
+        })
     }
 
-    pub fn row(&mut self, row: &str) -> Result<(), Faults> {
-        writeln!(self.file, "{row}{}", self.others).map_err(|error| Fault::io(&self.path, "written", &error).into())
+    /// Enters the figures of a step, and writes a row where it is due, which `take` gets.
+    pub fn step(&mut self, cells: Vec<Cell>, due: Due, take: impl FnOnce(&Row)) -> Result<(), Faults> {
+        let step = cells[0].value() as u64;
+        match &mut self.pending {
+            None => self.pending = Some(cells),
+            Some(pending) => {
+                let columns = pending.iter_mut().zip(&self.columns).zip(cells);
+                columns.for_each(|((sum, (_, kind)), cell)| sum.add(*kind, cell));
+            }
+        }
+        if due.after(step, self.last) { self.finish(take) } else { Ok(()) }
+    }
+
+    /// Writes the row of the steps since the last one, if there are any.
+    pub fn finish(&mut self, take: impl FnOnce(&Row)) -> Result<(), Faults> {
+        let Some(cells) = self.pending.take() else { return Ok(()) };
+        let text: Vec<String> = cells.iter().map(|cell| cell.text()).collect();
+        let names: Vec<&str> = self.columns.iter().map(|(name, _)| *name).collect();
+        take(&Row { names: &names, cells: &cells });
+        self.last = cells[0].value() as u64;
+        writeln!(self.file, "{}{}", text.join(","), self.others)
+            .map_err(|error| Fault::io(&self.path, "written", &error).into())
     }
 
     /// Lets others see the rows.
@@ -77,38 +215,23 @@ impl Table {
     }
 }
 
-/// Rows of a table that an earlier part of the run has written.
-pub struct Kept {
-    columns: Vec<String>,
-    rows: Vec<Vec<f64>>,
+/// The next line without its end; none at the end of the file or where a line has no end.
+fn line_of(file: &mut dyn BufRead) -> Option<String> {
+    let mut line = Vec::new();
+    file.read_until(b'\n', &mut line).ok()?;
+    (line.pop() == Some(b'\n')).then(|| String::from_utf8_lossy(&line).into_owned())
 }
 
-impl Kept {
-    /// The numbers of a column, NaN for empty fields; all NaN without such a column.
-    pub fn column(&self, name: &str) -> impl Iterator<Item = f64> {
-        let place = self.columns.iter().position(|column| column == name);
-        self.rows.iter().map(move |row| place.map_or(f64::NAN, |k| row[k]))
-    }
+/// Bytes of a row of such cells.
+pub fn row_size(cells: &[Cell]) -> usize {
+    cells.iter().map(|cell| cell.text().len() + 1).sum()
 }
 
 macro_rules! columns {
-    ($header:ident, $row:ident($($name:ident : $type:ty),*), $($column:ident = $value:expr,)+) => {
-        pub fn $header() -> String { [$(stringify!($column)),+].join(",") }
-        pub fn $row($($name: $type),*) -> String { [$(cell($value)),+].join(",") }
+    ($columns:ident, $cells:ident($($name:ident : $type:ty),*), $($column:ident: $kind:ident = $value:expr,)+) => {
+        pub const $columns: &[Column] = &[$((stringify!($column), Kind::$kind)),+];
+        pub fn $cells($($name: $type),*) -> Vec<Cell> { vec![$(Cell::from($value)),+] }
     };
-}
-
-fn cell(value: impl Into<Cell>) -> String {
-    match value.into() {
-        Cell::Count(n) => n.to_string(),
-        Cell::Real(x) if x.is_finite() => format!("{x:e}"),
-        Cell::Real(_) => String::new(), // an empty field, as everywhere in this project's tables
-    }
-}
-
-enum Cell {
-    Count(u64),
-    Real(f64),
 }
 
 impl From<u64> for Cell {
@@ -130,84 +253,98 @@ impl From<f64> for Cell {
 }
 
 columns! {
-    norms_header, norms_row(norms: &Norms),
-    quad_dv = norms.quad_dv,
-    quad_dvr = norms.quad_dvr,
-    maxm_dv = norms.maxm_dv,
-    maxm_dvr = norms.maxm_dvr,
-    mean_dvor = norms.mean_dvor,
+    NORMS, norms(norms: &Norms),
+    quad_dv: Largest = norms.quad_dv,
+    quad_dvr: Largest = norms.quad_dvr,
+    maxm_dv: Largest = norms.maxm_dv,
+    maxm_dvr: Largest = norms.maxm_dvr,
+    mean_dvor: Largest = norms.mean_dvor,
 }
 
 columns! {
-    length_header, length_row(report: &StepReport),
-    h = report.h,
+    GROUP, group(),
+    steps: Sum = 1u64,
 }
 
 columns! {
-    bonds_header, bonds_row(state: &State),
-    bonds = state.bonds(),
+    LENGTH, length(report: &StepReport),
+    h: Sum = report.h,
 }
 
 columns! {
-    missed_header, missed_row(scene: &Scene, report: &StepReport),
-    narrow_error = report.missed.map_or(f64::NAN, |missed| missed.mean / scene.mean_radius),
-    narrow_error_largest = report.missed.map_or(f64::NAN, |missed| missed.largest / scene.mean_radius),
+    BONDS, bonds(state: &State),
+    bonds: Last = state.bonds(),
 }
 
 columns! {
-    steps_header, steps_row(scene: &Scene, state: &State, report: &StepReport),
-    step = state.step,
-    time = state.time,
-    contacts_listed = report.contacts_listed,
-    contacts_solved = report.contacts_solved,
-    contacts_active = report.contacts_active,
-    sweeps = report.sweeps,
-    residual = report.residual,
-    converged = report.converged as u64,
-    penetration_largest = report.penetration_largest / scene.mean_radius,
-    penetration_mean = report.penetration_mean / scene.mean_radius,
-    kinetic_energy = report.kinetic,
-    rotational_energy = report.rotational,
-    potential_energy = report.potential,
-    contact_work = state.ledger.contact_work,
-    friction_work = state.ledger.friction_work,
-    outside_work = state.ledger.outside_work,
-    momentum_drift = report.momentum_drift,
-    gravity_removed = report.gravity.removed,
-    gravity_extrapolation = report.gravity.extrapolation,
-    gravity_sampled = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.rms),
-    gravity_sampled_largest = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.largest),
-    gravity_sampled_virial = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.virial),
-    virial = report.virial,
-    flight_error = report.flight,
+    MISSED, missed(scene: &Scene, report: &StepReport),
+    narrow_error: Known = report.missed.map_or(f64::NAN, |missed| missed.mean / scene.mean_radius),
+    narrow_error_largest: Largest = report.missed.map_or(f64::NAN, |missed| missed.largest / scene.mean_radius),
 }
 
 columns! {
-    timer_header, timer_row(step: u64, lap: &Clock),
-    step = step,
-    gravity = lap.gravity.as_secs_f64(),
-    detection = lap.detection.as_secs_f64(),
-    assembly = lap.assembly.as_secs_f64(),
-    solve = lap.solve.as_secs_f64(),
-    integration = lap.integration.as_secs_f64(),
-    writing = lap.writing.as_secs_f64(),
+    FIGURES, figures(scene: &Scene, state: &State, report: &StepReport),
+    step: Last = state.step,
+    time: Last = state.time,
+    contacts_listed: Largest = report.contacts_listed,
+    contacts_solved: Largest = report.contacts_solved,
+    contacts_active: Last = report.contacts_active,
+    sweeps: Sum = report.sweeps,
+    residual: Largest = report.residual,
+    converged: Sum = report.converged as u64,
+    penetration_largest: Largest = report.penetration_largest / scene.mean_radius,
+    penetration_mean: Last = report.penetration_mean / scene.mean_radius,
+    kinetic_energy: Last = report.kinetic,
+    rotational_energy: Last = report.rotational,
+    potential_energy: Last = report.potential,
+    contact_work: Last = state.ledger.contact_work,
+    friction_work: Last = state.ledger.friction_work,
+    outside_work: Last = state.ledger.outside_work,
+    momentum_drift: Last = report.momentum_drift,
+    gravity_removed: Largest = report.gravity.removed,
+    gravity_extrapolation: Largest = report.gravity.extrapolation,
+    gravity_sampled: Known = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.rms),
+    gravity_sampled_largest: Largest = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.largest),
+    gravity_sampled_virial: Known = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.virial),
+    virial: Last = report.virial,
+    flight_error: Sum = report.flight,
+}
+
+columns! {
+    SECONDS, seconds(step: u64, lap: &Clock),
+    step: Last = step,
+    gravity: Sum = lap.gravity.as_secs_f64(),
+    detection: Sum = lap.detection.as_secs_f64(),
+    assembly: Sum = lap.assembly.as_secs_f64(),
+    solve: Sum = lap.solve.as_secs_f64(),
+    integration: Sum = lap.integration.as_secs_f64(),
+    writing: Sum = lap.writing.as_secs_f64(),
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const A: &[Column] = &[("step", Kind::Last), ("a", Kind::Sum)];
+    const EACH: Due = Due { log_every: 1, output_every: 1000 };
+
+    fn cells(step: u64, a: f64) -> Vec<Cell> {
+        vec![step.into(), a.into()]
+    }
+
     #[test]
     fn goes_on_after_a_step_and_drops_what_is_later_or_torn() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.csv");
-        std::fs::write(&path, "step,a\n1,x\n2,y\n3,z\n4,").unwrap();
-        let (mut table, kept) = Table::open(&path, "step,a", 0, 2).unwrap();
-        assert_eq!(kept.column("step").collect::<Vec<_>>(), [1.0, 2.0]);
-        assert!(kept.column("a").chain(kept.column("b")).all(f64::is_nan));
-        table.row("3,new").unwrap();
+        std::fs::write(&path, "step,a\n1,x\n2,1e0\n3,z\n4,").unwrap();
+        let mut kept = Vec::new();
+        let mut table =
+            Table::open(&path, A, [0, 2], EACH, |row| kept.push(["step", "a", "b"].map(|name| row.get(name)))).unwrap();
+        assert_eq!(kept.iter().map(|row| row[0]).collect::<Vec<_>>(), [1.0, 2.0]);
+        assert!(kept[0][1].is_nan() && kept[1][1] == 1.0 && kept[1][2].is_nan());
+        table.step(cells(3, 0.25), EACH, |row| assert_eq!(row.get("a"), 0.25)).unwrap();
         table.flush().unwrap();
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), "step,a\n1,x\n2,y\n3,new\n");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "step,a\n1,x\n2,1e0\n3,2.5e-1\n");
     }
 
     #[test]
@@ -215,17 +352,48 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.csv");
         std::fs::write(&path, "step,a,h\n1,x,0.5\n2,y,0.5\n").unwrap();
-        let (mut table, kept) = Table::open(&path, "step,a,norm", 0, 2).unwrap();
-        assert_eq!(kept.column("h").collect::<Vec<_>>(), [0.5, 0.5]);
-        table.row("3,z,7").unwrap();
+        let columns = [A, &[("norm", Kind::Last)]].concat();
+        let mut lengths = Vec::new();
+        let mut table = Table::open(&path, &columns, [0, 2], EACH, |row| lengths.push(row.get("h"))).unwrap();
+        assert_eq!(lengths, [0.5, 0.5]);
+        table.step(vec![3u64.into(), 2.0.into(), 7u64.into()], EACH, |_| ()).unwrap();
         table.flush().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
-        assert_eq!(text, "step,a,norm,h\n1,x,,0.5\n2,y,,0.5\n3,z,7,\n");
+        assert_eq!(text, "step,a,norm,h\n1,x,,0.5\n2,y,,0.5\n3,2e0,7,\n");
         // What is no table of steps, and a row that is none.
         for (old, rows) in [("name,b\n1,x\n", ""), ("step,a\n1,x\noh\n2,y\n", "1,x\n"), ("", "")] {
             std::fs::write(&path, old).unwrap();
-            Table::open(&path, "step,a", 0, 2).unwrap();
+            Table::open(&path, A, [0, 2], EACH, |_| ()).unwrap();
             assert_eq!(std::fs::read_to_string(&path).unwrap(), format!("step,a\n{rows}"));
+        }
+    }
+
+    #[test]
+    fn rows_sum_up_steps_and_go_on_after_any_of_them() {
+        const ALL: &[Column] =
+            &[("step", Kind::Last), ("sum", Kind::Sum), ("most", Kind::Largest), ("known", Kind::Known)];
+        let due = Due { log_every: 4, output_every: 6 };
+        let figures = |k: u64| -> Vec<Cell> {
+            let known = if k % 5 == 0 { k as f64 } else { f64::NAN };
+            vec![k.into(), (0.1 * k as f64).into(), (10.0 - k as f64).into(), known.into()]
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.csv");
+        let run = |from: u64, to: u64| {
+            let mut table = Table::open(&path, ALL, [0, from], due, |_| ()).unwrap();
+            (from + 1..=to).for_each(|k| table.step(figures(k), due, |_| ()).unwrap());
+            table.finish(|_| ()).unwrap();
+            table.flush().unwrap();
+            std::fs::read_to_string(&path).unwrap()
+        };
+        let unbroken = run(0, 13);
+        let steps: Vec<&str> = unbroken.lines().skip(1).map(|row| row.split(',').next().unwrap()).collect();
+        assert_eq!(steps, ["4", "6", "8", "12", "13"]);
+        assert!(unbroken.contains("\n6,1.1e0,5e0,5e0\n"), "{unbroken}");
+        for broken in 1..13 {
+            std::fs::remove_file(&path).unwrap();
+            run(0, broken);
+            assert_eq!(run(broken, 13), unbroken, "broken after step {broken}");
         }
     }
 }

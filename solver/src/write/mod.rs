@@ -10,6 +10,7 @@ mod text;
 use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use cd_formats::atomic::{entries, is_there};
 use cd_formats::error::{Fault, Faults};
@@ -20,7 +21,7 @@ use crate::state::State;
 use crate::step::{Clock, StepReport};
 
 use errors::Tally;
-use log::Table;
+use log::{Cell, Due, Table};
 pub use problem::{expect as expect_problem, write as problem};
 
 /// The results of a case: snapshots and `steps.csv` in OUTBOX, `TIMER.csv` beside it. Durations
@@ -29,6 +30,7 @@ pub struct Results {
     outbox: PathBuf,
     steps: Table,
     timer: Table,
+    due: Due,
     /// What is added to the numbers of text files.
     numbered: u64,
 }
@@ -111,43 +113,51 @@ impl Results {
     /// tally.
     pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<(Self, Tally), Faults> {
         let outbox = outbox(case);
-        let mut columns = log::steps_header();
+        let options = &scene.options;
+        let due = Due { log_every: options.log_every, output_every: options.output_every };
+        let [mut columns, mut seconds] = [log::FIGURES.to_vec(), log::SECONDS.to_vec()];
         if scene.options.adaptive().is_on() {
-            columns = format!("{columns},{}", log::length_header());
+            columns.extend(log::LENGTH);
         }
         if scene.bonds() {
-            columns = format!("{columns},{}", log::bonds_header());
+            columns.extend(log::BONDS);
         }
         if scene.narrow_phase_is_fast() {
-            columns = format!("{columns},{}", log::missed_header());
+            columns.extend(log::MISSED);
         }
-        if scene.options.lmgc90_norms {
-            columns = format!("{columns},{}", log::norms_header());
+        if options.lmgc90_norms {
+            columns.extend(log::NORMS);
         }
-        let first = scene.start.0;
-        let (steps, figures) = Table::open(&outbox.join(log::STEPS), &columns, first, state.step)?;
-        let (timer, seconds) = Table::open(&case.join(log::TIMER), &log::timer_header(), first, state.step)?;
-        let numbered = if scene.options.text { text::numbered(&outbox, scene, state)? } else { 0 };
-        Ok((Results { outbox, steps, timer, numbered }, Tally::of(&figures, &seconds)))
+        if options.log_every > 1 {
+            columns.extend(log::GROUP);
+            seconds.extend(log::GROUP);
+        }
+        let steps = [scene.start.0, state.step];
+        let mut tally = Tally::new(options.output_every);
+        let log = Table::open(&outbox.join(log::STEPS), &columns, steps, due, |row| tally.figures(row))?;
+        let timer = Table::open(&case.join(log::TIMER), &seconds, steps, due, |row| tally.seconds(row))?;
+        let numbered = if options.text { text::numbered(&outbox, scene, state)? } else { 0 };
+        Ok((Results { outbox, steps: log, timer, due, numbered }, tally))
     }
 
-    /// Enters a step in the logs.
-    pub fn step(&mut self, scene: &Scene, state: &State, report: &StepReport, lap: &Clock) -> Result<(), Faults> {
-        let mut row = log::steps_row(scene, state, report);
-        if scene.options.adaptive().is_on() {
-            row = format!("{row},{}", log::length_row(report));
-        }
-        if scene.bonds() {
-            row = format!("{row},{}", log::bonds_row(state));
-        }
-        if scene.narrow_phase_is_fast() {
-            row = format!("{row},{}", log::missed_row(scene, report));
-        }
-        if let Some(norms) = &report.norms {
-            row = format!("{row},{}", log::norms_row(norms));
-        }
-        self.steps.row(&row)?;
-        self.timer.row(&log::timer_row(state.step, lap))
+    /// Enters a step in the logs, and what they write in the tally.
+    pub fn step(
+        &mut self,
+        scene: &Scene,
+        state: &State,
+        report: &StepReport,
+        lap: &Clock,
+        tally: &mut Tally,
+    ) -> Result<(), Faults> {
+        let [figures, seconds] = cells(scene, state, report, lap);
+        self.steps.step(figures, self.due, |row| tally.figures(row))?;
+        self.timer.step(seconds, self.due, |row| tally.seconds(row))
+    }
+
+    /// Writes the rows of the steps since the last ones: the run ends.
+    pub fn finish(&mut self, tally: &mut Tally) -> Result<(), Faults> {
+        self.steps.finish(|row| tally.figures(row))?;
+        self.timer.finish(|row| tally.seconds(row))
     }
 
     /// Lets others see the rows so far.
@@ -165,4 +175,35 @@ impl Results {
         }
         snapshot::of(scene, state).write(&cd_formats::snapshot::path(&self.outbox, state.step))
     }
+}
+
+/// Figures and seconds of a step.
+fn cells(scene: &Scene, state: &State, report: &StepReport, lap: &Clock) -> [Vec<Cell>; 2] {
+    let options = &scene.options;
+    let [mut figures, mut seconds] = [log::figures(scene, state, report), log::seconds(state.step, lap)];
+    if options.adaptive().is_on() {
+        figures.extend(log::length(report));
+    }
+    if scene.bonds() {
+        figures.extend(log::bonds(state));
+    }
+    if scene.narrow_phase_is_fast() {
+        figures.extend(log::missed(scene, report));
+    }
+    figures.extend(report.norms.iter().flat_map(log::norms));
+    if options.log_every > 1 {
+        figures.extend(log::group());
+        seconds.extend(log::group());
+    }
+    [figures, seconds]
+}
+
+/// Bytes of a row of both logs, and of a snapshot.
+pub fn sizes(scene: &Scene, state: &State, report: &StepReport) -> [usize; 2] {
+    // Durations have more digits than those of no time.
+    let second = Duration::from_nanos(123_456);
+    let [gravity, detection, assembly, solve, integration, writing] = [second; 6];
+    let lap = Clock { gravity, detection, assembly, solve, integration, writing };
+    let rows = cells(scene, state, report, &lap).iter().map(|cells| log::row_size(cells)).sum();
+    [rows, snapshot::of(scene, state).to_bytes().len()]
 }

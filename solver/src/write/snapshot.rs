@@ -36,6 +36,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
         step: state.step,
         time: state.time,
         h: state.h,
+        counted_from: Some(scene.from).filter(|from| *from != scene.start),
         interval_start: Some(state.interval.start),
         parameters: Parameters {
             theta: options.theta,

@@ -14,6 +14,8 @@ mod gravity;
 mod invariants;
 mod laws;
 mod limits;
+mod listing;
+mod long_runs;
 mod messages;
 mod peer;
 mod periodic;
