@@ -188,15 +188,15 @@ fn memory_does_not_grow_with_steps() {
         }
     };
     // Rows reach the file by blocks of 8 KiB.
-    let first = steps(200_000);
+    let first = steps(50_000);
     let before = resident(run.id());
-    let last = steps(first + 400_000);
+    let last = steps(first + 100_000);
     let grown = resident(run.id()) - before;
     run.kill().unwrap();
     run.wait().unwrap();
     assert!(last > first, "{first} {last}");
-    // A sample of figures may be filled up still, by less than a megabyte: 57 bytes a step were 23.
-    assert!(grown < 1.5e6, "{grown} bytes in {} steps", last - first);
+    // A sample of figures may be filled up still, by less than a megabyte: 57 bytes a step would be 5.7.
+    assert!(grown < 2e6, "{grown} bytes in {} steps", last - first);
 }
 
 #[cfg(target_os = "linux")]
