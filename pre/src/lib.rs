@@ -6,6 +6,7 @@
 //! | [`scene`] | what stands in scene.ron |
 //! | [`check`] | what no scene may ask for |
 //! | [`doubts`] | what a scene may ask for by mistake |
+//! | [`attraction`] | a warning where an attraction per contact point depends on how faces are described |
 //! | [`sizes`] | radii of grains |
 //! | [`shapes`] | polyhedra: hulls, solids at random, mass properties |
 //! | [`place`] | where grains go |
@@ -15,6 +16,7 @@
 //! | [`mod@write`] | the files of DATBOX |
 //! | [`from_outbox`] | a DATBOX from the results of a run |
 
+pub mod attraction;
 pub mod check;
 pub mod doubts;
 pub mod from_outbox;
@@ -143,6 +145,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     let (scene, population) = read(source, &text, settings)?;
     let mut report = Report::with(source, &text, settings);
     doubts::doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
+    attraction::warnings(&scene, &population, &mut report);
     let mut files = write::files(&scene, &population);
     // Whether the scene lies near DATBOX is known when there is one.
     std::fs::create_dir_all(datbox).map_err(|error| Fault::io(datbox, "written", &error))?;

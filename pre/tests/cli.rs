@@ -315,3 +315,33 @@ fn help_and_version_are_no_fault_but_unknown_flags_are() {
     assert_eq!((code("--help"), code("--version"), code("--nonsense")), (Some(0), Some(0), Some(2)));
     assert!(text(&cd_pre(&[Path::new("--help")]).stdout).contains("scene.ron"));
 }
+
+/// An attraction per contact point depends on the corners of faces: the scene is made, with one warning for each law.
+#[test]
+fn an_attraction_at_every_corner_is_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.ron");
+    let made = |shape: &str, cohesion: &str| {
+        let source = format!(
+            r#"(materials: [(name: "ROCKx", density: 2700.0)],
+            laws: [(name: "wet00", kind: IQS_WET_DS_CLB(cohesion: {cohesion}, range: 0.01, dynamic_friction: 0.3, static_friction: 0.3))],
+            contacts: [(between: ("BLUEx", "BLUEx"), law: "wet00"), (between: ("BLUEx", "WALLx"), law: "wet00")],
+            grains: [(material: "ROCKx", colour: "BLUEx", shape: {shape}, sizes: Single(0.5), place: List(positions: [(0, 0, 2), (3, 0, 2)]))],
+            walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0, 0, -0.5), half_lengths: (50, 50, 0.5))],
+            compute: (steps: 1))"#
+        );
+        std::fs::write(&scene, source).unwrap();
+        let output = cd_pre(&[&scene]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    let warning = made("Cube", "10.0");
+    assert_eq!(warning.lines().count(), 1, "{warning}");
+    for part in
+        ["cd-pre: warning: ", "scene.ron:2", "IQS_WET_DS_CLB", "BLUEx and BLUEx, BLUEx and WALLx", "IQS_MOHR_DS_CLB"]
+    {
+        assert!(warning.contains(part), "{part}: {warning}");
+    }
+    assert_eq!(made("Sphere", "10.0"), "");
+    assert_eq!(made("Cube", "0.0"), "");
+}

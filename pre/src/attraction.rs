@@ -1,0 +1,63 @@
+//! A warning where an attraction per contact point depends on how faces are described.
+
+use cd_formats::report::Report;
+
+use crate::population::Population;
+use crate::scene::{LawKind, Scene};
+
+/// Colours named in a warning; the others are counted.
+const MOST_NAMED: usize = 3;
+
+/// Reports, once for each law, between which colours an attraction acts at several contact points of two bodies: polyhedra
+/// meet each other and walls in up to one point for each corner, bodies of pieces in those of each piece.
+pub fn warnings(scene: &Scene, population: &Population, report: &mut Report) {
+    let of_colour = |colour: &str, counts: &dyn Fn(usize) -> bool| {
+        let mut polyhedra =
+            population.grains.iter().filter_map(|grain| Some((grain.group, grain.polyhedron.as_ref()?)));
+        polyhedra
+            .any(|(group, polyhedron)| scene.grains[group].colour == colour && counts(polyhedron.solid.pieces.len()))
+    };
+    let is_polyhedral = |colour: &str| of_colour(colour, &|_| true);
+    let has_pieces = |colour: &str| of_colour(colour, &|pieces| pieces > 1);
+    let is_wall = |colour: &str| population.walls.iter().any(|wall| wall.colour == colour);
+    let meets_in_points = |a: &str, b: &str| {
+        has_pieces(a)
+            || has_pieces(b)
+            || is_polyhedral(a) && (is_polyhedral(b) || is_wall(b))
+            || is_polyhedral(b) && is_wall(a)
+    };
+    for (k, law) in scene.laws.iter().enumerate().filter(|(_, law)| attracts_by_point(&law.kind)) {
+        let of_law = scene.contacts.iter().filter(|contact| contact.law.as_ref() == Some(&law.name));
+        let pairs: Vec<String> = of_law
+            .map(|contact| &contact.between)
+            .filter(|(a, b)| meets_in_points(a, b))
+            .map(|(a, b)| format!("{a} and {b}"))
+            .collect();
+        if pairs.is_empty() {
+            continue;
+        }
+        let mut named = pairs[..pairs.len().min(MOST_NAMED)].join(", ");
+        if pairs.len() > MOST_NAMED {
+            named += &format!(" and {} other pairs", pairs.len() - MOST_NAMED);
+        }
+        let found = format!(
+            "{} attracts at each contact point, so a face of four corners holds four times its cohesion, and polyhedra or \
+             bodies of pieces meet under it: {named}",
+            law.kind.row().0
+        );
+        report.fault(
+            &format!("laws.{k}"),
+            found,
+            "IQS_MOHR_DS_CLB where the cohesion of a face is to go with its area",
+        );
+    }
+}
+
+fn attracts_by_point(kind: &LawKind) -> bool {
+    match *kind {
+        LawKind::IqsWetDsClb { cohesion, .. }
+        | LawKind::XqsWetDsClb { cohesion, .. }
+        | LawKind::IqsWetDsRollClb { cohesion, .. } => cohesion > 0.0,
+        _ => false,
+    }
+}
