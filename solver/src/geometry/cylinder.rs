@@ -7,7 +7,7 @@
 
 use smallvec::SmallVec;
 
-use super::patch::{Corner, EDGE_ON, ON_SIDE, Patch, Polygon, nearer_than};
+use super::patch::{Corner, EDGE_ON, ON_SIDE, Patch, Polygon, nearer_than, share_at_tilt};
 use super::search::{aligned, ends, seen};
 use super::{Manifold, Point, Posed, Range, edge, face, vertex};
 use crate::math::lanes::Scalar;
@@ -306,6 +306,9 @@ impl Pair<'_> {
             patch.corners.extend(place(5, [x * towards, y * towards]));
         }
         patch.area = area_in_disc(&nearer_than(&outline, area_within), self.radius) * m.z.abs();
+        if area_within != f64::INFINITY {
+            patch.area *= share_at_tilt(&outline);
+        }
     }
 
     /// What a face of A and the line of the round side along `m` share, seen along `m` in the plane that touches there.

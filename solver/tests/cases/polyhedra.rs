@@ -459,7 +459,9 @@ fn a_bond_on_a_strip_does_not_depend_on_what_is_listed() {
             .collect();
         assert_eq!(bonded.len(), 2, "{alert}: {bonded:?}");
         let areas = &end.shapes.as_ref().unwrap().contacts.contact_area;
-        equal(areas.iter().sum::<f64>(), 2e-3 * (0.75 / std::f64::consts::PI).cbrt() / sin, 1e-4);
+        // At this tilt 1 % of it does not count.
+        let strip = 2e-3 * (0.75 / std::f64::consts::PI).cbrt() / sin;
+        equal(areas.iter().sum::<f64>(), 0.99 * strip, 1e-4);
         assert!(end.mass(cube) == 1.0);
     }
 }
