@@ -179,6 +179,9 @@ pub struct Parameters {
     /// Only where there are polyhedra.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub narrow_phase: Option<crate::compute::NarrowPhase>,
+    /// Only where there are polyhedra.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub face_friction: Option<crate::compute::FaceFriction>,
     /// m^3 kg^-1 s^-2
     pub gravity_constant: f64,
     pub gravity_error: f64,

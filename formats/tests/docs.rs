@@ -108,6 +108,7 @@ fn meta_is_described_field_by_field() {
     meta.parameters.accuracy = Some(Accuracy::Draft);
     meta.parameters.adaptive = Some(Default::default());
     meta.parameters.narrow_phase = Some(Default::default());
+    meta.parameters.face_friction = Some(Default::default());
     meta.parameters.gravity_order = Some(4);
     meta.parameters.gravity_opening = Some(0.5);
     meta.parameters.gravity_refresh = Some(2);

@@ -10,7 +10,7 @@ pub fn blocks(side: usize, friction: f64) -> System {
     let turned = |k: usize| 0.2 * ((k as f64 + 0.5) * 9.7).sin();
     let inverse_inertia = |k: usize| Mat3::from_diagonal(&Vec3::new(1.5, 1.2 + turned(k), 1.8));
     let inverse_inertia = (0..system.records.len()).map(inverse_inertia).collect();
-    let mut full = Full { arms: Vec::new(), held: Vec::new(), inverse_inertia };
+    let mut full = Full { arms: Vec::new(), friction_offsets: Vec::new(), held: Vec::new(), inverse_inertia };
     let mut rows = Vec::new();
     for row in &system.rows {
         let (u, v) = (row.normal.cross(&Vec3::new(0.6, 0.8, 0.1)), row.normal.yzx());

@@ -173,7 +173,8 @@ impl Setting<'_> {
                 Bonding::New => old.is_none(),
                 Bonding::No => false,
             };
-            kept.or_else(|| (now && self.touches(contact, law)).then(|| law.bonded_at(contact.gap)))
+            let bond = kept.or_else(|| (now && self.touches(contact, law)).then(|| law.bonded_at(contact.gap)));
+            bond.filter(|_| self.carries_stress(contact))
         };
         let bonds: Vec<Option<f64>> = contacts.par_iter().zip(history).with_min_len(256).map(bond).collect();
         let mut aggregates = Groups::new(self.scene.bodies.len());
@@ -194,7 +195,7 @@ impl Setting<'_> {
     /// Whether a contact may be bonded, now or where the step began: of what turns the gap opens on the way here.
     fn touches(&self, contact: &Contact, law: &Law) -> bool {
         let Setting { scene, state, q_c, .. } = self;
-        let u = relative_velocity(contact, &q_c.x, &state.v, &q_c.w) - self.turning(contact) * 0.5;
+        let u = relative_velocity(contact, &q_c.x, &state.v, &q_c.w) - self.turning(contact, false) * 0.5;
         let at_start = contact.gap - (1.0 - scene.options.theta) * q_c.h * contact.normal.dot(&u);
         law.bond(contact.gap.min(at_start), self.effective_radius(contact)).is_some()
     }

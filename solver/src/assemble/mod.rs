@@ -1,5 +1,6 @@
 //! Room: forces to free velocities; contacts to the rows of the contact problem.
 
+mod faces;
 mod forces;
 mod history;
 mod rows;

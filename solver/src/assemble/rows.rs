@@ -4,9 +4,11 @@
 //! and a row reads and changes those of its two. A law's shift c is put into the records once, so
 //! that the solver works on r̂ = r - c n alone (see [`crate::laws`]).
 
+use cd_formats::compute::FaceFriction;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+use super::faces::friction_offsets;
 use super::history::{Hold, warm_start};
 use crate::integrate::Configuration;
 use crate::laws::{Approach, Rolling, Shift};
@@ -95,6 +97,9 @@ pub struct System {
 pub struct Full {
     /// By row: from the centres of candidate and antagonist to the contact point, m.
     pub arms: Vec<[Vec3; 2]>,
+    /// By row: from the contact point to where its friction acts about the normal, m, in the tangent plane; see
+    /// [`super::faces`]. Empty where friction acts at every contact point.
+    pub friction_offsets: Vec<Vec3>,
     /// By body: 1 for each fixed axis along which the velocity of a body driven in part is imposed, else 0. Empty where none is.
     pub held: Vec<Vec3>,
     /// By body: inverse inertia about the centre of mass in the contact configuration, world frame, 1/(kg m²); 0 for a
@@ -103,6 +108,12 @@ pub struct Full {
 }
 
 impl Full {
+    /// n×d of row `k` with the friction offset d, m: tangential velocity at the point of friction less that at the contact
+    /// point, per unit of relative angular velocity about n.
+    pub fn friction_lever(&self, k: usize, normal: &Vec3) -> Vec3 {
+        self.friction_offsets.get(k).map_or(Vec3::zeros(), |offset| normal.cross(offset))
+    }
+
     /// Whether a body that moves does not along some fixed axis.
     pub fn holds(&self, body: usize) -> bool {
         self.held.get(body).is_some_and(|held| *held != Vec3::zeros())
@@ -114,8 +125,9 @@ impl Full {
     }
 
     /// W_nn and the mean of W_tt and W_ss of row `k`, 1/kg.
-    fn diagonal(&self, k: usize, row: &Row, records: &[Record]) -> (f64, f64) {
+    pub(crate) fn diagonal(&self, k: usize, row: &Row, records: &[Record]) -> (f64, f64) {
         let (mut w_n, mut trace) = (0.0, 0.0);
+        let lever = self.friction_lever(k, &row.normal);
         for (body, arm) in row.bodies.into_iter().zip(&self.arms[k]) {
             let (inverse_mass, j) = (records[body as usize].inverse_mass, &self.inverse_inertia[body as usize]);
             let turn = arm.cross(&row.normal);
@@ -124,6 +136,8 @@ impl Full {
             w_n += inverse_mass * along + turn.dot(&(j * turn));
             let all = held.map_or(3.0, |held| 3.0 - held.sum());
             trace += all * inverse_mass + j.trace() * arm.norm_squared() - arm.dot(&(j * arm));
+            let about = j * row.normal;
+            trace += 2.0 * lever.dot(&about.cross(arm)) + lever.norm_squared() * row.normal.dot(&about);
         }
         (w_n, 0.5 * (trace - w_n))
     }
@@ -207,6 +221,18 @@ pub fn contact_problem(
     };
     if let Some(full) = &mut full {
         full.arms = contacts.par_iter().with_min_len(256).map(|contact| arms(contact, &q_c.x)).collect();
+    }
+    if let Some(full) = &mut full
+        && scene.options.face_friction == FaceFriction::Uniform
+    {
+        let load = |k: usize| match history[k] {
+            Some(_) => rows[k].normal.dot(&rows[k].start),
+            None => -rows[k].impulse_shift,
+        };
+        full.friction_offsets = friction_offsets(contacts, &rows, full, load);
+        if !full.friction_offsets.is_empty() {
+            setting.shift_friction(full, contacts, &mut rows);
+        }
     }
     if let Some(full) = &full {
         rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
@@ -323,7 +349,8 @@ impl Setting<'_> {
         let slid_before = previous.is_some_and(|old| old.status == Status::Slide && slid(old));
         // Of a contact that begins it is not known what it will carry.
         let stays = hold.bond.is_some() || hold.within || previous.is_some_and(|old| old.impulse != Vec3::zeros());
-        let turning = if stays { self.turning(contact) } else { Vec3::zeros() };
+        let as_one = hold.bond.is_some() && law.bonds_are_rigid();
+        let turning = if stays { self.turning(contact, as_one) } else { Vec3::zeros() };
         // What keeps to a surface that curves does not approach it, nor does what bonds carry round part from it.
         let curve = match hold {
             Hold { bond: Some(_), .. } if law.bonds_are_rigid() => -turning.dot(&n),
@@ -367,6 +394,28 @@ impl Setting<'_> {
         }
     }
 
+    /// Takes the velocities before the step, and what restitution makes of them, where friction acts.
+    fn shift_friction(&self, full: &Full, contacts: &[Contact], rows: &mut [Row]) {
+        let of_row = |(k, row): (usize, &mut Row)| {
+            let (contact, lever) = (&contacts[k], full.friction_lever(k, &row.normal));
+            let [a, b] = row.bodies.map(|body| self.q_c.w[body as usize]);
+            let change = lever * row.normal.dot(&(a - b));
+            let law = &self.state.laws[contact.law as usize];
+            let at = Approach {
+                gap: contact.gap,
+                h: self.q_c.h,
+                u_n: row.u_before.x,
+                radius: self.radius(contact),
+                slid_before: false,
+                bonded: row.bond.is_some(),
+            };
+            row.shift += change * law.shift(&at).unwrap_or_default().tangential;
+            row.u_before += to_local(&contact.frame(), &change);
+        };
+        let rows = rows.par_iter_mut().enumerate().with_min_len(256);
+        rows.filter(|(k, _)| full.friction_offsets[*k] != Vec3::zeros()).for_each(of_row);
+    }
+
     /// Resistance to rolling and spinning at row `k`, if its law has one.
     fn roll(&self, k: usize, contact: &Contact, previous: Option<&SolvedContact>) -> Option<Roll> {
         let Rolling { rolling, spinning } = self.state.laws[contact.law as usize].rolling()?;
@@ -383,9 +432,30 @@ impl Setting<'_> {
         })
     }
 
-    /// Radius of the contact, m: a stress acts on the area in which faces meet, where there is one.
+    /// Radius of the contact, m: a stress acts on the area in which faces meet; spheres have one of their own, edges and
+    /// vertices none.
     fn radius(&self, contact: &Contact) -> f64 {
-        if contact.area > 0.0 { (contact.area / std::f64::consts::PI).sqrt() } else { self.effective_radius(contact) }
+        if contact.area > 0.0 {
+            (contact.area / std::f64::consts::PI).sqrt()
+        } else if self.carries_stress(contact) {
+            self.effective_radius(contact)
+        } else {
+            0.0
+        }
+    }
+
+    /// Whether a cohesion of the law of a contact that is a stress has an area to act on.
+    pub(super) fn carries_stress(&self, contact: &Contact) -> bool {
+        let Contact { candidate, antagonist, ranks, .. } = *contact;
+        contact.area > 0.0
+            || !self.state.laws[contact.law as usize].has_stress()
+            || [(candidate, ranks.0), (antagonist, ranks.1)].into_iter().any(|(body, rank)| self.is_round(body, rank))
+    }
+
+    /// Whether a contactor is a sphere.
+    fn is_round(&self, body: u32, rank: u16) -> bool {
+        let part = || self.scene.part(body, rank);
+        self.is_sphere[body as usize] || part().is_some_and(|part| matches!(part.geometry, Geometry::Sphere { .. }))
     }
 
     /// R of the two bodies, m, of which distances are parts.
@@ -415,6 +485,7 @@ fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
     let held = || scene.bodies.iter().map(Body::held).collect();
     let full = || Full {
         arms: Vec::new(),
+        friction_offsets: Vec::new(),
         held: if scene.bodies.iter().any(Body::is_driven_in_part) { held() } else { Vec::new() },
         inverse_inertia: scene.bodies.iter().zip(&q_c.q).map(of).collect(),
     };
@@ -453,6 +524,28 @@ impl System {
         }
     }
 
+    /// n×d of row `k` with the friction offset d, m; 0 where friction acts at the contact point.
+    pub fn friction_lever(&self, k: usize) -> Vec3 {
+        self.full.as_ref().map_or(Vec3::zeros(), |full| full.friction_lever(k, &self.rows[k].normal))
+    }
+
+    /// Velocity at row `k` of a body on `side` that turns with `w`, world frame, m/s: along n at the contact point, in the
+    /// tangent plane where friction acts.
+    pub fn turning_velocity(&self, k: usize, side: usize, w: &Vec3) -> Vec3 {
+        w.cross(&self.arm(k, side)) + self.friction_lever(k) * self.rows[k].normal.dot(w)
+    }
+
+    /// Angular impulse about the centre of the body on `side` by an impulse `r` on it at row `k`, N m s; the transpose of
+    /// [`Self::turning_velocity`].
+    pub fn angular_impulse(&self, k: usize, side: usize, r: &Vec3) -> Vec3 {
+        self.arm(k, side).cross(r) + self.friction_couple(k, r)
+    }
+
+    /// n (n×d)·r: what the friction of an impulse `r` at row `k` turns less about n than at the contact point, N m s.
+    pub fn friction_couple(&self, k: usize, r: &Vec3) -> Vec3 {
+        self.rows[k].normal * self.friction_lever(k).dot(r)
+    }
+
     /// û of row `k` at the records' velocities, world frame, m/s.
     pub fn velocity(&self, k: usize, records: &[Record]) -> Vec3 {
         let row = &self.rows[k];
@@ -461,7 +554,7 @@ impl System {
         }
         let at = |side: usize| {
             let record = &records[row.bodies[side] as usize];
-            record.v + record.w.cross(&self.arm(k, side))
+            record.v + self.turning_velocity(k, side, &record.w)
         };
         at(0) - at(1) + row.shift
     }
@@ -473,7 +566,7 @@ impl System {
         }
         for (side, r) in [(0, *r), (1, -r)] {
             let body = self.rows[k].bodies[side];
-            let (push, turn) = (self.push(body, &r), self.spin(body, &self.arm(k, side).cross(&r)));
+            let (push, turn) = (self.push(body, &r), self.spin(body, &self.angular_impulse(k, side, &r)));
             let record = &mut self.records[body as usize];
             record.v += push;
             record.w += turn;

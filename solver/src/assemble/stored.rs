@@ -55,8 +55,8 @@ fn answer(system: &System, here: usize, there: usize, r: &Vec3) -> Vec3 {
     for at in sides {
         for by in sides.into_iter().filter(|by| body(there, by.0) == body(here, at.0)) {
             let impulse = r * by.1;
-            let spin = system.spin(body(here, at.0), &system.arm(there, by.0).cross(&impulse));
-            change += (system.push(body(here, at.0), &impulse) + spin.cross(&system.arm(here, at.0))) * at.1;
+            let spin = system.spin(body(here, at.0), &system.angular_impulse(there, by.0, &impulse));
+            change += (system.push(body(here, at.0), &impulse) + system.turning_velocity(here, at.0, &spin)) * at.1;
         }
     }
     change

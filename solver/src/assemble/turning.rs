@@ -9,17 +9,27 @@ impl Setting<'_> {
     /// How fast surfaces that stick part at the step's end where they rest upon each other in the contact configuration, m/s, world
     /// frame: arms turn with the bodies, their angular velocities change in free rotation by α, and where one rolls the point of
     /// contact goes on, τ(ω_a, l_a) + ½ h α_a×l_a - τ(ω_b, l_b) - ½ h α_b×l_b + τ_R, 1/R the sum of the curvatures;
-    /// see [`turned`] and [`rolled`]. So what turns as one body does so for ever.
-    pub(super) fn turning(&self, contact: &Contact) -> Vec3 {
+    /// see [`turned`] and [`rolled`]. So what turns as one body does so for ever. `as_one`: whether a bond holds the two, which
+    /// then have one ω whatever a torque of an event has given one of them: arms that turn apart would strain the bond.
+    pub(super) fn turning(&self, contact: &Contact, as_one: bool) -> Vec3 {
         let bodies = [contact.candidate, contact.antagonist].map(|body| body as usize);
         // Those of the step's start: what turns as one body has one then, and free rotation differs from body to body.
-        let [a, b] = bodies.map(|i| self.state.w[i]);
+        let [mut a, mut b] = bodies.map(|i| self.state.w[i]);
+        let own = [a, b];
+        if as_one {
+            let shared = match bodies.map(|i| self.scene.bodies[i].driven) {
+                [_, true] => b,
+                [true, _] => a,
+                _ => (a + b) * 0.5,
+            };
+            (a, b) = (shared, shared);
+        }
         if a == Vec3::zeros() && b == Vec3::zeros() {
             return Vec3::zeros();
         }
         let (half, before) = (0.5 * self.q_c.h, (1.0 - self.scene.options.theta) * self.q_c.h);
         let at = |side: usize, w: &Vec3, arm: &Vec3| {
-            let change = self.q_c.w[bodies[side]] - w;
+            let change = self.q_c.w[bodies[side]] - own[side];
             let free = if before > 0.0 { change.cross(arm) * (half / before) } else { Vec3::zeros() };
             turned(w, arm, half) + free
         };

@@ -95,7 +95,8 @@ pub struct Approach {
     pub h: f64,
     /// Normal relative velocity at the step's start, m/s, > 0 parting.
     pub u_n: f64,
-    /// 1/(1/R_a + 1/R_b) of the two surfaces, m.
+    /// 1/(1/R_a + 1/R_b) of the two surfaces; where faces share an area S, √(S/π), and where edges or vertices meet under a
+    /// stress 0, m.
     pub radius: f64,
     pub slid_before: bool,
     pub bonded: bool,
@@ -302,10 +303,12 @@ impl Law {
 
     /// Greatest gap at which an area of contact counts, m: beyond it nothing carries a cohesion that is a stress.
     pub fn range_of_stress(&self, radius: f64) -> f64 {
-        match self.cohesion() {
-            Some(Cohesion::Bond { .. }) => self.range(radius),
-            _ => f64::INFINITY,
-        }
+        if self.has_stress() { self.range(radius) } else { f64::INFINITY }
+    }
+
+    /// Whether the cohesion is a stress, which acts on the area of a contact.
+    pub fn has_stress(&self) -> bool {
+        matches!(self.cohesion(), Some(Cohesion::Bond { .. }))
     }
 
     /// Gives friction, static and dynamic, a new value.

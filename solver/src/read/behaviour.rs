@@ -278,6 +278,7 @@ pub fn without_effect(scene: &Scene) -> Vec<String> {
         ("gravity_moved", of_gravity && gravity_moved != default.gravity_moved, "self_gravity"),
         ("gravity_quadrupole", of_gravity && gravity_quadrupole, "self_gravity"),
         ("narrow_phase", !scene.is_general() && scene.options.narrow_phase.is_some(), "polyhedra"),
+        ("face_friction", !scene.is_general() && scene.options.face_friction != default.face_friction, "polyhedra"),
         (
             "sweep_precision",
             (!sweeps || scene.needs_blocks()) && scene.options.sweep_precision != default.sweep_precision,

@@ -379,7 +379,7 @@ mod tests {
         assert!(!in_single(&uneven, &all, single));
         uneven.rows[7].w_n = 0.0; // of two bodies whose motion is imposed
         assert!(!in_single(&uneven, &all, single));
-        let full = Full { arms: vec![], held: vec![], inverse_inertia: vec![] };
+        let full = Full { arms: vec![], friction_offsets: vec![], held: vec![], inverse_inertia: vec![] };
         let system = System { full: Some(full), ..system };
         assert!(in_single(&system, &all, auto) && !in_single(&system, &all[1..], auto));
     }

@@ -165,7 +165,8 @@ mod tests {
         (sphere.records[0].radius, sphere.records[0].inverse_inertia) = (1.0, 5.0);
         (sphere.records[0].v, sphere.records[0].w) = (Vec3::new(0.5, -1.0, -6.0), Vec3::new(0.3, 0.2, 0.1));
         let inverse_inertia = vec![Matrix3::identity() * 5.0, Matrix3::zeros()];
-        let full = Full { arms: vec![[-Vec3::z(), Vec3::zeros()]], held: vec![], inverse_inertia };
+        let full =
+            Full { arms: vec![[-Vec3::z(), Vec3::zeros()]], friction_offsets: vec![], held: vec![], inverse_inertia };
         let other = System { full: Some(full), ..sphere.clone() };
         let early = [Vec3::new(0.1, 0.2, 1.0)];
         let (a, b) = (norms(&sphere, &early, &sphere.records), norms(&other, &early, &other.records));

@@ -36,6 +36,9 @@ struct Eight {
     bodies: [[u32; EIGHT]; 2],
 }
 
+/// n×d of eight contacts, d their friction offsets, m.
+type Levers = [[f64; EIGHT]; 3];
+
 /// Velocity (m/s), 0, angular velocity (rad/s), 0 of a body; world frame.
 pub type Motion = [f64; 8];
 
@@ -49,6 +52,8 @@ pub struct Judge<'a> {
     /// Rows that are judged.
     rows: &'a [u32],
     contacts: Vec<Eight>,
+    /// Of the contacts; empty where all are 0.
+    levers: Vec<Levers>,
     rho: f64,
     /// |F(r_0)|
     unsolved: f64,
@@ -65,6 +70,9 @@ pub struct Residual {
 impl<'a> Judge<'a> {
     pub fn new(system: &'a System, rows: &'a [u32], width: Width) -> Self {
         let contacts = rows.par_chunks(EIGHT).with_min_len(TASK).map(|rows| eight(system, rows)).collect();
+        let has_levers = system.full.as_ref().is_some_and(|full| !full.friction_offsets.is_empty());
+        let levers =
+            if has_levers { rows.chunks(EIGHT).map(|rows| levers(system, rows)).collect() } else { Vec::new() };
         let of_some = |rows: &[u32]| {
             rows.iter().fold((0.0, 0.0), |(trace, speeds), &k| {
                 let row = &system.rows[k as usize];
@@ -80,7 +88,7 @@ impl<'a> Judge<'a> {
         let (trace, speeds) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
         let floor = FLOOR * rho * speeds.sqrt();
-        let mut judge = Judge { system, width, rows, contacts, rho, unsolved: 0.0, floor };
+        let mut judge = Judge { system, width, rows, contacts, levers, rho, unsolved: 0.0, floor };
         let mut balance = vec![Vec3::zeros(); system.rows.len()];
         let attracting = rows.iter().filter(|&&k| system.rows[k as usize].impulse_shift != 0.0);
         let mut attracted = false;
@@ -138,9 +146,12 @@ impl<'a> Judge<'a> {
         let bodies = self.system.records.len();
         let half =
             if self.contacts.len() < TASK { self.contacts.len().max(1) } else { self.contacts.len().div_ceil(2) };
-        let of_part = |(contacts, rows): (&[Eight], &[u32])| sums(contacts, rows, impulses, bodies);
-        let parts: Vec<Vec<[f64; 6]>> =
-            self.contacts.par_chunks(half).zip(self.rows.par_chunks(half * EIGHT)).map(of_part).collect();
+        let of_part = |(part, (contacts, rows)): (usize, (&[Eight], &[u32]))| {
+            let levers = self.levers.get(part * half..).unwrap_or_default();
+            sums(contacts, levers, rows, impulses, bodies)
+        };
+        let parts = self.contacts.par_chunks(half).zip(self.rows.par_chunks(half * EIGHT)).enumerate();
+        let parts: Vec<Vec<[f64; 6]>> = parts.map(of_part).collect();
         let moved = |(body, record): (usize, &Record)| {
             let mut sum = [0.0; 6];
             for part in &parts {
@@ -177,14 +188,17 @@ impl<'a> Judge<'a> {
 
     /// |F| and the row with the largest part in it.
     fn norm(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[Motion]) -> (f64, Option<u32>) {
-        let of_task = |(rows, contacts): (&[u32], &[Eight])| match self.width {
-            Width::One(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
-            #[cfg(target_arch = "x86_64")]
-            Width::Four(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
-            #[cfg(target_arch = "x86_64")]
-            Width::Eight(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
+        let of_task = |(task, (rows, contacts)): (usize, (&[u32], &[Eight]))| {
+            let contacts = (contacts, self.levers.get(task * TASK..).unwrap_or_default());
+            match self.width {
+                Width::One(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
+                #[cfg(target_arch = "x86_64")]
+                Width::Four(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
+                #[cfg(target_arch = "x86_64")]
+                Width::Eight(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
+            }
         };
-        let tasks = self.rows.par_chunks(EIGHT * TASK).zip(self.contacts.par_chunks(TASK));
+        let tasks = self.rows.par_chunks(EIGHT * TASK).zip(self.contacts.par_chunks(TASK)).enumerate();
         let parts: Vec<(f64, f64, Option<u32>)> = tasks.map(of_task).collect();
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
         let of_moment = |(roll, m): (&Roll, &Vec3)| {
@@ -227,8 +241,8 @@ impl<'a> Judge<'a> {
     /// |F|² of each row that is judged, N² s², for impulses that lead to these motions.
     pub fn parts(&self, impulses: &[Vec3], motions: &[Motion]) -> Vec<f64> {
         let mut sizes2 = vec![0.0; self.contacts.len() * EIGHT];
-        let &Judge { rows, rho, .. } = self;
-        let map = Map { lanes: Scalar, rows, contacts: &self.contacts, impulses, motions, rho, sizes2: &mut sizes2 };
+        let Judge { rows, rho, contacts, levers, .. } = self;
+        let map = Map { lanes: Scalar, rows, contacts, levers, impulses, motions, rho: *rho, sizes2: &mut sizes2 };
         map.call();
         sizes2.truncate(rows.len());
         sizes2
@@ -239,13 +253,13 @@ impl<'a> Judge<'a> {
         &self,
         lanes: L,
         rows: &[u32],
-        contacts: &[Eight],
+        (contacts, levers): (&[Eight], &[Levers]),
         impulses: &[Vec3],
         motions: &[Motion],
     ) -> (f64, f64, Option<u32>) {
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
         let mut sizes2 = [0.0; EIGHT * TASK];
-        lanes.run(Map { lanes, rows, contacts, impulses, motions, rho: self.rho, sizes2: &mut sizes2 });
+        lanes.run(Map { lanes, rows, contacts, levers, impulses, motions, rho: self.rho, sizes2: &mut sizes2 });
         for (&k, size2) in rows.iter().zip(sizes2) {
             sum += size2;
             if size2 > largest {
@@ -257,15 +271,19 @@ impl<'a> Judge<'a> {
 }
 
 /// On each of `bodies` the sums of the impulses and of their moments about its centre.
-fn sums(contacts: &[Eight], rows: &[u32], impulses: &[Vec3], bodies: usize) -> Vec<[f64; 6]> {
+fn sums(contacts: &[Eight], levers: &[Levers], rows: &[u32], impulses: &[Vec3], bodies: usize) -> Vec<[f64; 6]> {
     let mut sums = vec![[0.0; 6]; bodies];
-    for (eight, rows) in contacts.iter().zip(rows.chunks(EIGHT)) {
+    for (place, (eight, rows)) in contacts.iter().zip(rows.chunks(EIGHT)).enumerate() {
         for (lane, &k) in rows.iter().enumerate() {
             let r = &impulses[k as usize];
+            let about = levers.get(place).map(|[x, y, z]| x[lane] * r.x + y[lane] * r.y + z[lane] * r.z);
             for (side, sign) in [(0, 1.0), (1, -1.0)] {
                 let sum = &mut sums[eight.bodies[side][lane] as usize];
                 let [x, y, z] = [0, 1, 2].map(|axis| eight.arms[side][axis][lane]);
-                let moment = [y * r.z - z * r.y, z * r.x - x * r.z, x * r.y - y * r.x];
+                let mut moment = [y * r.z - z * r.y, z * r.x - x * r.z, x * r.y - y * r.x];
+                if let Some(about) = about {
+                    (0..3).for_each(|axis| moment[axis] += eight.n[axis][lane] * about);
+                }
                 for axis in 0..3 {
                     sum[axis] += sign * r[axis];
                     sum[3 + axis] += sign * moment[axis];
@@ -298,11 +316,21 @@ fn eight(system: &System, rows: &[u32]) -> Eight {
     eight
 }
 
+fn levers(system: &System, rows: &[u32]) -> Levers {
+    let mut levers = [[0.0; EIGHT]; 3];
+    for (lane, &k) in rows.iter().enumerate() {
+        let lever = system.friction_lever(k as usize);
+        (0..3).for_each(|axis| levers[axis][lane] = lever[axis]);
+    }
+    levers
+}
+
 /// |F|^2 of contacts, N^2 s^2.
 struct Map<'a, L> {
     lanes: L,
     rows: &'a [u32],
     contacts: &'a [Eight],
+    levers: &'a [Levers],
     impulses: &'a [Vec3],
     motions: &'a [Motion],
     rho: f64,
@@ -313,15 +341,16 @@ impl<L: Lanes> NullaryFnOnce for Map<'_, L> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Map { lanes: l, rows, contacts, impulses, motions, rho, sizes2 } = self;
-        for ((eight, rows), sizes2) in contacts.iter().zip(rows.chunks(EIGHT)).zip(sizes2.chunks_mut(EIGHT)) {
+        let Map { lanes: l, rows, contacts, levers, impulses, motions, rho, sizes2 } = self;
+        let of_rows = rows.chunks(EIGHT).zip(sizes2.chunks_mut(EIGHT));
+        for (place, (eight, (rows, sizes2))) in contacts.iter().zip(of_rows).enumerate() {
             let mut r = [[0.0; EIGHT]; 3];
             for (lane, &k) in rows.iter().enumerate() {
                 let impulse = &impulses[k as usize];
                 (r[0][lane], r[1][lane], r[2][lane]) = (impulse.x, impulse.y, impulse.z);
             }
             for from in (0..EIGHT).step_by(L::WIDTH) {
-                natural_map2(l, eight, &r, motions, rho, from, &mut sizes2[from..]);
+                natural_map2(l, (eight, levers.get(place)), &r, motions, rho, from, &mut sizes2[from..]);
             }
         }
     }
@@ -332,7 +361,7 @@ impl<L: Lanes> NullaryFnOnce for Map<'_, L> {
 #[inline(always)]
 fn natural_map2<L: Lanes>(
     l: L,
-    eight: &Eight,
+    (eight, levers): (&Eight, Option<&Levers>),
     r: &[[f64; EIGHT]; 3],
     motions: &[Motion],
     rho: f64,
@@ -352,6 +381,12 @@ fn natural_map2<L: Lanes>(
     for (k, u) in u.iter_mut().enumerate() {
         let shift = l.load(&eight.shift[k][places.clone()]);
         *u = l.add(l.sub(at_point(l, eight, &a, 0, k, from), at_point(l, eight, &b, 1, k, from)), shift);
+    }
+    if let Some(levers) = levers {
+        let about = product(l, n, [4, 5, 6].map(|k| l.sub(a[k], b[k])));
+        for (k, u) in u.iter_mut().enumerate() {
+            *u = l.add(*u, l.mul(about, l.load(&levers[k][places.clone()])));
+        }
     }
     let (zero, rho, mu) = (l.splat(0.0), l.splat(rho), l.load(&eight.friction[places]));
     let u_n = product(l, n, u);

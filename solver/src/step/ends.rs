@@ -5,7 +5,7 @@ use std::ops::Add;
 use rayon::prelude::*;
 
 use super::PART;
-use crate::assemble::{self, Free, Record, Row, System, relative_velocity};
+use crate::assemble::{self, Free, Record, System, relative_velocity};
 use crate::integrate::Configuration;
 use crate::math::{MANY, Vec3, to_local, to_world};
 use crate::scene::Scene;
@@ -129,12 +129,12 @@ impl End<'_> {
                 given.contacts_active += 1;
                 let may_close = self.state.laws[contact.law as usize].closing(row.u_before.x);
                 given.penetration_added += (-contact.gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
-                let virial = self.gives(row, r, end, &mut given);
+                let virial = self.gives(k, r, end, &mut given);
                 given.virial += virial;
                 exchanges.push(Exchange { bodies: row.bodies, virial });
             } else if end.moment != Vec3::zeros() {
                 // What holds two bodies presses them as it pulls: nothing is left but what resists rolling.
-                self.gives(row, r, end, &mut given);
+                self.gives(k, r, end, &mut given);
             }
         }
         (given, exchanges)
@@ -165,19 +165,22 @@ impl End<'_> {
             let (opens, slides) = moved();
             law.keeps_bond(contact.gap, status == Status::NoContact && opens, status == Status::Slide && slides)
         });
+        let [a, b] = row.bodies.map(|body| w[body as usize]);
+        let spinning = system.friction_lever(k) * row.normal.dot(&(a - b));
         SolvedContact {
             contact: *contact,
             impulse: Vec3::new(local.x + row.impulse_shift, local.y, local.z),
             moment: moment.map_or(Vec3::zeros(), |m| to_local(&frame, m)),
-            velocity: to_local(&frame, &relative_velocity(contact, &q_c.x, v, w)),
+            velocity: to_local(&frame, &(relative_velocity(contact, &q_c.x, v, w) + spinning)),
             status,
             bond,
         }
     }
 
-    /// Adds what one contact with the impulse `r` of its row does; returns its impulse times its branch, N m s.
-    fn gives(&self, row: &Row, r: &Vec3, contact: &SolvedContact, given: &mut Given) -> f64 {
-        let &End { state, q_c, v, w, driven, .. } = self;
+    /// Adds what contact `k` with the impulse `r` of its row does; returns its impulse times its branch, N m s.
+    fn gives(&self, k: usize, r: &Vec3, contact: &SolvedContact, given: &mut Given) -> f64 {
+        let &End { state, q_c, system, v, w, driven, .. } = self;
+        let row = &system.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
         let mean = 0.5 * (velocity + row.u_before);
         let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
@@ -187,6 +190,7 @@ impl End<'_> {
         let rolls = *moment != Vec3::zeros();
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
         let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };
+        let moment = moment + system.friction_couple(k, r);
         // A wall's centre has no meaning for the stress of the grains: there the branch ends at the point.
         let to_point = |body: usize, arm: Vec3| if driven[body] { Vec3::zeros() } else { arm };
         let branch = to_point(antagonist, arms[1]) - to_point(candidate, arms[0]);

@@ -53,6 +53,7 @@ fn meta(scene: &Scene, state: &State) -> Meta {
             xperiode: options.xperiode,
             yperiode: options.yperiode,
             narrow_phase: scene.is_general().then_some(options.narrow_phase()),
+            face_friction: scene.is_general().then_some(options.face_friction),
             gravity_constant: options.gravity_constant,
             gravity_error: options.gravity_error(),
             gravity_order: options.gravity_order,

@@ -9,6 +9,7 @@ mod clusters;
 mod elliptic;
 mod envelope;
 mod extremes;
+mod faces;
 mod flight;
 mod gravity;
 mod invariants;

@@ -388,7 +388,7 @@ fn options_in_the_file() {
     let lines = [
         (
             "(\n    dt: 1e-3,\n    speed: 3.0,\n)",
-            "3:5: options: unknown field 'speed'; expected one of dt, steps, end_time, theta, accuracy, adaptive, tol, penetration_tol, solver, max_sweeps, check_every, sweep_precision, lmgc90_norms, alert, narrow_phase, xperiode, yperiode, self_gravity, gravity, gravity_constant, gravity_error, gravity_order, gravity_opening, gravity_refresh, gravity_moved, gravity_quadrupole, sphere_orientation, fields, quench, output_every, threads, text, events",
+            "3:5: options: unknown field 'speed'; expected one of dt, steps, end_time, theta, accuracy, adaptive, tol, penetration_tol, solver, max_sweeps, check_every, sweep_precision, lmgc90_norms, alert, narrow_phase, face_friction, xperiode, yperiode, self_gravity, gravity, gravity_constant, gravity_error, gravity_order, gravity_opening, gravity_refresh, gravity_moved, gravity_quadrupole, sphere_orientation, fields, quench, output_every, threads, text, events",
         ),
         ("(\n    theta: \"a\",\n)", "2:12: theta: \"a\"; expected a number"),
         ("(dt: 1e-3 tol: 0.1)", "1:10: dt: no ',' before 'tol'; expected ',' here"),

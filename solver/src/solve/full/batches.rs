@@ -13,7 +13,7 @@ use crate::assemble::{Full, Record, System};
 use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, Lanes, Number, Width};
 use crate::solve::batches::{BATCH, Cones, NONE, Sums, Units, onto_cones, put};
-use crate::solve::full::local::{Axes, Side, axes, block};
+use crate::solve::full::local::{Axes, Side, axes, block, of_lever};
 use crate::solve::local::{dot, triple};
 use crate::solve::nlgs::Reactions;
 use crate::solve::rolling::Rolls;
@@ -45,7 +45,12 @@ pub struct Batch {
     pub points: [usize; 2],
     /// Whether some of its bodies are pushed along some of the fixed axes alone.
     pub held: bool,
+    /// Whether the friction of some of its contacts has a lever.
+    pub levers: bool,
 }
+
+/// Friction levers n×d of the contacts of a point along its two tangents, m.
+pub type Levers<T> = [Column<T>; 2];
 
 /// One contact of each pair of a batch: what is constant of it. Unused places are pushed by nothing and stay at rest.
 pub trait Contacts: Clone + Send + Sync {
@@ -55,6 +60,9 @@ pub trait Contacts: Clone + Send + Sync {
 
     /// Puts rows of the system into their places, to start from their impulses.
     fn filled(from: &Fill, rows: &Places) -> (Self, Self::Impulses);
+
+    /// Friction levers of the rows in these places.
+    fn levers(&self, from: &Fill, rows: &Places) -> Levers<Self::T>;
 
     /// r̂ of all places, world frame, N s.
     fn impulses(&self, from: &Back, rows: &Places, values: &Self::Impulses) -> [Column<f64>; 3];
@@ -157,6 +165,8 @@ pub struct Batches<C: Contacts> {
     pub impulses: Vec<C::Impulses>,
     /// By point; empty where no contact of the scene has moments.
     pub rolls: Vec<Rolls<C::T>>,
+    /// By point; empty where no friction of a batch has a lever.
+    pub levers: Vec<Levers<C::T>>,
     /// Rows of the system, or [`NONE`], by point.
     rows: Vec<Places>,
 }
@@ -343,7 +353,7 @@ fn colours(group: &[u32], pairs: &[Pair], masks: &mut [u64]) -> Vec<(usize, Vec<
 
 impl<C: Contacts> Batches<C> {
     fn new() -> Self {
-        Batches { batches: vec![], points: vec![], impulses: vec![], rolls: vec![], rows: vec![] }
+        Batches { batches: vec![], points: vec![], impulses: vec![], rolls: vec![], levers: vec![], rows: vec![] }
     }
 
     /// A batch of the pairs `members`: which row is where.
@@ -353,7 +363,10 @@ impl<C: Contacts> Batches<C> {
         let held = bodies.any(|body| full.holds(body as usize));
         let most = members.iter().map(|&k| pairs[k as usize].rows.len()).max().unwrap_or(0);
         self.rows.resize(first + most, [NONE; BATCH]);
-        let mut batch = Batch { bodies: [[unused; BATCH]; 2], points: [first, first + most], held };
+        let has_lever =
+            |row: &u32| full.friction_offsets.get(*row as usize).is_some_and(|offset| *offset != Vec3::zeros());
+        let levers = members.iter().any(|&k| pairs[k as usize].rows.iter().any(has_lever));
+        let mut batch = Batch { bodies: [[unused; BATCH]; 2], points: [first, first + most], held, levers };
         for (lane, &k) in members.iter().enumerate() {
             let pair = &pairs[k as usize];
             for side in 0..2 {
@@ -371,6 +384,10 @@ impl<C: Contacts> Batches<C> {
         let count = self.rows.len();
         let points = self.rows.par_iter().with_min_len(FILLED).map(|rows| C::filled(from, rows));
         points.unzip_into_vecs(&mut self.points, &mut self.impulses);
+        if self.batches.iter().any(|batch| batch.levers) {
+            let points = self.points.par_iter().zip(&self.rows).with_min_len(FILLED);
+            self.levers = points.map(|(point, rows)| point.levers(from, rows)).collect();
+        }
         if !from.system.rolls.is_empty() {
             self.rolls = vec![Rolls::NONE; count];
             for (rolls, rows) in self.rolls.iter_mut().zip(&self.rows) {
@@ -396,6 +413,17 @@ impl<T: Number> Contacts for Point<T> {
             #[cfg(target_arch = "x86_64")]
             Width::Eight(l) => l.run(Lay { l, seen, units, number: PhantomData }),
         }
+    }
+
+    fn levers(&self, from: &Fill, rows: &Places) -> Levers<T> {
+        let mut levers = [[T::ZERO; BATCH]; 2];
+        for (lane, k) in used(rows) {
+            let lever = from.full.friction_lever(k, &from.system.rows[k].normal);
+            for (axis, to) in self.axes[1..].iter().zip(&mut levers) {
+                to[lane] = T::of((0..3).map(|k| axis[k][lane].wide() * lever[k]).sum());
+            }
+        }
+        levers
     }
 
     fn impulses(&self, from: &Back, rows: &Places, values: &Impulses<T>) -> [Column<f64>; 3] {
@@ -426,6 +454,8 @@ struct Seen {
     r: [Column<f64>; 3],
     inverse_nn: Column<f64>,
     friction: Column<f64>,
+    /// Friction levers n×d, m; none where all are 0.
+    levers: Option<[Column<f64>; 3]>,
 }
 
 impl Seen {
@@ -434,10 +464,15 @@ impl Seen {
         let unit = [1.0 / from.units.mass(); BATCH];
         let side = Side { arm: [zero; 3], inverse_mass: [unit; 3], inverse_inertia: [zero; 6] };
         let normal = [zero, zero, one];
-        let mut seen = Seen { normal, sides: [side; 2], u: [zero; 3], r: [zero; 3], inverse_nn: zero, friction: zero };
+        let levers = (!from.full.friction_offsets.is_empty()).then_some([zero; 3]);
+        let (u, r) = ([zero; 3], [zero; 3]);
+        let mut seen = Seen { normal, sides: [side; 2], u, r, inverse_nn: zero, friction: zero, levers };
         for (lane, k) in used(rows) {
             let row = &from.system.rows[k];
             put(&mut seen.normal, lane, &row.normal);
+            if let Some(levers) = &mut seen.levers {
+                put(levers, lane, &from.full.friction_lever(k, &row.normal));
+            }
             put(&mut seen.u, lane, &from.shift::<T>(k));
             put(&mut seen.r, lane, &from.reactions.impulses[k]);
             for (side, to) in seen.sides.iter_mut().enumerate() {
@@ -470,7 +505,11 @@ impl<L: Lanes, T: Number> NullaryFnOnce for Lay<'_, L, T> {
         for from in (0..BATCH).step_by(L::WIDTH) {
             let normal = triple!(k => l.load(&seen.normal[k][from..]));
             let sides = [side(l, &seen.sides[0], from), side(l, &seen.sides[1], from)];
-            let w = block(l, sides);
+            let mut w = block(l, sides);
+            if let Some(levers) = &seen.levers {
+                let of_lever = of_lever(l, &sides, normal, triple!(k => l.load(&levers[k][from..])));
+                (0..6).for_each(|k| w[k] = l.add(w[k], of_lever[k]));
+            }
             let Axes { axes, c, s } = axes(l, w, normal);
             let u = triple!(k => l.div(l.load(&seen.u[k][from..]), l.splat(units.velocity)));
             let r = triple!(k => l.div(l.load(&seen.r[k][from..]), l.splat(units.impulse)));
@@ -576,6 +615,10 @@ impl<T: Number> Contacts for Normal<T> {
             (point.inverse_nn[lane], point.weight[lane]) = (T::of(1.0 / row.w_n / mass), T::of(row.w_n * mass));
         }
         (point, values)
+    }
+
+    fn levers(&self, _: &Fill, _: &Places) -> Levers<T> {
+        [[T::ZERO; BATCH]; 2] // without friction
     }
 
     fn impulses(&self, from: &Back, rows: &Places, values: &Push<T>) -> [Column<f64>; 3] {

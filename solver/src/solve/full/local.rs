@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 use crate::assemble::{Full, System};
 use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, Number, Scalar};
-use crate::solve::local::{dot, triple};
+use crate::solve::local::{cross_add, dot, triple};
 
 /// Axes and numbers of a contact's own block W: the normal unknown eliminated, the tangents on the principal axes of
 /// what is left, so that with c = W_nT/W_nn
@@ -79,9 +79,33 @@ fn of_side<L: Arithmetic>(l: L, side: Side<L::V>) -> Symmetric<L::V> {
     ]
 }
 
+/// What the friction lever e = n×d of a contact adds to W, 1/kg: with z = (J⁻¹ n)×arm, e z' + z e' + n'J⁻¹n e e' of both bodies.
+#[inline(always)]
+pub fn of_lever<L: Arithmetic>(l: L, sides: &[Side<L::V>; 2], n: [L::V; 3], e: [L::V; 3]) -> Symmetric<L::V> {
+    let zero = l.splat(0.0);
+    let mut z = [zero; 3];
+    let mut about = zero;
+    for side in sides {
+        let j = times(l, side.inverse_inertia, n);
+        z = cross_add(l, j, side.arm, z);
+        about = l.add(about, dot(l, n, j));
+    }
+    let half = l.mul(l.splat(0.5), about);
+    let z = triple!(k => l.mul_add(half, e[k], z[k]));
+    let pair = |i: usize, k: usize| l.mul_add(e[i], z[k], l.mul(z[i], e[k]));
+    [pair(0, 0), pair(0, 1), pair(0, 2), pair(1, 1), pair(1, 2), pair(2, 2)]
+}
+
 /// W of row `k`.
 pub fn block_of(system: &System, full: &Full, k: usize) -> Symmetric<f64> {
-    block(Scalar, [0, 1].map(|side| Side::of(system, full, k, side)))
+    let sides = [0, 1].map(|side| Side::of(system, full, k, side));
+    let n = system.rows[k].normal;
+    let w = block(Scalar, sides);
+    if full.friction_offsets.is_empty() {
+        return w;
+    }
+    let of_lever = of_lever(Scalar, &sides, n.into(), full.friction_lever(k, &n).into());
+    [0, 1, 2, 3, 4, 5].map(|k| w[k] + of_lever[k])
 }
 
 /// The product of two numbers less that of two others.

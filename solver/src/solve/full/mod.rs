@@ -15,12 +15,13 @@ mod tests {
     use cd_formats::compute::SweepPrecision;
     use nalgebra::Matrix3;
 
-    use crate::assemble::{Full, Record, Row, System};
-    use crate::math::Vec3;
+    use crate::assemble::{Full, Record, Row, System, stored_problem};
     use crate::math::lanes::Width;
+    use crate::math::{Vec3, to_local, to_world};
     use crate::solve::full::local::{block_of, matrix};
     use crate::solve::residual::Judge;
     use crate::solve::{Until, nlgs};
+    use crate::state::Contact;
 
     /// A stack of `count` bodies with arms and inertia by arithmetic alone, on a ground that does not move: up to five
     /// contacts between neighbours, every third body also against the one two below.
@@ -45,6 +46,7 @@ mod tests {
         let held = |k: u32| if k % 7 == 3 { Vec3::x() } else { Vec3::zeros() };
         let mut full = Full {
             arms: Vec::new(),
+            friction_offsets: Vec::new(),
             held: (0..count).map(held).collect(),
             inverse_inertia: (0..count).map(inertia).collect(),
         };
@@ -64,6 +66,10 @@ mod tests {
                 can_close: true,
                 ..Row::default()
             };
+            // As of faces, of two pairs in three.
+            let offset =
+                Vec3::new(noise(k, 51), noise(k, 52), noise(k, 53)) * if bodies[0] % 3 == 0 { 0.0 } else { 0.4 };
+            full.friction_offsets.push(offset - row.normal * row.normal.dot(&offset));
             rows.push(row);
         }
         let mut system = System { rows, rolls: vec![], full: Some(full), records, order: (0..count).collect() };
@@ -75,6 +81,42 @@ mod tests {
             row.w_t = 0.5 * (w.trace() - row.w_n);
         }
         system
+    }
+
+    /// The own block of each row, its diagonal and all of the stored matrix are what bodies do, friction offsets included.
+    #[test]
+    fn blocks_are_what_bodies_do() {
+        let mut system = heap(12, 0.3);
+        let contact = |k: usize| Contact {
+            candidate: system.rows[k].bodies[0],
+            antagonist: system.rows[k].bodies[1],
+            normal: system.rows[k].normal,
+            ..Contact::default()
+        };
+        let contacts: Vec<Contact> = (0..system.rows.len()).map(contact).collect();
+        let problem = stored_problem(&system, &contacts);
+        let free = system.clone();
+        let mut seen = 0;
+        for (k, contact) in contacts.iter().enumerate() {
+            let r = to_world(&contact.frame(), &Vec3::new(0.7, -0.4, 0.9));
+            system.records.clone_from(&free.records);
+            system.apply(k, &r);
+            let change = |i: usize| system.velocity(i, &system.records) - free.velocity(i, &free.records);
+            let full = free.full.as_ref().unwrap();
+            let w = matrix(block_of(&free, full, k));
+            // Some roundings of numbers up to 10.
+            assert!((change(k) - w * r).norm() < 1e-13, "{k}: {} {}", change(k), w * r);
+            let (row, n) = (&free.rows[k], contact.normal);
+            let (w_n, w_t) = full.diagonal(k, row, &free.records);
+            assert!((w_n - n.dot(&(w * n))).abs() < 1e-13 && (w_n + 2.0 * w_t - w.trace()).abs() < 1e-13, "{k}");
+            for (i, _, w) in problem.blocks.iter().filter(|(_, j, _)| *j == k) {
+                let expected = to_local(&contacts[*i].frame(), &change(*i));
+                let found = Vec3::from(w.map(|row| row[0] * 0.7 - row[1] * 0.4 + row[2] * 0.9));
+                assert!((found - expected).norm() < 1e-13, "{i} {k}: {found} {expected}");
+                seen += usize::from(*i != k);
+            }
+        }
+        assert!(seen > 50);
     }
 
     /// Friction stops sweeps short of the last digits in such heaps, see docs/performance.md; without it they arrive.

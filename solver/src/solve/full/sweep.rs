@@ -4,7 +4,9 @@ use pulp::NullaryFnOnce;
 
 use crate::math::lanes::{Arithmetic, Number, Single, Twice, Width};
 use crate::solve::batches::{BATCH, NEAR, Sums};
-use crate::solve::full::batches::{Batch, Batches, Contacts, Impulses, Line, Normal, Point, Problem, Push, Range};
+use crate::solve::full::batches::{
+    Batch, Batches, Contacts, Impulses, Levers, Line, Normal, Point, Problem, Push, Range,
+};
 use crate::solve::full::local::{Block, signorini_coulomb};
 use crate::solve::local::{cross_add, dot, triple};
 use crate::solve::rolling::Rolls;
@@ -116,7 +118,7 @@ impl<L: Arithmetic, C: Swept<T = L::T>> NullaryFnOnce for Run<'_, L, C> {
     #[inline(always)]
     fn call(self) {
         let Run { lanes, lines, inertia, batches, beta, far, sums } = self;
-        let Batches { batches, points, impulses, rolls, .. } = batches;
+        let Batches { batches, points, impulses, rolls, levers, .. } = batches;
         for batch in batches.iter() {
             let [first, end] = batch.points;
             for from in (0..BATCH).step_by(L::WIDTH) {
@@ -124,7 +126,8 @@ impl<L: Arithmetic, C: Swept<T = L::T>> NullaryFnOnce for Run<'_, L, C> {
                 let later = (&points[end..], &*later);
                 let points = &points[first..end];
                 let rolls = rolls.get_mut(first..end).unwrap_or_default();
-                let pairs = Pairs { batch, points, impulses, later, rolls, from };
+                let levers = if batch.levers { &levers[first..end] } else { &[] };
+                let pairs = Pairs { batch, points, impulses, later, rolls, levers, from };
                 match (batch.held, far) {
                     (true, true) => solve_pairs::<true, true, _, _>(lanes, lines, inertia, pairs, beta, sums),
                     (true, false) => solve_pairs::<true, false, _, _>(lanes, lines, inertia, pairs, beta, sums),
@@ -163,6 +166,7 @@ pub trait Swept: Contacts {
         &self,
         l: L,
         values: &mut Self::Impulses,
+        levers: Option<&Levers<Self::T>>,
         places: std::ops::Range<usize>,
         beta: L::V,
         pair: &mut Motions<L::V>,
@@ -213,6 +217,7 @@ impl<T: Number> Swept for Point<T> {
         &self,
         l: L,
         values: &mut Impulses<T>,
+        levers: Option<&Levers<T>>,
         at: std::ops::Range<usize>,
         beta: L::V,
         pair: &mut Motions<L::V>,
@@ -223,7 +228,12 @@ impl<T: Number> Swept for Point<T> {
         let (arm_a, arm_b) = (load3!(l, at, self.arms[0]), load3!(l, at, self.arms[1]));
         let (ua, ub) = (cross_add(l, *wa, arm_a, *va), cross_add(l, *wb, arm_b, *vb));
         let between = triple!(k => l.sub(ua[k], ub[k]));
-        let u = triple!(k => l.add(dot(l, axes[k], between), load!(l, at, self.shift[k])));
+        let mut u = triple!(k => l.add(dot(l, axes[k], between), load!(l, at, self.shift[k])));
+        let levers = levers.map(|levers| [load!(l, at, levers[0]), load!(l, at, levers[1])]);
+        if let Some([t, s]) = levers {
+            let spin = dot(l, axes[0], triple!(k => l.sub(wa[k], wb[k])));
+            (u[1], u[2]) = (l.mul_add(t, spin, u[1]), l.mul_add(s, spin, u[2]));
+        }
         let r = load3!(l, at, values.r);
         let before = load3!(l, at, values.previous);
         let y = triple!(k => l.mul_add(beta, l.sub(r[k], before[k]), r[k]));
@@ -243,11 +253,17 @@ impl<T: Number> Swept for Point<T> {
         let change = triple!(k => l.sub(new[k], y[k]));
         let world = triple!(k => l.mul_add(axes[0][k], change[0], l.mul_add(axes[1][k], change[1], l.mul(axes[2][k], change[2]))));
         let zero = [l.splat(0.0); 3];
+        let (mut couple_a, mut couple_b) = (zero, zero);
+        if let Some([t, s]) = levers {
+            let couple = l.mul_add(t, change[1], l.mul(s, change[2]));
+            couple_a = triple!(k => l.mul(axes[0][k], couple));
+            couple_b = triple!(k => l.sub(zero[k], couple_a[k]));
+        }
         let [to_a, to_b] = along::<HELD, L>(l, pushed, world);
         *va = triple!(k => l.mul_add(to_a[k], inverse_mass[0], va[k]));
         *vb = triple!(k => l.neg_mul_add(to_b[k], inverse_mass[1], vb[k]));
-        *wa = answer(l, inertia[0], cross_add(l, arm_a, world, zero), *wa);
-        *wb = answer(l, inertia[1], cross_add(l, world, arm_b, zero), *wb);
+        *wa = answer(l, inertia[0], cross_add(l, arm_a, world, couple_a), *wa);
+        *wb = answer(l, inertia[1], cross_add(l, world, arm_b, couple_b), *wb);
         let way = triple!(k => l.sub(new[k], r[k]));
         moved.uphill = l.neg_mul_add(load!(l, at, self.weight), dot(l, change, way), moved.uphill);
         moved.change2 = l.add(dot(l, change, change), moved.change2);
@@ -270,6 +286,7 @@ impl<T: Number> Swept for Normal<T> {
         &self,
         l: L,
         values: &mut Push<T>,
+        _: Option<&Levers<T>>,
         at: std::ops::Range<usize>,
         beta: L::V,
         pair: &mut Motions<L::V>,
@@ -312,6 +329,8 @@ struct Pairs<'a, C: Contacts> {
     /// What is swept after them.
     later: (&'a [C], &'a [C::Impulses]),
     rolls: &'a mut [Rolls<C::T>],
+    /// Empty where all are 0.
+    levers: &'a [Levers<C::T>],
     from: usize,
 }
 
@@ -328,7 +347,7 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: Swept<T = L:
     beta: f64,
     sums: &mut Sums<L::T>,
 ) {
-    let Pairs { batch, points, impulses, later, rolls, from } = pairs;
+    let Pairs { batch, points, impulses, later, rolls, levers, from } = pairs;
     let at = from..from + L::WIDTH;
     let beta = l.splat(beta);
     let index = [&batch.bodies[0][at.clone()], &batch.bodies[1][at.clone()]];
@@ -352,7 +371,7 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: Swept<T = L:
             l.fetch(&later.0[i]);
             l.fetch(&later.1[i]);
         }
-        point.solve::<HELD, L>(l, values, at.clone(), beta, &mut pair, &mut moved);
+        point.solve::<HELD, L>(l, values, levers.get(i), at.clone(), beta, &mut pair, &mut moved);
         if let Some(rolls) = rolls.next() {
             let (n, pressing) = point.pressing(l, values, at.clone());
             let w = triple!(k => l.sub(pair.wa[k], pair.wb[k]));

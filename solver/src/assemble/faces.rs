@@ -1,0 +1,424 @@
+//! Friction of faces: where the friction of the corner points of a face or an edge acts.
+//!
+//! The corner points p_i of the area that two bodies share carry its normal impulses: this is exact for their sum and for
+//! their moments in the tangent plane, so for tilting and bending. Friction at the corners would resist spinning about the
+//! normal more than a pressed face does, a square 1.85 times, a disc 1.50 times as much. So friction acts about the normal at
+//!
+//! ```text
+//! q_i = p_i + d_i,   d_i = (λ - 1)(p_i - p̄),   λ = τ / Σ W_i |p_i - p̄|,   p̄ = Σ W_i p_i
+//! ```
+//!
+//! with the shares W_i of the load of the last step. Scaling about the centre of pressure p̄ leaves the line of action of the
+//! friction of a face that slides where it is; λ makes the couple against spinning μ N τ, however the corners share the load.
+//! τ, the mean distance of the pressure from p̄, is that of uniform pressure where p̄ is the centroid, that of uniform
+//! pressure along an edge where p̄ lies on this edge, and linear between these along the ray from the centroid.
+//!
+//! A square of side a has τ = 0.3826 a, a disc 2/3 of its radius, an edge of length L a quarter of it.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+use smallvec::SmallVec;
+
+use super::rows::{Full, Row};
+use crate::math::Vec3;
+use crate::state::Contact;
+
+/// Gap over the size of a face up to which corners that carried nothing belong to what is pressed: vertices read from text
+/// have 7 digits.
+const FLUSH: f64 = 1e-6;
+/// Area over the square of the size of a face below which it is an edge: its corners are rounded to about 1e-9 of the size.
+const SLIVER: f64 = 1e-6;
+/// Largest λ: corners near the centroid that carry all the load alone would put the friction far outside of the face.
+const LARGEST_SCALE: f64 = 2.0;
+/// Distance of all load from p̄ over the size below which it is that of one corner.
+const ONE_CORNER: f64 = 1e-9;
+/// Largest area of a common part over that of the polygon of its points: a disc has π/2 times that of its inscribed square.
+const LARGEST_AREA_RATIO: f64 = 2.0;
+/// Iterations for the centre of a bonded face: the sum of distances of a triangle whose best centre is a corner is then
+/// within 1 %.
+const WEISZFELD: usize = 30;
+/// Pairs of bodies per task.
+const MIN_PAIRS_PER_TASK: usize = 64;
+
+/// By row the friction offset d, world frame, m; empty where all are 0.
+///
+/// * `load`: normal impulse of the last step of a row, with what its attraction adds, N s; only ratios count.
+pub(super) fn friction_offsets(
+    contacts: &[Contact],
+    rows: &[Row],
+    full: &Full,
+    load: impl Fn(usize) -> f64 + Sync,
+) -> Vec<Vec3> {
+    let faces = faces(contacts, rows);
+    let of_face = |range: &Range<usize>| of_face(range.clone(), contacts, rows, full, &load);
+    let found: Vec<SmallVec<[Vec3; 4]>> = faces.par_iter().with_min_len(MIN_PAIRS_PER_TASK).map(of_face).collect();
+    if found.iter().all(SmallVec::is_empty) {
+        return Vec::new();
+    }
+    let mut offsets = vec![Vec3::zeros(); rows.len()];
+    for (range, found) in faces.into_iter().zip(found).filter(|(_, found)| !found.is_empty()) {
+        offsets[range].copy_from_slice(&found);
+    }
+    offsets
+}
+
+/// Ranges of two or more rows of the same two contactors along one normal, of which two or more act with friction.
+fn faces(contacts: &[Contact], rows: &[Row]) -> Vec<Range<usize>> {
+    let is_same = |a: &Contact, b: &Contact| {
+        (a.antagonist, a.candidate, a.ranks) == (b.antagonist, b.candidate, b.ranks) && a.normal == b.normal
+    };
+    let (mut ranges, mut from) = (Vec::new(), 0);
+    for of_one in contacts.chunk_by(is_same) {
+        let range = from..from + of_one.len();
+        from = range.end;
+        let acting = || rows[range.clone()].iter().filter(|row| row.can_close && row.friction > 0.0).count();
+        if of_one.len() >= 2 && acting() >= 2 {
+            ranges.push(range);
+        }
+    }
+    ranges
+}
+
+/// Friction offsets of the rows of a face; empty where all are 0.
+fn of_face(
+    range: Range<usize>,
+    contacts: &[Contact],
+    rows: &[Row],
+    full: &Full,
+    load: &impl Fn(usize) -> f64,
+) -> SmallVec<[Vec3; 4]> {
+    let frame = contacts[range.start].frame();
+    let [_, t, s] = frame;
+    let origin = contacts[range.start].point;
+    let place = |k: usize| place_of(&(contacts[k].point - origin), &frame);
+    let acting: SmallVec<[usize; 8]> = range.clone().filter(|&k| rows[k].can_close).collect();
+    let points: SmallVec<[[f64; 2]; 8]> = acting.iter().map(|&k| place(k)).collect();
+    let size = points.iter().map(|p| length(less(*p, points[0]))).fold(0.0, f64::max);
+    let mut loads: SmallVec<[f64; 8]> = acting.iter().map(|&k| load(k).max(0.0)).collect();
+    let gap = |k: &usize| contacts[*k].gap;
+    let all = acting.len() == range.len();
+    let area = if all { contacts[range.clone()].iter().map(|contact| contact.area).sum() } else { 0.0 };
+    let outline = Outline::new(&points, size, area);
+    let deepest = acting.iter().map(gap).fold(f64::INFINITY, f64::min);
+    let mut pressed_to = deepest + FLUSH * size;
+    if loads.iter().all(|load| *load == 0.0) {
+        // Nothing is known of what a face that is not flush will carry.
+        if !acting.iter().all(|k| gap(k) <= pressed_to) {
+            return SmallVec::new();
+        }
+        let from_origin = full.arms[range.start].map(|arm| place_of(&-arm, &frame));
+        let rest = steady_centre(&rows[range.start], full, from_origin, &frame);
+        loads = outline.shares(rest.filter(|p| outline.reach(*p).0 < 1.0).unwrap_or(outline.centroid));
+    } else {
+        let loaded = acting.iter().zip(&loads).filter(|(_, load)| **load > 0.0).map(|(k, _)| gap(k));
+        pressed_to = loaded.fold(pressed_to, f64::max);
+    }
+    let total: f64 = loads.iter().sum();
+    let centre =
+        points.iter().zip(&loads).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w / total, c[1] + p[1] * w / total]);
+    let distance = points.iter().zip(&loads).map(|(p, w)| length(less(*p, centre)) * w / total).sum::<f64>();
+    if !(distance > ONE_CORNER * size) {
+        return SmallVec::new();
+    }
+    // A bond yields about the point from which its parts are nearest, what slides turns about any.
+    let is_bonded = acting.iter().all(|k| rows[*k].bond.is_some());
+    let distance = if is_bonded { least_distance(&points, &loads, centre) / total } else { distance };
+    let scale = (outline.mean_distance(centre) / distance).min(LARGEST_SCALE);
+    let mut offsets = SmallVec::from_elem(Vec3::zeros(), range.len());
+    for (k, p) in acting.iter().zip(&points).filter(|(k, _)| gap(k) <= pressed_to) {
+        let [x, y] = less(*p, centre);
+        offsets[k - range.start] = (t * x + s * y) * (scale - 1.0);
+    }
+    offsets
+}
+
+/// Where a face that closes without turning would be pressed, along t and s: the point at which a normal impulse turns the
+/// bodies least, of a body on a wall the foot of its centre of mass; none where nothing turns.
+///
+/// * `centres`: of candidate and antagonist.
+fn steady_centre(row: &Row, full: &Full, centres: [Flat; 2], [_, t, s]: &[Vec3; 3]) -> Option<Flat> {
+    // Of both bodies, the moment x×n of a unit impulse along n at x turns the point back by -m (x - centre).
+    let (mut m, mut right) = ([0.0; 3], [0.0; 2]);
+    for (body, [x, y]) in row.bodies.into_iter().zip(centres) {
+        let inverse = &full.inverse_inertia[body as usize];
+        let [xx, xy, yy] = [s.dot(&(inverse * s)), -s.dot(&(inverse * t)), t.dot(&(inverse * t))];
+        m = [m[0] + xx, m[1] + xy, m[2] + yy];
+        right = [right[0] + xx * x + xy * y, right[1] + xy * x + yy * y];
+    }
+    let det = m[0] * m[2] - m[1] * m[1];
+    let centre = [(m[2] * right[0] - m[1] * right[1]) / det, (m[0] * right[1] - m[1] * right[0]) / det];
+    centre.iter().all(|x| x.is_finite()).then_some(centre)
+}
+
+type Flat = [f64; 2];
+
+/// Components along t and s.
+fn place_of(v: &Vec3, [_, t, s]: &[Vec3; 3]) -> Flat {
+    [v.dot(t), v.dot(s)]
+}
+
+fn less(a: Flat, b: Flat) -> Flat {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+fn cross(a: Flat, b: Flat) -> f64 {
+    a[0] * b[1] - a[1] * b[0]
+}
+
+fn length(a: Flat) -> f64 {
+    (a[0] * a[0] + a[1] * a[1]).sqrt()
+}
+
+/// Least sum of the weighted distances of points from one point, by Weiszfeld's iteration from `start`.
+fn least_distance(points: &[Flat], weights: &[f64], start: Flat) -> f64 {
+    let sum = |c: Flat| points.iter().zip(weights).map(|(p, w)| length(less(*p, c)) * w).sum::<f64>();
+    let (mut centre, mut least) = (start, sum(start));
+    for _ in 0..WEISZFELD {
+        let (mut pull, mut all) = ([0.0; 2], 0.0);
+        for (p, w) in points.iter().zip(weights) {
+            let near = w / length(less(*p, centre));
+            pull = [pull[0] + p[0] * near, pull[1] + p[1] * near];
+            all += near;
+        }
+        let next = pull.map(|x| x / all);
+        let found = sum(next);
+        // What is no number is not taken: a point in a corner.
+        if !(found < least) {
+            break;
+        }
+        (centre, least) = (next, found);
+    }
+    least
+}
+
+/// The convex polygon of a face, or the segment of an edge.
+struct Outline {
+    /// Corners one after the other, counter-clockwise; of an edge its ends.
+    corners: SmallVec<[Flat; 8]>,
+    /// Which of the points they are.
+    order: SmallVec<[usize; 8]>,
+    /// Of the points in their order: shares of a uniform pressure, which has its centre at the centroid.
+    weights: SmallVec<[f64; 8]>,
+    centroid: Flat,
+    /// Mean distance of the area from its centroid, m; of an edge it is not used.
+    mean_distance: f64,
+}
+
+impl Outline {
+    /// `size`: largest distance from the first point, m; `area`: of the common part, m², where it is known, else 0.
+    fn new(points: &[Flat], size: f64, area: f64) -> Self {
+        let mut order: SmallVec<[usize; 8]> = (0..points.len()).collect();
+        let count = points.len() as f64;
+        let mean = points.iter().fold([0.0; 2], |m, p| [m[0] + p[0] / count, m[1] + p[1] / count]);
+        let around: SmallVec<[f64; 8]> = points.iter().map(|p| turn(less(*p, mean))).collect();
+        order.sort_by(|&a, &b| around[a].total_cmp(&around[b]));
+        let corners: SmallVec<[Flat; 8]> = order.iter().map(|&k| points[k]).collect();
+        // Twice the areas of the triangles between a point and the sides.
+        let triangles = |tip: Flat| -> SmallVec<[f64; 8]> {
+            sides(&corners).map(|[a, b]| cross(less(a, tip), less(b, tip)).max(0.0)).collect()
+        };
+        let doubled = triangles(mean);
+        let whole: f64 = doubled.iter().sum();
+        if points.len() < 3 || whole < SLIVER * size * size {
+            return Outline::edge(points, corners[0]);
+        }
+        let mut centroid = [0.0; 2];
+        for ([a, b], doubled) in sides(&corners).zip(&doubled) {
+            (0..2).for_each(|i| centroid[i] += (mean[i] + a[i] + b[i]) / 3.0 * doubled / whole);
+        }
+        let doubled = triangles(centroid);
+        // Half of the two triangles next to a corner: Σ w_i p_i is the centroid.
+        let mut weights = SmallVec::from_elem(0.0, points.len());
+        for (at, &k) in order.iter().enumerate() {
+            let before = if at == 0 { order.len() - 1 } else { at - 1 };
+            weights[k] = 0.5 * (doubled[before] + doubled[at]) / whole;
+        }
+        let sum: f64 = sides(&corners).zip(&doubled).map(|([a, b], d)| d * from_side(a, b, centroid)).sum();
+        // Corners that hardly stand out are left out, and round outlines have corners of what they enclose.
+        let larger = (2.0 * area / whole).clamp(1.0, LARGEST_AREA_RATIO).sqrt();
+        Outline { corners, order, weights, centroid, mean_distance: larger * 2.0 / 3.0 * sum / whole }
+    }
+
+    /// The edge between the two points that are farthest apart.
+    fn edge(points: &[Flat], first: Flat) -> Self {
+        let farthest = |from: Flat| {
+            let far = |a: &Flat, b: &Flat| if length(less(*b, from)) > length(less(*a, from)) { *b } else { *a };
+            points.iter().fold(from, |a, b| far(&a, b))
+        };
+        let one = farthest(first);
+        let other = farthest(one);
+        let weights = SmallVec::from_elem(1.0 / points.len() as f64, points.len());
+        let centroid = [0, 1].map(|i| 0.5 * (one[i] + other[i]));
+        let order = SmallVec::new(); // not used of an edge
+        Outline { corners: SmallVec::from_slice(&[one, other]), order, weights, centroid, mean_distance: 0.0 }
+    }
+
+    /// How far a point is on its way from the centroid to the side that its ray meets, 1 on this side, and the side by the
+    /// number of its first corner, with the share of its second one where the ray meets it.
+    fn reach(&self, p: Flat) -> (f64, usize, f64) {
+        let ray = less(p, self.centroid);
+        let (mut reach, mut side) = (0.0, 0);
+        for (k, [a, b]) in sides(&self.corners).enumerate() {
+            let along = less(b, a);
+            let far = cross(ray, along) / cross(less(a, self.centroid), along);
+            if far.is_finite() && far > reach {
+                (reach, side) = (far, k);
+            }
+        }
+        let [a, b] = [side, (side + 1) % self.corners.len()].map(|k| self.corners[k]);
+        let along = less(b, a);
+        let end = [0, 1].map(|i| self.centroid[i] + if reach > 0.0 { ray[i] / reach } else { 0.0 });
+        let from = less(end, a);
+        let share = (from[0] * along[0] + from[1] * along[1]) / (along[0] * along[0] + along[1] * along[1]);
+        (reach.min(1.0), side, share.clamp(0.0, 1.0))
+    }
+
+    /// τ of a pressure with its centre at `p`, m.
+    fn mean_distance(&self, p: Flat) -> f64 {
+        // Of an edge of length L, at the distances x and L - x from its ends: uniform on both sides of the point.
+        let of_edge = |[a, b]: [Flat; 2], share: f64| share * (1.0 - share) * length(less(b, a));
+        if let &[a, b] = self.corners.as_slice() {
+            let (along, from) = (less(b, a), less(p, a));
+            let share = (from[0] * along[0] + from[1] * along[1]) / (along[0] * along[0] + along[1] * along[1]);
+            return of_edge([a, b], share.clamp(0.0, 1.0));
+        }
+        let (reach, side, share) = self.reach(p);
+        let ends = [side, (side + 1) % self.corners.len()].map(|k| self.corners[k]);
+        (1.0 - reach) * self.mean_distance + reach * of_edge(ends, share)
+    }
+
+    /// Shares of the points in a pressure of which `p` is the centre: those of a uniform one and those of an edge, as τ has them.
+    fn shares(&self, p: Flat) -> SmallVec<[f64; 8]> {
+        if self.corners.len() == 2 {
+            return self.weights.clone();
+        }
+        let (reach, side, share) = self.reach(p);
+        let mut shares: SmallVec<[f64; 8]> = self.weights.iter().map(|w| w * (1.0 - reach)).collect();
+        shares[self.order[side]] += reach * (1.0 - share);
+        shares[self.order[(side + 1) % self.order.len()]] += reach * share;
+        shares
+    }
+}
+
+/// The sides of a polygon.
+fn sides(corners: &[Flat]) -> impl Iterator<Item = [Flat; 2]> + '_ {
+    (0..corners.len()).map(|k| [corners[k], corners[if k + 1 == corners.len() { 0 } else { k + 1 }]])
+}
+
+/// Grows with the angle of a direction, from -2 to 2.
+fn turn([x, y]: Flat) -> f64 {
+    let reach = x.abs() + y.abs();
+    if reach == 0.0 { 0.0 } else { (1.0 - x / reach).copysign(y) }
+}
+
+/// Mean distance of the points of the side from `a` to `b` from a point `c`, m:
+/// ∫ √(u² + h²) du / (u_b - u_a) = [u r + h² asinh(u/h)]/2 / (u_b - u_a).
+fn from_side(a: Flat, b: Flat, c: Flat) -> f64 {
+    let side = less(b, a);
+    let l = length(side);
+    if l == 0.0 {
+        return length(less(a, c));
+    }
+    let (from_a, from_b) = (less(a, c), less(b, c));
+    let h = cross(from_a, side).abs() / l;
+    let sum = |p: Flat| {
+        let u = (p[0] * side[0] + p[1] * side[1]) / l;
+        let bent = if h > 0.0 { h * h * (u / h).asinh() } else { 0.0 };
+        0.5 * (u * length(p) + bent)
+    };
+    (sum(from_b) - sum(from_a)) / l
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outline(points: &[Flat]) -> Outline {
+        let size = points.iter().map(|p| length(less(*p, points[0]))).fold(0.0, f64::max);
+        Outline::new(points, size, 0.0)
+    }
+
+    fn ring(count: usize) -> Vec<Flat> {
+        let angle = |k: usize| k as f64 * std::f64::consts::TAU / count as f64;
+        (0..count).map(|k| [3.0 + angle(k).cos(), angle(k).sin() - 1.0]).collect()
+    }
+
+    /// Mean distance from the centroid of a fine grid of points in the polygon.
+    fn by_grid(corners: &[Flat]) -> f64 {
+        let (mut sum, mut count, mut places) = ([0.0; 2], 0.0, Vec::new());
+        let n = 400;
+        for i in 0..n {
+            for j in 0..n {
+                let p = [i, j].map(|k| -5.0 + 10.0 * (k as f64 + 0.5) / n as f64);
+                if sides(corners).all(|[a, b]| cross(less(b, a), less(p, a)) > 0.0) {
+                    (0..2).for_each(|i| sum[i] += p[i]);
+                    count += 1.0;
+                    places.push(p);
+                }
+            }
+        }
+        let centroid = sum.map(|x| x / count);
+        places.iter().map(|p| length(less(*p, centroid))).sum::<f64>() / count
+    }
+
+    #[test]
+    fn mean_distances_are_those_of_the_area() {
+        let square = outline(&[[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]);
+        let closed = (2f64.sqrt() + 1f64.asinh()) / 6.0;
+        assert!((square.mean_distance([0.5, 0.5]) - closed).abs() < 1e-15 && (closed - 0.3826).abs() < 1e-4);
+        // A 400-gon is 8e-5 smaller than its disc.
+        let disc = outline(&ring(400));
+        assert!((disc.mean_distance([3.0, -1.0]) - 2.0 / 3.0).abs() < 1e-4);
+        let polygons: [&[Flat]; 4] = [
+            &[[-4.0, 0.0], [3.0, -1.0], [0.0, 4.0]],
+            &[[-4.0, -1.0], [4.0, -1.0], [4.0, 1.0], [-4.0, 1.0]],
+            &[[-4.0, -1.0], [4.0, -1.0], [1.0, 1.0], [0.0, 1.0]],
+            &[[-4.0, -4.0], [0.0, -4.5], [4.0, -2.0], [1.0, 1.0], [-3.0, 2.0]],
+        ];
+        for corners in polygons {
+            let found = outline(corners);
+            let expected = by_grid(corners);
+            // The grid has 400 places across 10 m.
+            assert!(
+                (found.mean_distance(found.centroid) - expected).abs() < 5e-3,
+                "{expected} {}",
+                found.mean_distance
+            );
+            let centre =
+                corners.iter().zip(&found.weights).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w, c[1] + p[1] * w]);
+            assert!(length(less(centre, found.centroid)) < 1e-14 && found.weights.iter().all(|w| *w > 0.0));
+            for p in [[0.0, 0.3], [-1.0, 0.1], [0.5, -0.2]] {
+                let shares = found.shares(p);
+                let centre = corners.iter().zip(&shares).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w, c[1] + p[1] * w]);
+                assert!(length(less(centre, p)) < 1e-14 && shares.iter().all(|w| *w > 0.0), "{centre:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_least_distance_is_that_from_the_point_of_fermat() {
+        let weights = [1.0; 3];
+        // Of a right isosceles triangle with legs of 1 it is (√2 + √6)/2.
+        let least = least_distance(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], &weights, [1.0 / 3.0; 2]);
+        assert!((least - (2f64.sqrt() + 6f64.sqrt()) / 2.0).abs() < 1e-9, "{least}");
+        // Of an angle of more than 120 degrees it is the sum of the sides next to it.
+        let flat = [[0.0, 0.0], [3.0, 0.0], [0.3, 0.8]];
+        let least = least_distance(&flat, &weights, [1.1, 0.8 / 3.0]);
+        let expected = length(flat[2]) + length(less(flat[2], flat[1]));
+        assert!(least >= expected && least < 1.01 * expected, "{least} {expected}");
+    }
+
+    #[test]
+    fn a_pressure_at_the_rim_is_that_of_an_edge() {
+        let square = outline(&[[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]);
+        assert!((square.mean_distance([1.0, 0.5]) - 0.25).abs() < 1e-15);
+        assert!((square.mean_distance([1.0, 0.25]) - 0.1875).abs() < 1e-15);
+        assert!(square.mean_distance([0.0, 0.0]).abs() < 1e-15);
+        let edge = outline(&[[0.0, 0.0], [3.0, 4.0]]);
+        assert!((edge.mean_distance(edge.centroid) - 1.25).abs() < 1e-15);
+        // Three points in one line, and rounding beside it.
+        let edge = outline(&[[0.0, 0.0], [1.5, 2.0 + 1e-12], [3.0, 4.0]]);
+        assert!((edge.mean_distance(edge.centroid) - 1.25).abs() < 1e-15);
+    }
+}
