@@ -260,7 +260,12 @@ fn parsed(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Faults> {
     for (k, name) in names.iter().enumerate().filter(|(k, name)| names[..*k].contains(name)) {
         column(name, &format!("stands there again as number {}", k + 1), "expected each name once");
     }
-    for name in needed.iter().filter(|name| !names.contains(name)) {
+    // A series without regions is of a version whose means were over the ball around all grains.
+    let renamed = |name: &str| {
+        let (_, old) = FORMER.iter().find(|(new, _)| *new == name)?;
+        names.iter().position(|known| known == old).filter(|_| !names.contains(&"region"))
+    };
+    for name in needed.iter().filter(|name| !names.contains(name) && renamed(name).is_none()) {
         column(name, "is not there", "expected a table that has it");
     }
     let finite = |field: &str| field.parse().ok().filter(|x: &f64| x.is_finite());
@@ -274,8 +279,16 @@ fn parsed(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Faults> {
             }
         }
     }
-    faults.into_result(names.into_iter().map(str::to_string).zip(columns).collect())
+    let former: Vec<(String, Vec<f64>)> = needed
+        .iter()
+        .filter(|name| !names.contains(name))
+        .filter_map(|name| Some((name.to_string(), columns.get(renamed(name)?)?.clone())))
+        .collect();
+    faults.into_result(names.into_iter().map(str::to_string).zip(columns).chain(former).collect())
 }
+
+/// Columns and what they were called before means were over a region.
+const FORMER: [(&str, &str); 3] = [("nu_sphere", "nu"), ("pressure_sphere", "pressure"), ("Z_all", "Z")];
 
 /// The figure of a column, and its table: a row for each value of the horizontal axis that some run has, an
 /// empty field where another has none; where a run has several at one, their mean.
@@ -327,6 +340,16 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_series_from_before_regions_has_the_means_of_the_ball() {
+        let path = Path::new("series.csv");
+        let needed = ["nu_sphere", "pressure_sphere"];
+        let old = parsed(path, "time,nu,pressure\n1.0,0.5,3.0\n", &needed).unwrap();
+        assert_eq!((old["nu_sphere"][0], old["pressure_sphere"][0], old["nu"][0]), (0.5, 3.0, 0.5));
+        let faults = parsed(path, "time,region,nu,pressure\n1.0,1,0.5,3.0\n", &needed).unwrap_err().to_string();
+        assert!(faults.contains("column 'nu_sphere': is not there"), "{faults}");
+    }
 
     #[test]
     fn times_that_differ_by_rounding_are_one_and_names_tell_folders_apart() {

@@ -80,6 +80,11 @@ impl Grain {
         4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3)
     }
 
+    /// The grain at another place, `shift` m away.
+    pub fn moved_by(&self, shift: Vec3) -> Grain {
+        Grain { x: self.x + shift, ..self.clone() }
+    }
+
     /// Of the ball about the centre of mass that holds the grain, m.
     pub fn reach(&self) -> f64 {
         self.solid.as_ref().map_or(self.radius, |solid| solid.reach())

@@ -32,8 +32,10 @@ pub mod track;
 pub mod trade;
 pub mod write;
 
-use derive::Row;
 use derive::energy::Summation;
+use derive::plane_fit::REACH;
+use derive::probe::Probe;
+use derive::{Choices, Row};
 use frame::Frame;
 use shapes::Shapes;
 use write::display;
@@ -69,6 +71,9 @@ enum Command {
         /// Layers of a bed are means over so many snapshots up to that one
         #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
         mean: u32,
+        /// Mean radii over which planes are fitted to a surface for its slope
+        #[arg(long, value_name = "RADII", default_value_t = REACH, value_parser = positive)]
+        slope_reach: f64,
     },
     /// The same observable of several runs in one figure, and their values in one table.
     ///
@@ -206,8 +211,13 @@ fn finite(text: &str) -> Result<f64, String> {
     if number.is_finite() { Ok(number) } else { Err("expected a finite number".into()) }
 }
 
+/// A number of the command line that is positive.
+fn positive(text: &str) -> Result<f64, String> {
+    finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| "expected a number > 0".to_string())
+}
+
 /// What is measured of a case, and what is written.
-#[derive(Debug, Clone, Default, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub struct Options {
     /// The case directory
     #[arg(default_value = ".")]
@@ -224,9 +234,32 @@ pub struct Options {
     /// Sum potential energies over every pair at any number of grains
     #[arg(long)]
     pub direct_gravity: bool,
+    /// Region of Z, nu, pressure and stress: ball:RADIUS, box:X,Y,Z or cylinder:RADIUS,LENGTH[,AXIS_X,AXIS_Y,AXIS_Z] with
+    /// its centre at @X,Y,Z, @com or @largest, or layer:FROM,TO above the floor (m); without it the one that fits the scene
+    #[arg(long, value_name = "SHAPE")]
+    pub region: Option<Probe>,
+    /// Mean radii over which planes are fitted to a surface for its slope: fewer show more of its shape, and of its grains
+    #[arg(long, value_name = "RADII", default_value_t = REACH, value_parser = positive)]
+    pub slope_reach: f64,
     /// Threads; 0 takes all cores. Results do not depend on it
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
     pub threads: usize,
+}
+
+impl Default for Options {
+    /// Those of a command line without flags.
+    fn default() -> Options {
+        let dir = PathBuf::new();
+        let (every, no_plots, no_vtk, direct_gravity, threads) = (1, false, false, false, 0);
+        Options { dir, every, no_plots, no_vtk, direct_gravity, region: None, slope_reach: REACH, threads }
+    }
+}
+
+impl Options {
+    fn choices(&self) -> Choices {
+        let summation = if self.direct_gravity { Summation::Direct } else { Summation::Fast };
+        Choices { summation, region: self.region.clone(), slope_reach: self.slope_reach }
+    }
 }
 
 /// The program: reads the command line, does the work, prints messages.
@@ -260,10 +293,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let _alone = arguments.case().and_then(take);
     let done = pool.install(|| match command {
         None => process(options),
-        Some(Command::State { dir, snapshot, mean }) => state::write(dir, *snapshot, *mean).map(|(folder, notes)| {
-            tell(format_args!("cd-post: {}", folder.display()));
-            notes
-        }),
+        Some(Command::State { dir, snapshot, mean, slope_reach }) => state::write(dir, *snapshot, *mean, *slope_reach)
+            .map(|(folder, notes)| {
+                tell(format_args!("cd-post: {}", folder.display()));
+                notes
+            }),
         Some(Command::Compare { dirs, output, labels, table, columns, against }) => {
             let compared = compare::Compared { table, columns, against: against.as_deref() };
             compare::write(dirs, labels, &compared, output).map(|(count, notes)| {
@@ -315,6 +349,10 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
     atomic::write(&postpro.join("series.csv"), write::series::text(&rows).as_bytes())?;
     tell(format_args!("cd-post: {} snapshots of {}", rows.len(), options.dir.join("OUTBOX").display()));
     tell(format_args!("  series   {}", postpro.join("series.csv").display()));
+    let regions = write::plots::regions(&rows);
+    if !regions.is_empty() {
+        tell(format_args!("  region   {regions}: Z, ν, pressure, stress"));
+    }
     if !options.no_plots {
         for plot in &write::plots::PLOTS {
             atomic::write(&postpro.join(plot.file), plot.figure(&rows).svg().as_bytes())?;
@@ -327,6 +365,10 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
         tell(format_args!("  plots    {}", postpro.join("*.svg").display()));
     }
     let mut notes = notes(&rows);
+    let outside = rows.iter().filter(|row| row.n_grains > 0 && row.region == 0).count();
+    if outside > 0 {
+        notes.push(format!("--region: a layer, in {outside} of {} snapshots without walls or periods on all sides: Z, ν, pressure and stress are empty; expected ball, box or cylinder", rows.len()));
+    }
     if !options.no_vtk {
         notes.extend(finish_display(&options.dir, &rows, last)?);
         tell(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
@@ -344,7 +386,7 @@ fn series<T: Send>(
     let outbox = options.dir.join("OUTBOX");
     let selected = select(&outbox, options.every)?;
     let bar = progress(selected.len());
-    let summation = if options.direct_gravity { Summation::Direct } else { Summation::Fast };
+    let choices = options.choices();
     let mut rows = Vec::with_capacity(selected.len());
     let mut kept = Vec::new();
     let mut masses: Option<Vec<f64>> = None;
@@ -356,7 +398,7 @@ fn series<T: Send>(
             .enumerate()
             .map(|(k, (_, path))| {
                 let frame = Frame::read(path, &shapes)?;
-                let row = Row::with(&frame, summation);
+                let row = Row::with(&frame, &choices);
                 if !options.no_vtk {
                     draw(&options.dir, &frame)?;
                 }

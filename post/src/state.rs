@@ -9,6 +9,7 @@ use cd_formats::error::{Fault, Faults};
 use vtkio::model::{Attributes, PolyDataPiece};
 
 use crate::derive::bed::{Bed, Layer};
+use crate::derive::coordination::touches_with_force;
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::fabric::{anisotropy, distribution, eigenvalues, fabric, mobilisation};
 use crate::derive::fragments::{Fragment, fragments};
@@ -16,7 +17,7 @@ use crate::derive::free_surface::FreeSurface;
 use crate::derive::motion::Axes;
 use crate::derive::orbits::orbits;
 use crate::derive::profile::shells;
-use crate::derive::surface::{Facet, Grid, slopes_below, surface};
+use crate::derive::surface::{Facet, Grid, noise, slopes_below, surface};
 use crate::frame::{Contact, Frame, Grain, Vec3};
 use crate::shapes::Shapes;
 use crate::snapshots;
@@ -78,12 +79,13 @@ pub const EJECTA: [Column; 3] = [
     ("mass_share_faster", "1", "share of the mass that is as fast or faster"),
 ];
 /// Columns of surface.csv of a heap or bed.
-pub const COLUMNS: [Column; 5] = [
+pub const COLUMNS: [Column; 6] = [
     ("x", "m", ""),
     ("y", "m", ""),
     ("z", "m", ""),
     ("height", "m", "height above the lowest point of the grains"),
     ("slope", "°", "angle between the normal and the direction against gravity"),
+    ("slope_error", "°", "standard error of the slope that single grains leave"),
 ];
 /// Columns of slopes.csv.
 pub const SLOPES: [Column; 2] =
@@ -124,7 +126,7 @@ const BIN: f64 = 0.25;
 
 /// Reads a snapshot, the last without `step`; writes `POSTPRO/state-NNNNNN/` and returns its path and
 /// what is worth a report. Layers of a bed are means over `mean` snapshots up to that one.
-pub fn write(dir: &Path, step: Option<u64>, mean: u32) -> Result<(PathBuf, Vec<String>), Faults> {
+pub fn write(dir: &Path, step: Option<u64>, mean: u32, slope_reach: f64) -> Result<(PathBuf, Vec<String>), Faults> {
     let outbox = dir.join("OUTBOX");
     let all = snapshots(&outbox)?;
     let (last, _) = all[all.len() - 1];
@@ -149,7 +151,7 @@ pub fn write(dir: &Path, step: Option<u64>, mean: u32) -> Result<(PathBuf, Vec<S
         clear(&folder, &[])?;
         return Ok((folder, vec![format!("the snapshot of step {step} holds no grain: nothing is written")]));
     }
-    let mut files = files(&frame, &newcomers(dir)?);
+    let mut files = files(&frame, &newcomers(dir)?, slope_reach);
     let mut notes = Vec::new();
     if mean > 1 {
         let mut frames = Vec::new();
@@ -207,8 +209,9 @@ pub fn newcomers(dir: &Path) -> Result<HashSet<u64>, Faults> {
     faults.into_result(numbers)
 }
 
-/// All files of a frame that holds grains; `newcomers`: bodies that are no ejecta wherever they are.
-pub fn files(frame: &Frame, newcomers: &HashSet<u64>) -> Vec<File> {
+/// All files of a frame that holds grains; `newcomers`: bodies that are no ejecta wherever they are; `slope_reach`: mean radii over
+/// which planes are fitted to a surface.
+pub fn files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: f64) -> Vec<File> {
     let fragments = fragments(frame);
     let mut files = forces(frame);
     files.push(("fabric.csv", fabric_table(frame).into_bytes()));
@@ -219,10 +222,10 @@ pub fn files(frame: &Frame, newcomers: &HashSet<u64>) -> Vec<File> {
     if !frame.cell().repeats() {
         files.extend(profiles(frame, &fragments[0]));
     }
-    match FreeSurface::of(frame, &fragments) {
+    match FreeSurface::of(frame, &fragments, slope_reach) {
         // Their own gravity has no one direction.
         Some(surface) if self_gravity_constant(frame).is_none() => files.extend(free_surface_files(&surface)),
-        _ if !frame.cell().repeats() => files.extend(surface_files(frame, &fragments[0])),
+        _ if !frame.cell().repeats() => files.extend(surface_files(frame, &fragments[0], slope_reach)),
         _ => {}
     }
     files
@@ -320,7 +323,9 @@ fn forces(frame: &Frame) -> Vec<File> {
     let between = || frame.active().filter(|c| c.pair().is_some());
     let over_mean = |of: fn(&Contact) -> f64| distribution(between().map(of), BIN);
     let densities = [over_mean(|c| c.normal_force), over_mean(|c| c.tangential_force), over_mean(|c| -c.normal_force)];
-    let shares: Vec<f64> = between().filter_map(|c| mobilisation(c, &frame.meta.laws)).collect();
+    // What only pulls at a distance presses on nothing.
+    let touching = between().filter(|contact| touches_with_force(contact));
+    let shares: Vec<f64> = touching.filter_map(|c| mobilisation(c, &frame.meta.laws)).collect();
     // Twenty bins from 0 to 1; what round-off puts beyond is all of it.
     let mut bins = [0.0; 20];
     shares.iter().for_each(|share| bins[((share * 20.0) as usize).min(19)] += 20.0 / shares.len() as f64);
@@ -447,17 +452,18 @@ fn ejecta(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>) -> Ve
 }
 
 /// Height, gravity and slope of the largest remnant by direction.
-fn surface_files(frame: &Frame, largest: &Fragment) -> Vec<File> {
+fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec<File> {
     let grid = Grid::STANDARD;
     let constant = self_gravity_constant(frame).unwrap_or(0.0);
-    let facets = surface(frame, &largest.grains, &largest.whole, constant, grid);
-    let header = ["latitude", "longitude", "x", "y", "z", "height", "g_x", "g_y", "g_z", "slope", "area"];
+    let facets = surface(frame, &largest.grains, &largest.whole, constant, grid, slope_reach);
+    let header =
+        ["latitude", "longitude", "x", "y", "z", "height", "g_x", "g_y", "g_z", "slope", "area", "slope_error"];
     let row = |f: &Facet| {
         let mut row = vec![f.latitude.to_degrees(), f.longitude.to_degrees()];
         row.extend(f.x.iter());
         row.push(f.height);
         row.extend(f.gravity.iter());
-        row.extend([f.slope.to_degrees(), f.area]);
+        row.extend([f.slope.to_degrees(), f.area, f.error.to_degrees()]);
         row
     };
     let heights: Vec<f64> = facets.iter().map(|f| f.height).collect();
@@ -466,13 +472,18 @@ fn surface_files(frame: &Frame, largest: &Fragment) -> Vec<File> {
     let x: Vec<Vec3> = facets.iter().map(|f| f.x).collect();
     let gravity: Vec<Vec3> = facets.iter().map(|f| f.gravity).collect();
     let counts = [grid.longitudes, grid.latitudes];
-    let mut files = slope_files("Slopes against gravity and rotation", &slopes_below(&facets, &shares()));
+    let noise = noise_of(noise(&facets));
+    let mut files =
+        slope_files(&format!("Slopes against gravity and rotation{noise}"), &slopes_below(&facets, &shares()));
     files.extend([
         text("surface.csv", csv(&header, facets.iter().map(row))),
         // From east to west the sphere closes; at the poles it is left open.
         ("surface.vtp", surface_vtp(counts, [true, false], &x, &heights, &slopes, Some(&gravity))),
         text("surface_height.svg", map::svg("Height above the centre of mass", "height", "m", &heights, &sheet)),
-        text("surface_slope.svg", map::svg("Slope against gravity and rotation", "slope", "°", &slopes, &sheet)),
+        text(
+            "surface_slope.svg",
+            map::svg(&format!("Slope against gravity and rotation{noise}"), "slope", "°", &slopes, &sheet),
+        ),
     ]);
     files
 }
@@ -485,14 +496,26 @@ fn free_surface_files(surface: &FreeSurface) -> Vec<File> {
     let x: Vec<Vec3> = columns.iter().map(|c| c.x).collect();
     let known = columns.iter().filter(|c| c.height.is_finite());
     let sheet = Sheet::from_above(surface);
-    let mut files = slope_files("Slopes against gravity", &surface.slopes_below(&shares()));
+    let noise = noise_of(surface.noise);
+    let mut files = slope_files(&format!("Slopes against gravity{noise}"), &surface.slopes_below(&shares()));
     files.extend([
-        text("surface.csv", table(&COLUMNS, known.map(|c| [c.x.x, c.x.y, c.x.z, c.height, c.slope.to_degrees()]))),
+        text(
+            "surface.csv",
+            table(&COLUMNS, known.map(|c| [c.x.x, c.x.y, c.x.z, c.height, c.slope.to_degrees(), c.error.to_degrees()])),
+        ),
         ("surface.vtp", surface_vtp(surface.counts, [false; 2], &x, &heights, &slopes, None)),
         text("surface_height.svg", map::svg("Height of the free surface", "height", "m", &heights, &sheet)),
-        text("surface_slope.svg", map::svg("Slope of the free surface", "slope", "°", &slopes, &sheet)),
+        text(
+            "surface_slope.svg",
+            map::svg(&format!("Slope of the free surface{noise}"), "slope", "°", &slopes, &sheet),
+        ),
     ]);
     files
+}
+
+/// What a title says of the noise of slopes, rad.
+fn noise_of(noise: f64) -> String {
+    if noise.is_finite() { format!("; standard error {:.2}°", noise.to_degrees()) } else { String::new() }
 }
 
 /// Shares of a surface: every twentieth.
@@ -566,7 +589,7 @@ mod tests {
         let other = scene.grain([0.0, 0.0, 5.0], 0.5);
         scene.snapshot.bodies.body_v[other] = [0.0, 2.0, 0.0];
         let file = |scene: &Scene, name: &str| -> Option<String> {
-            let found = files(&scene.frame(), &HashSet::new()).into_iter().find(|file| file.0 == name)?;
+            let found = files(&scene.frame(), &HashSet::new(), 3.0).into_iter().find(|file| file.0 == name)?;
             Some(String::from_utf8(found.1).unwrap())
         };
         let surface = file(&scene, "surface.vtp").unwrap();
@@ -596,7 +619,7 @@ mod tests {
         for (k, radius) in [2.0, 1.0, 1.5].into_iter().enumerate() {
             scene.grain([10.0 * k as f64, 0.0, 0.0], radius);
         }
-        let found = files(&scene.frame(), &lander);
+        let found = files(&scene.frame(), &lander, 3.0);
         let table = String::from_utf8(found.iter().find(|file| file.0 == "ejecta.csv").unwrap().1.clone()).unwrap();
         let share: f64 = table.lines().nth(1).unwrap().split(',').nth(2).unwrap().parse().unwrap();
         assert!(table.lines().count() == 2 && (share - 1.0 / 9.0).abs() < 1e-15, "{table}"); // of 8 + 1
@@ -609,7 +632,7 @@ mod tests {
     fn every_file_of_a_state_is_known_by_its_name() {
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);
-        let made = files(&scene.frame(), &HashSet::new()).into_iter().chain(layers(&[]));
+        let made = files(&scene.frame(), &HashSet::new(), 3.0).into_iter().chain(layers(&[]));
         let made: HashSet<&str> = made.map(|(name, _)| name).collect();
         assert_eq!(made, NAMES.into_iter().collect());
     }
@@ -622,7 +645,7 @@ mod tests {
             let grain = scene.grain([10.0 * (k + 1) as f64, 0.0, 0.0], 1.0);
             scene.snapshot.bodies.body_v[grain] = [speed, 0.0, 0.0];
         }
-        let found = files(&scene.frame(), &HashSet::new());
+        let found = files(&scene.frame(), &HashSet::new(), 3.0);
         let table = String::from_utf8(found.iter().find(|file| file.0 == "ejecta.csv").unwrap().1.clone()).unwrap();
         let share = |line: &str| line.split(',').nth(2).unwrap().parse::<f64>().unwrap();
         let shares: Vec<f64> = table.lines().skip(1).map(share).collect();

@@ -135,7 +135,8 @@ pub fn write(
 /// The values of a run.
 fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f64>, Faults> {
     let path = case.join("POSTPRO/series.csv");
-    let series = compare::read(&path, &["step", "time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure"])?;
+    let needed = ["step", "time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure_sphere"];
+    let series = compare::read(&path, &needed)?;
     let times = &series["time"];
     let as_there = |time: f64| compare::nearest(times.iter().copied(), time).unwrap_or(time);
     let until = until.map_or(f64::INFINITY, as_there);
@@ -148,6 +149,9 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     }
     let mean = |name: &str| {
         let column = series.get(name).map_or(&[][..], |column| column);
+        if name == "region" {
+            return taken.last().and_then(|&k| column.get(k)).copied().unwrap_or(f64::NAN); // a number without means
+        }
         let known: Vec<f64> = taken.iter().filter_map(|&k| column.get(k).copied()).filter(|x| x.is_finite()).collect();
         known.iter().sum::<f64>() / known.len() as f64
     };
@@ -184,7 +188,7 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
             let of = |name: &str| series[name][k];
             let volume = 4.0 / 3.0 * std::f64::consts::PI * of("R_enclosing").powi(3);
             let radius = (of("a") * of("b") * of("c")).cbrt();
-            5.0 * of("pressure") * volume * radius / (constant * of("mass").powi(2))
+            5.0 * of("pressure_sphere") * volume * radius / (constant * of("mass").powi(2))
         })
         .sum::<f64>()
         / taken.len() as f64;
@@ -253,9 +257,11 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
 
     // What a surface takes from the whole goes with the number of grains to the power -1/3.
     let surface = |run: &Run| run.of("n_grains").powf(-1.0 / 3.0);
-    for (name, title, quantity) in
-        [("Z", "Neighbours per grain, at the end", "Z"), ("nu", "Solid fraction, at the end", "ν")]
-    {
+    for (name, title, quantity) in [
+        ("Z", "Neighbours per grain, at the end", "Z"),
+        ("nu", "Solid fraction, at the end", "ν"),
+        ("nu_sphere", "Solid fraction of the ball around all grains, at the end", "ν"),
+    ] {
         let mut curves = Vec::new();
         for group in groups {
             let points = of(group, &surface, &|run| run.of(name));
@@ -281,12 +287,12 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
 
     let ideal = |run: &Run| run.of("pressure_homogeneous");
     let mut curves: Vec<Curve> =
-        groups.iter().map(|group| dots(group, of(group, &ideal, &|run| run.of("pressure")))).collect();
+        groups.iter().map(|group| dots(group, of(group, &ideal, &|run| run.of("pressure_sphere")))).collect();
     let all: Vec<(f64, f64)> =
-        runs.iter().map(|run| (ideal(run), run.of("pressure"))).filter(|p| p.0 > 0.0 && p.1 > 0.0).collect();
+        runs.iter().map(|run| (ideal(run), run.of("pressure_sphere"))).filter(|p| p.0 > 0.0 && p.1 > 0.0).collect();
     let logarithms: Vec<(f64, f64)> = all.iter().map(|p| (p.0.ln(), p.1.ln())).collect();
     if let Some(line) = Line::through(&logarithms) {
-        note("pressure", "all", "ln(pressure) = intercept + slope ln(pressure_homogeneous)", line);
+        note("pressure", "all", "ln(pressure_sphere) = intercept + slope ln(pressure_homogeneous)", line);
     }
     let (low, high) = all.iter().fold((f64::INFINITY, 0f64), |(low, high), p| (low.min(p.0), high.max(p.0)));
     if low < high {
@@ -296,7 +302,7 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
     figures.push((
         "pressure".into(),
         Figure {
-            title: "Mean pressure, at the end".into(),
+            title: "Mean pressure in the ball around all grains, at the end".into(),
             x: Axis::logarithmic("3 G M² / (20 π R⁴)", "Pa"),
             y: Axis::logarithmic("pressure", "Pa"),
             curves,
@@ -354,7 +360,8 @@ mod tests {
         set("n_grains", n);
         set("Z", 6.0 - 9.0 * n.powf(-1.0 / 3.0));
         set("nu", 0.6 - 0.5 * n.powf(-1.0 / 3.0));
-        set("pressure", 1.1 * n.powf(2.0 / 3.0));
+        set("nu_sphere", 0.6 - 0.7 * n.powf(-1.0 / 3.0));
+        set("pressure_sphere", 1.1 * n.powf(2.0 / 3.0));
         set("pressure_homogeneous", n.powf(2.0 / 3.0));
         set("sweeps", 10.0);
         set("seconds_gravity", 1e-6 * n.powi(2));
@@ -375,7 +382,7 @@ mod tests {
             ["a", "b, c"].into_iter().flat_map(|g| [250.0, 1000.0, 4000.0].map(|n| run(g, n))).collect();
         let (figures, fits) = figures(&runs, &["a", "b, c"]);
         let names: Vec<&str> = figures.iter().map(|(name, _)| name.as_str()).collect();
-        assert_eq!(names, ["Z", "nu", "pressure", "cost-1", "cost-2", "sweeps"]);
+        assert_eq!(names, ["Z", "nu", "nu_sphere", "pressure", "cost-1", "cost-2", "sweeps"]);
         let slope = |start: &str| -> f64 {
             let line = fits.lines().find(|line| line.starts_with(start)).unwrap_or_else(|| panic!("{start}: {fits}"));
             line.split(',').nth(3).unwrap().parse().unwrap()

@@ -404,7 +404,8 @@ fn a_state_in_depth_has_its_tables_and_figures() {
         "surface_slope.svg",
     ];
     assert_eq!(names(&folder), expected);
-    for (name, bytes) in files(&folder) {
+    // The letters of binary data may spell anything.
+    for (name, bytes) in files(&folder).into_iter().filter(|(name, _)| !name.ends_with(".vtp")) {
         let text = String::from_utf8_lossy(&bytes).into_owned();
         assert!(!text.contains("NaN") && !text.contains("inf,"), "{name}");
     }
@@ -721,8 +722,17 @@ fn many_runs_are_points_of_one_study() {
         (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
     };
     assert_eq!(study(&["--groups", "one,two", "--from", "0.5"]), (0, String::new()));
-    let expected =
-        ["Z.svg", "cost-1.svg", "cost-2.svg", "fits.csv", "nu.svg", "pressure.svg", "runs.csv", "sweeps.svg"];
+    let expected = [
+        "Z.svg",
+        "cost-1.svg",
+        "cost-2.svg",
+        "fits.csv",
+        "nu.svg",
+        "nu_sphere.svg",
+        "pressure.svg",
+        "runs.csv",
+        "sweeps.svg",
+    ];
     assert_eq!(names(folder.path()), expected);
     let runs = fs::read_to_string(folder.path().join("runs.csv")).unwrap();
     let lines: Vec<Vec<&str>> = runs.lines().map(|line| line.split(',').collect()).collect();

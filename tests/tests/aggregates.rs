@@ -19,11 +19,17 @@ fn pressure_is_that_of_the_virial_and_near_the_homogeneous_sphere() {
 
         let radius = last("R_enclosing");
         let volume = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
-        let from_energy = -last("E_grav") / (3.0 * volume);
+        let from_energy = -last("E_grav") / (3.0 * last("region_volume"));
         assert!((virial / from_energy - 1.0).abs() < 1e-3, "{number}: virial {virial}, from the energy {from_energy}");
         let density = last("mass") / volume;
         let sphere = 4.0 * std::f64::consts::PI / 15.0 * GRAVITATION * (density * radius).powi(2);
-        let ratio = pressure / sphere;
+        let ratio = last("pressure_sphere") / sphere;
+        // A hull of a single group is smaller than the ball around it, and holds the same grains and contacts.
+        let share = last("region_volume") / volume;
+        assert!((0.5..1.0).contains(&share) && last("region") == 1.0, "{number}: {share}");
+        for (hull, ball) in [("pressure", "pressure_sphere"), ("nu", "nu_sphere")] {
+            assert!((last(hull) * share / last(ball) - 1.0).abs() < 1e-12, "{number}: {hull}");
+        }
         assert!(ratio > 1.0 && ratio < 1.3, "{number}: ratio {ratio}");
         assert_eq!((last("n_fragments"), last("largest_fraction")), (1.0, 1.0));
 
@@ -83,7 +89,8 @@ fn what_fields_pull_is_in_the_virial_and_the_energy() {
     // Radii and densities are written with eight digits.
     let near = |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-7, "{found:e} {expected:e}");
     let force = GRAVITATION * mass * mass / (4.0 * radius * radius) - mass * rate * rate * radius;
-    let volume = 4.0 / 3.0 * std::f64::consts::PI * (2.0 * radius).powi(3);
+    // The hull of two balls: one of them and a cylinder between.
+    let volume = (4.0 / 3.0 + 2.0) * std::f64::consts::PI * radius.powi(3);
     near(last("pressure"), force * 2.0 * radius / (3.0 * volume));
     near(last("pressure_virial"), last("pressure"));
     // Of the centres, and of the balls about them.

@@ -34,9 +34,10 @@ impl Bed {
     /// with force, where the room is open to a side, and where its sides are not upright.
     ///
     /// The floor is the plate that bears most of the weight; where none does (a floor of held spheres) it is level, at the lowest
-    /// point of a grain. A plate bounds the room by those of its faces that have the centres of all the bed's grains before them, a
-    /// hollow cylinder if it has all of them within. What nothing holds at that instant but is in the room, with its centre no
-    /// higher than the highest point of the others, is of the bed: where a bed flows that is a part of it.
+    /// point of a grain. A wall bounds the bed by those of its faces that have the centres of nearly all its grains before them, a
+    /// hollow cylinder if it has nearly all of them within; the rest have left it. What nothing holds at that instant but is
+    /// between these walls, with its centre no higher than the highest point of the others, is of the bed: where a bed flows that
+    /// is a part of it.
     pub fn of(frame: &Frame, fragments: &[Fragment]) -> Option<Bed> {
         let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
         let mut grains = borne(frame, fragments);
@@ -60,11 +61,11 @@ impl Bed {
         let up = floor.map_or(if frame.cell().repeats() { Vec3::z() } else { against }, |floor| floor.normal);
         let lowest = || members().map(|g| extent(g, &up)[0]).fold(f64::INFINITY, f64::min);
         let floor = floor.map_or_else(lowest, |floor| floor.place);
-        let centre = centre_of_mass(members());
         let bores: Vec<Bore> = (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &grains)).collect();
-        let area = section(&faces, &bores, &frame.cell(), &up, &centre, members())?;
-        let top = floor + above(frame, &grains, &up, floor);
+        let area = section(&faces, &bores, &frame.cell(), &up, &centre_of_mass(members()), members())?;
         let inside = |x: &Vec3| faces.iter().all(|f| f.before(x)) && bores.iter().all(|bore| bore.around(x));
+        grains.retain(|&i| inside(&frame.grains[i].x));
+        let top = floor + above(frame, &grains, &up, floor);
         let among = |g: &Grain| (floor..=top).contains(&g.x.dot(&up)) && inside(&g.x);
         let others: Vec<usize> =
             (0..frame.grains.len()).filter(|i| grains.binary_search(i).is_err() && among(&frame.grains[*i])).collect();
@@ -276,16 +277,16 @@ pub fn borne(frame: &Frame, fragments: &[Fragment]) -> Vec<usize> {
     grains
 }
 
-/// A face of a plate: n.x >= place for all centres.
-struct Face {
+/// A face of a wall: n.x >= place for the centres of nearly all grains.
+pub struct Face {
     /// Index into [`Frame::walls`].
-    wall: usize,
-    normal: Vec3,
-    place: f64,
+    pub wall: usize,
+    pub normal: Vec3,
+    pub place: f64,
 }
 
 impl Face {
-    fn before(&self, x: &Vec3) -> bool {
+    pub fn before(&self, x: &Vec3) -> bool {
         x.dot(&self.normal) >= self.place
     }
 }
@@ -295,40 +296,82 @@ fn above(frame: &Frame, grains: &[usize], up: &Vec3, floor: f64) -> f64 {
     grains.iter().map(|&i| extent(&frame.grains[i], up)[1] - floor).fold(0.0, f64::max)
 }
 
-fn centre_of_mass<'a>(grains: impl Iterator<Item = &'a Grain>) -> Vec3 {
+pub fn centre_of_mass<'a>(grains: impl Iterator<Item = &'a Grain>) -> Vec3 {
     let (moment, mass) = grains.fold((Vec3::zeros(), 0.0), |(moment, mass), g| (moment + g.mass * g.x, mass + g.mass));
     moment / mass
 }
 
-fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face> {
-    let WallShape::Plate(half) = &frame.walls[wall].shape else { return Vec::new() };
-    let (x, rotation) = (frame.walls[wall].x, frame.walls[wall].rotation);
-    let face = |(axis, sign): (usize, f64)| {
-        let normal = rotation * Vec3::ith(axis, sign);
-        Face { wall, normal, place: normal.dot(&x) + half[axis] }
-    };
-    let all_before = |face: &Face| grains.iter().all(|&i| face.before(&frame.grains[i].x));
-    (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]).map(face).filter(all_before).collect()
+/// Share of the grains that may be beyond a wall that bounds the others: few that have left a box do not open it.
+const ESCAPED: f64 = 0.02;
+
+fn nearly_all(frame: &Frame, grains: &[usize], inside: impl Fn(&Vec3) -> bool) -> bool {
+    let beyond = grains.iter().filter(|&&i| !inside(&frame.grains[i].x)).count();
+    beyond as f64 <= ESCAPED * grains.len() as f64
 }
 
-/// A hollow cylinder around all centres.
-struct Bore {
-    x: Vec3,
-    axis: Vec3,
-    radius: f64,
+/// Faces of a wall that have the centres of nearly all `grains` before them: of a plate any, of a convex polyhedron, of those
+/// that cover half of the grains' section or more, the one that is farthest from the nearest of these centres.
+pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face> {
+    let (x, rotation) = (frame.walls[wall].x, frame.walls[wall].rotation);
+    let before = |face: &Face| nearly_all(frame, grains, |x| face.before(x));
+    match &frame.walls[wall].shape {
+        WallShape::Plate(half) => {
+            let face = |(axis, sign): (usize, f64)| {
+                let normal = rotation * Vec3::ith(axis, sign);
+                Face { wall, normal, place: normal.dot(&x) + half[axis] }
+            };
+            (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]).map(face).filter(before).collect()
+        }
+        WallShape::Polyhedron(solid) if solid.bore.is_none() => {
+            let reach = solid.reach();
+            let centre = grains.iter().map(|&i| frame.grains[i].x).sum::<Vec3>() / grains.len() as f64;
+            let offset = |i: &usize| frame.grains[*i].x - centre;
+            let spread = grains.iter().map(|i| offset(i) * offset(i).transpose()).sum::<Mat3>() / grains.len() as f64;
+            let covers = |corners: &[u32], normal: &Vec3| {
+                let at = |k: usize| solid.vertices[corners[k] as usize];
+                let twice = (2..corners.len()).map(|k| (at(k - 1) - at(0)).cross(&(at(k) - at(0))));
+                // Of an even section of sides a and b the variances are a^2 / 12 and b^2 / 12.
+                let cofactor =
+                    spread.determinant() * spread.try_inverse().map_or(f64::NAN, |i| normal.dot(&(i * normal)));
+                !(0.5 * twice.sum::<Vec3>().norm() < 0.5 * 12.0 * cofactor.max(0.0).sqrt())
+            };
+            let face = |corners: &Vec<u32>| {
+                let [a, b, c] = [0, 1, 2].map(|k| solid.vertices[corners[k] as usize]);
+                let normal = (b - a).cross(&(c - b)).try_normalize(0.0)?;
+                // Faces of a body that is not convex bound nothing.
+                let supports = solid.vertices.iter().all(|v| (v - a).dot(&normal) <= 1e-9 * reach);
+                let normal = supports.then(|| rotation * normal).filter(|normal| covers(corners, normal))?;
+                Some(Face { wall, normal, place: normal.dot(&(x + rotation * a)) })
+            };
+            let clearance = |face: &Face| {
+                let distances = grains.iter().map(|&i| frame.grains[i].x.dot(&face.normal) - face.place);
+                distances.filter(|d| *d >= 0.0).fold(f64::INFINITY, f64::min)
+            };
+            let faces = solid.faces.iter().filter_map(face).filter(before);
+            faces.max_by(|a, b| clearance(a).total_cmp(&clearance(b))).into_iter().collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// A hollow cylinder around nearly all centres.
+pub struct Bore {
+    pub x: Vec3,
+    pub axis: Vec3,
+    pub radius: f64,
 }
 
 impl Bore {
-    fn around(&self, x: &Vec3) -> bool {
+    pub fn around(&self, x: &Vec3) -> bool {
         (x - self.x).cross(&self.axis).norm() <= self.radius
     }
 }
 
-fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<Bore> {
+pub fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<Bore> {
     let wall = &frame.walls[wall];
     let WallShape::Polyhedron(solid) = &wall.shape else { return None };
     let bore = Bore { x: wall.x, axis: wall.rotation * Vec3::z(), radius: solid.bore? };
-    grains.iter().all(|&i| bore.around(&frame.grains[i].x)).then_some(bore)
+    nearly_all(frame, grains, |x| bore.around(x)).then_some(bore)
 }
 
 /// Sides of the polygon for which the section of a hollow cylinder is taken: of the same area, and of the same shape where a plate cuts it.
@@ -384,7 +427,7 @@ fn section<'a>(
 }
 
 /// The part of a convex polygon where `value` is not negative; `between` gives the point that a share of an edge is along.
-fn cut<P: Copy>(polygon: &[P], value: impl Fn(&P) -> f64, between: impl Fn(&P, &P, f64) -> P) -> Vec<P> {
+pub fn cut<P: Copy>(polygon: &[P], value: impl Fn(&P) -> f64, between: impl Fn(&P, &P, f64) -> P) -> Vec<P> {
     let mut left = Vec::with_capacity(polygon.len() + 1);
     for (k, p) in polygon.iter().enumerate() {
         let q = &polygon[(k + 1) % polygon.len()];
@@ -400,7 +443,7 @@ fn cut<P: Copy>(polygon: &[P], value: impl Fn(&P) -> f64, between: impl Fn(&P, &
 }
 
 /// Lowest and highest point of a grain along `up`, m.
-fn extent(grain: &Grain, up: &Vec3) -> [f64; 2] {
+pub fn extent(grain: &Grain, up: &Vec3) -> [f64; 2] {
     let balls = grain.balls().flat_map(|(x, radius)| [x.dot(up) - radius, x.dot(up) + radius]);
     let points = grain.vertices().map(|v| v.dot(up));
     balls.chain(points).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(h), high.max(h)])
@@ -410,7 +453,7 @@ fn extent(grain: &Grain, up: &Vec3) -> [f64; 2] {
 ///
 /// Of a ball the cap pi (r + s)^2 (2 r - s) / 3, s the plane above its centre; of a polyhedron the cones over what its faces
 /// have below, from a point of the plane: the cut itself is seen edge-on from there.
-fn raw_below(grain: &Grain, up: &Vec3, height: f64) -> f64 {
+pub fn raw_below(grain: &Grain, up: &Vec3, height: f64) -> f64 {
     let ball = |(x, r): (Vec3, f64)| {
         let s = (height - x.dot(up)).clamp(-r, r);
         std::f64::consts::PI * (r + s).powi(2) * (2.0 * r - s) / 3.0

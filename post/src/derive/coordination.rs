@@ -2,9 +2,12 @@
 
 use std::collections::{HashMap, HashSet};
 
+use cd_formats::snapshot::STATUS_NO_CONTACT;
+
 use crate::derive::fragments::TOUCHING_GAP;
 use crate::frame::{Contact, Exchange, Frame, Side};
 
+/// Means over some grains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coordination {
     /// Mean number of neighbours per grain that it touches with force.
@@ -19,11 +22,30 @@ pub struct Coordination {
     pub shares: [f64; 3],
 }
 
+/// Whether the bodies of a contact touch with force: it carries force, and the solver has found it closed, sticking or sliding.
+///
+/// Closed is what has a reaction besides the attraction of its law, r_n > c n, by which it pushes, whatever the net force. What
+/// carries force with the status "no contact" only pulls at a distance, by the constant attraction of a cohesion with a range. No
+/// tolerance is needed: by Signorini's condition one of gap velocity and reaction is zero.
+pub fn touches_with_force(contact: &Contact) -> bool {
+    contact.active && contact.status != STATUS_NO_CONTACT
+}
+
+/// The contacts whose bodies touch with force.
+pub fn touching(frame: &Frame) -> impl Iterator<Item = &Contact> {
+    frame.contacts.iter().filter(|contact| touches_with_force(contact))
+}
+
+/// The gap up to which the bodies of a contact touch, m.
+fn near(frame: &Frame, contact: &Contact) -> f64 {
+    TOUCHING_GAP * contact.sides().filter_map(Side::grain).map(|i| frame.grains[i].radius).fold(f64::INFINITY, f64::min)
+}
+
 /// Two bodies that touch with force, in one or more points; at least one is a grain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Touch {
     pub sides: [Side; 2],
-    /// Points of contact that carry force or whose gap is at most [`TOUCHING_GAP`] of the smaller radius.
+    /// Points of contact that touch with force or whose gap is at most [`TOUCHING_GAP`] of the smaller radius.
     pub points: u32,
 }
 
@@ -44,27 +66,33 @@ impl Touch {
 pub fn touches(frame: &Frame) -> Vec<Touch> {
     let mut places: HashMap<[Side; 2], usize> = HashMap::new();
     let mut touches: Vec<Touch> = Vec::new();
-    let key = |contact: &Contact| {
-        let sides = [contact.candidate, contact.antagonist];
-        if sides[0] <= sides[1] { sides } else { [sides[1], sides[0]] }
-    };
-    for contact in frame.active() {
-        let sides = key(contact);
+    for contact in touching(frame) {
+        let sides = pair(contact);
         places.entry(sides).or_insert_with(|| {
             touches.push(Touch { sides, points: 0 });
             touches.len() - 1
         });
     }
     for contact in &frame.contacts {
-        let near = TOUCHING_GAP
-            * contact.sides().filter_map(Side::grain).map(|i| frame.grains[i].radius).fold(f64::INFINITY, f64::min);
-        if let Some(&place) = places.get(&key(contact))
-            && (contact.active || contact.gap <= near)
+        if let Some(&place) = places.get(&pair(contact))
+            && (touches_with_force(contact) || contact.gap <= near(frame, contact))
         {
             touches[place].points += 1;
         }
     }
     touches
+}
+
+/// The bodies of a contact in rising order.
+fn pair(contact: &Contact) -> [Side; 2] {
+    let [a, b] = [contact.candidate, contact.antagonist];
+    [a.min(b), a.max(b)]
+}
+
+/// Number of pairs of bodies whose contacts carry force, but only pull at a distance ([`touches_with_force`]).
+pub fn distant_pulls(frame: &Frame) -> usize {
+    let touching: HashSet<[Side; 2]> = touching(frame).map(pair).collect();
+    frame.active().map(pair).filter(|sides| !touching.contains(sides)).collect::<HashSet<_>>().len()
 }
 
 /// Number of neighbours that each grain touches with force; walls count too.
@@ -74,10 +102,10 @@ pub fn neighbour_counts(frame: &Frame) -> Vec<u32> {
     counts
 }
 
-/// Number of points of contact that carry force of each grain; those with walls count too.
+/// Number of points of contact that touch with force of each grain; those with walls count too.
 pub fn contact_counts(frame: &Frame) -> Vec<u32> {
     let mut counts = vec![0; frame.grains.len()];
-    for contact in frame.active() {
+    for contact in touching(frame) {
         for (grain, ..) in contact.on_grains() {
             counts[grain] += 1;
         }
@@ -85,18 +113,23 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
     counts
 }
 
-/// Mean number of neighbours per grain that it has touched with force in a step since the snapshot before.
+/// Mean number of neighbours that the grains `members` (rising) have touched with force in a step since the snapshot before.
 ///
-/// (2 N_gg + N_gw) / N as [`coordination`] has it. Where grains move, contacts carry force in some steps and none in others,
-/// so that the neighbours of a single step become fewer with its length; those of an interval do not. NaN without one.
-pub fn interval_coordination(frame: &Frame) -> f64 {
+/// As [`coordination`] has it. Where grains move, contacts carry force in some steps and none in others, so that the neighbours of
+/// a single step become fewer with its length; those of an interval do not. A pair that pulled in the sum of these steps counts
+/// only if it touches in the snapshot. NaN without an interval.
+pub fn interval_coordination(frame: &Frame, members: &[usize]) -> f64 {
+    let touching: HashSet<[Side; 2]> = touching(frame).map(pair).collect();
     let sorted = |exchange: &Exchange| {
         let [a, b] = exchange.sides;
         [a.min(b), a.max(b)]
     };
-    let pairs: HashSet<[Side; 2]> = frame.interval.exchanges.iter().map(sorted).collect();
-    let ends = pairs.iter().flatten().filter(|side| side.grain().is_some()).count() as f64;
-    if frame.interval.length > 0.0 { ends / frame.grains.len() as f64 } else { f64::NAN }
+    let exchanges = frame.interval.exchanges.iter();
+    let touched = exchanges.filter(|exchange| exchange.virial > 0.0 || touching.contains(&sorted(exchange)));
+    let pairs: HashSet<[Side; 2]> = touched.map(sorted).collect();
+    let member = |side: &&Side| side.grain().is_some_and(|grain| members.binary_search(&grain).is_ok());
+    let ends = pairs.iter().flatten().filter(member).count() as f64;
+    if frame.interval.length > 0.0 { ends / members.len() as f64 } else { f64::NAN }
 }
 
 /// The number of constraints below which a grain is not held; a contact of spheres is one.
@@ -148,22 +181,27 @@ pub fn rattlers(frame: &Frame, touches: &[Touch], stable: u32) -> Vec<bool> {
     rattler
 }
 
-/// Mean contact numbers with and without rattlers.
+/// Mean contact numbers of the grains `members` (rising), with and without rattlers.
 ///
-/// Z = (2 N_gg + N_gw) / N with N grains, N_gg pairs of grains, N_gw pairs of a grain and a wall, of those that touch
-/// with force. Without rattlers: the same of the remaining grains and of the pairs whose grains all remain; NaN if none
-/// remains. With constraints: each pair counts as often as it has constraints.
+/// Z is the mean of the neighbours of these grains: (2 N_gg + N_gw) / N with N grains, N_gg pairs of grains, N_gw pairs of a grain and
+/// a wall, of those that touch with force, where no neighbour is elsewhere. Without rattlers: the same of the remaining grains and
+/// of the pairs whose grains all remain; NaN if none remains. With constraints: each pair counts as often as it has constraints.
 ///
 /// Three equal spheres that push each other: Z = 2.
-pub fn coordination(frame: &Frame) -> Coordination {
-    let total = frame.grains.len() as f64;
+pub fn coordination(frame: &Frame, members: &[usize]) -> Coordination {
+    let member = |grain: &usize| members.binary_search(grain).is_ok();
+    let total = members.len() as f64;
     let touches = touches(frame);
     let rattler = rattlers(frame, &touches, stable_number(frame));
-    let held = rattler.iter().filter(|&&rattles| !rattles).count() as f64;
+    let held = members.iter().filter(|&&grain| !rattler[grain]).count() as f64;
     let (mut ends, mut ends_held, mut constraints) = (0.0, 0.0, 0.0);
-    let mut kinds = [0.0; 3];
+    let (mut kinds, mut pairs) = ([0.0; 3], 0.0);
     for touch in &touches {
-        let grains = touch.grains().count() as f64;
+        let grains = touch.grains().filter(member).count() as f64;
+        if grains == 0.0 {
+            continue;
+        }
+        pairs += 1.0;
         ends += grains;
         constraints += grains * f64::from(touch.constraints());
         kinds[3 - touch.constraints() as usize] += 1.0;
@@ -176,7 +214,7 @@ pub fn coordination(frame: &Frame) -> Coordination {
         z_no_rattlers: ends_held / held,
         z_constraints: constraints / total,
         rattler_fraction: (total - held) / total,
-        shares: kinds.map(|count| count / touches.len() as f64),
+        shares: kinds.map(|count| count / pairs),
     }
 }
 
@@ -185,6 +223,15 @@ mod tests {
     use super::*;
     use crate::frame::Vec3;
     use crate::samples::Scene;
+
+    /// Of all grains.
+    fn coordination(frame: &Frame) -> Coordination {
+        super::coordination(frame, &(0..frame.grains.len()).collect::<Vec<_>>())
+    }
+
+    fn interval_coordination(frame: &Frame) -> f64 {
+        super::interval_coordination(frame, &(0..frame.grains.len()).collect::<Vec<_>>())
+    }
 
     /// A tetrahedron of touching spheres, every pair pushing, and a fifth sphere that hangs on one of them.
     fn tetrahedron_with_tail() -> Scene {
@@ -224,6 +271,31 @@ mod tests {
         // With friction two hold.
         scene.contact(3, 2, Vec3::new(0.3, 0.1, 0.0));
         assert_eq!(stable_number(&scene.frame()), 2);
+    }
+
+    #[test]
+    fn what_only_pulls_at_a_distance_is_no_neighbour() {
+        // A chain: 1 touches 0 and pulls in net, as cohesion does; 2 is within the range of 1 and feels its attraction alone.
+        let mut scene = Scene::default();
+        let law = &mut scene.snapshot.meta.laws[0];
+        (law.kind, law.parameters) = ("IQS_WET_DS_CLB".into(), vec![4.0, 0.0, 0.2, 0.4, 0.5]);
+        for x in [0.0, 2.0, 4.1] {
+            scene.grain([x, 0.0, 0.0], 1.0);
+        }
+        scene.contact(1, 0, Vec3::new(-3.0, 0.0, 0.25));
+        scene.push(2, 1, -4.0);
+        scene.snapshot.contacts.contact_status[1] = STATUS_NO_CONTACT;
+        let frame = scene.frame();
+        assert_eq!(neighbour_counts(&frame), [1, 1, 0]);
+        assert_eq!((coordination(&frame).z, distant_pulls(&frame)), (2.0 / 3.0, 1));
+        // The mobilised share is that of the first: 1/4 over 1/2 (4 - 3).
+        assert_eq!(crate::derive::fabric::mobilised(&frame), (0.5, 1.0));
+        let row = crate::derive::Row::of(&frame);
+        assert_eq!((row.n_contacts, row.n_pulling, row.Z_all), (1, 1, 2.0 / 3.0));
+        // Of an interval, a pair that pulled in the sum counts only where it touches now.
+        scene.snapshot.meta.time = 2.0;
+        scene.since(0.0, &[([1, 0], -6.0), ([2, 1], -8.0), ([2, 0], 1.0)]);
+        assert_eq!(interval_coordination(&scene.frame()), 4.0 / 3.0);
     }
 
     #[test]

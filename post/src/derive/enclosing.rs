@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::frame::{Cell, Grain, Vec3};
+use crate::frame::{Grain, Vec3};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ball {
@@ -30,23 +30,6 @@ pub fn enclosing_ball(grains: &[Grain]) -> Ball {
     let spheres = grains.iter().flat_map(Grain::balls).map(|(centre, radius)| Ball { centre, radius });
     let vertices = grains.iter().flat_map(Grain::vertices).map(|centre| Ball { centre, radius: 0.0 });
     smallest_enclosing(&spheres.chain(vertices).collect::<Vec<Ball>>())
-}
-
-/// Volume of the cell of a scene that repeats, m^3: along the other axes from the lowest to the highest point of a grain.
-pub fn cell_volume(grains: &[Grain], cell: &Cell) -> f64 {
-    let periods = [cell.0[0], cell.0[1], None];
-    let extent = |axis: usize| {
-        let of_balls =
-            grains.iter().flat_map(Grain::balls).flat_map(|(x, radius)| [x[axis] - radius, x[axis] + radius]);
-        let of_vertices = grains.iter().flat_map(Grain::vertices).map(|v| v[axis]);
-        let [low, high] = of_balls.chain(of_vertices).fold([f64::INFINITY, f64::NEG_INFINITY], spread);
-        high - low
-    };
-    (0..3).map(|axis| periods[axis].unwrap_or_else(|| extent(axis))).product()
-}
-
-fn spread([low, high]: [f64; 2], x: f64) -> [f64; 2] {
-    [low.min(x), high.max(x)]
 }
 
 /// What sticks out less than this share of the radius is inside: some hundred roundings.
@@ -244,7 +227,6 @@ mod tests {
         let balls = vec![(Vec3::new(0.0, 0.0, 4.0), 2.0), (Vec3::new(0.0, 0.0, -4.0), 2.0)];
         grains[0].solid = Some(crate::shapes::Solid { balls, ..cube }.into());
         assert_ball(enclosing_ball(&grains), ball(1.0, 2.0, 3.0, 6.0));
-        assert_eq!(cell_volume(&grains, &Cell([Some(5.0), None])), 5.0 * 4.0 * 12.0);
     }
 
     proptest! {

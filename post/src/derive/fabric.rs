@@ -4,14 +4,14 @@ use cd_formats::snapshot::{LawName, STATUS_SLIDE};
 use cd_formats::tact_behav::LAWS;
 use nalgebra::SymmetricEigen;
 
+use crate::derive::coordination::touching;
 use crate::frame::{Contact, Frame, Mat3};
 
-/// Fabric tensor of the normals: F = (1/N) sum n (x) n over the N contacts that carry force, walls too; trace 1.
+/// Fabric tensor of the normals: F = (1/N) sum n (x) n over the N contacts that touch with force, walls too; trace 1.
 ///
 /// Directions without preference give 1/3 of the unit tensor. NaN without contacts. Source: Satake (1982).
 pub fn fabric(frame: &Frame) -> Mat3 {
-    let (count, sum) = frame
-        .active()
+    let (count, sum) = touching(frame)
         .fold((0.0, Mat3::zeros()), |(count, sum), c| (count + 1.0, sum + c.normal * c.normal.transpose()));
     sum / count
 }
@@ -64,11 +64,11 @@ pub fn mobilisation(contact: &Contact, laws: &[LawName]) -> Option<f64> {
     (most > 0.0).then(|| contact.tangential_force / most)
 }
 
-/// Mean of [`mobilisation`] over the contacts that carry force, and the share of these that slide
-/// (status 2 where there is friction); NaN without.
+/// Mean of [`mobilisation`] over the contacts that touch with force and where friction can give some, and the share of these that
+/// slide (status 2); NaN without. Contacts that only pull at a distance press on nothing and are left out.
 pub fn mobilised(frame: &Frame) -> (f64, f64) {
     let all: Vec<(f64, bool)> =
-        frame.active().filter_map(|c| Some((mobilisation(c, &frame.meta.laws)?, c.status == STATUS_SLIDE))).collect();
+        touching(frame).filter_map(|c| Some((mobilisation(c, &frame.meta.laws)?, c.status == STATUS_SLIDE))).collect();
     let count = all.len() as f64;
     let sliding = all.iter().filter(|(_, slides)| *slides).count() as f64;
     (all.iter().map(|(share, _)| share).sum::<f64>() / count, sliding / count)

@@ -4,6 +4,8 @@
 //! their centres of mass (Barnes & Hut 1986; Hernquist 1987), group by group (Dehnen 2002). What is asked for is an
 //! energy, not a motion: a part in 10^4 is enough, and `--direct-gravity` sums every pair.
 
+use rayon::prelude::*;
+
 use crate::frame::{Mat3, Vec3};
 
 /// Groups act as such from distances of more than the sum of their reaches over this. With it and [`STRETCH`] the energy of
@@ -17,6 +19,23 @@ const STRETCH: f64 = 2.5;
 const LEAF: usize = 16;
 /// Points from which on the parts of a sum are tasks of their own.
 const APART: usize = 4096;
+
+/// sum_i m_i d_i . sum_j m_j (x_j - x_i) / |x_j - x_i|^3, kg^2/m: the virial of the attraction that `members` feel of `others`,
+/// over G.
+///
+/// `members`: places d_i from `centre`, m, and masses, kg; `others`: places x_j and masses. Every pair, in an order that does not
+/// depend on the number of threads.
+pub fn attraction_between(members: &[(Vec3, f64)], centre: &Vec3, others: &[(Vec3, f64)]) -> f64 {
+    let of = |(d, mass): &(Vec3, f64)| {
+        let pull = |(x, m): &(Vec3, f64)| {
+            let to = x - centre - d;
+            to * (m / to.norm().powi(3).max(f64::MIN_POSITIVE))
+        };
+        mass * d.dot(&others.iter().map(pull).sum::<Vec3>())
+    };
+    let sums: Vec<f64> = members.par_iter().map(of).collect();
+    sums.iter().sum()
+}
 
 struct Node {
     /// First and one past the last of the sorted points.

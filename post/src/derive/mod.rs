@@ -3,8 +3,10 @@
 //! | module | observables |
 //! |---|---|
 //! | [`coordination`] | contacts per grain, rattlers |
-//! | [`enclosing`] | the smallest ball around the grains, solid fraction |
-//! | [`stress`] | stress of the whole and of each grain, pressure, virial |
+//! | [`region`], [`probe`] | the part of space over which solid fraction, stress and neighbours are means, and these |
+//! | [`hull`] | volume of the convex hull of balls |
+//! | [`enclosing`] | the smallest ball around the grains |
+//! | [`stress`] | stress of the whole and of each grain, pressure |
 //! | [`fabric`] | directions of contacts, mobilised friction, distributions |
 //! | [`energy`], [`gravity`] | kinetic and potential energies |
 //! | [`motion`] | centre of mass, momenta, spin, semi-axes |
@@ -13,6 +15,7 @@
 //! | [`profile`] | means over spherical shells |
 //! | [`surface`] | heights and slopes by direction |
 //! | [`free_surface`] | the same of a heap or bed, by verticals |
+//! | [`plane_fit`] | planes through heights, and their noise |
 //!
 //! Every function takes grains in any number. A mean over nothing is 0/0, so a value that is not
 //! defined comes out as NaN; the writers leave it blank.
@@ -25,15 +28,21 @@ pub mod fabric;
 pub mod fragments;
 pub mod free_surface;
 pub mod gravity;
+pub mod hull;
 pub mod motion;
 pub mod orbits;
+pub mod plane_fit;
+pub mod probe;
 pub mod profile;
+pub mod region;
 pub mod stress;
 pub mod surface;
 
 use crate::frame::{Cell, Frame, Vec3};
 use energy::Summation;
 use free_surface::FreeSurface;
+use probe::Probe;
+use region::Region;
 
 /// A value as it stands in `series.csv`.
 pub trait Field {
@@ -88,14 +97,16 @@ macro_rules! columns {
 columns! {
     step: u64, "1", "number of the step";
     time: f64, "s", "time";
-    n_contacts: u64, "1", "contacts that carry force";
-    Z: f64, "1", "mean number of neighbours that a grain touches with force";
-    Z_no_rattlers: f64, "1", "mean number of neighbours without rattlers";
-    rattler_fraction: f64, "1", "share of grains held by too few contacts";
-    nu: f64, "1", "solid fraction, of the smallest enclosing ball or of the cell of a scene that repeats";
+    n_contacts: u64, "1", "contacts that touch with force";
+    Z: f64, "1", "mean number of neighbours that a grain of the region touches with force";
+    Z_no_rattlers: f64, "1", "mean number of neighbours without rattlers, in the region";
+    rattler_fraction: f64, "1", "share of the region's grains held by too few contacts";
+    nu: f64, "1", "solid fraction of the region";
+    region: u64, "1", "number of the region of Z, nu, pressure and stress";
+    region_volume: f64, "m^3", "volume of the region";
     R_enclosing: f64, "m", "radius of the smallest enclosing ball";
-    pressure: f64, "Pa", "a third of the trace of the mean stress of the contacts, > 0 compression";
-    pressure_virial: f64, "Pa", "the pressure that balances the loads at rest";
+    pressure: f64, "Pa", "a third of the trace of the mean stress of the region, > 0 compression";
+    pressure_virial: f64, "Pa", "the pressure of the region that balances the loads at rest";
     a: f64, "m", "longest semi-axis of the uniform ellipsoid of equal inertia";
     b: f64, "m", "middle semi-axis";
     c: f64, "m", "shortest semi-axis";
@@ -112,7 +123,7 @@ columns! {
     largest_fraction: f64, "1", "share of the mass in the heaviest group";
     n_grains: u64, "1", "grains";
     mass: f64, "kg", "mass of the grains";
-    pressure_kinetic: f64, "Pa", "pressure of the motion about the centre of mass";
+    pressure_kinetic: f64, "Pa", "pressure of the motion in the region about its mean";
     Ec_rigid_mean: f64, "J", "kinetic energy of the rigid motion of the whole per grain";
     E_uniform: f64, "J", "potential energy in the uniform gravity, 0 at the origin";
     E_fields: f64, "J", "potential energy in other fields from outside";
@@ -123,29 +134,29 @@ columns! {
     P_y: f64, "kg m/s", "linear momentum along y";
     P_z: f64, "kg m/s", "linear momentum along z";
     penetration: f64, "1", "largest penetration of the contacts over the mean radius";
-    Z_constraints: f64, "1", "mean number of constraints per grain: 3 for a face, 2 for an edge, 1 for a point";
-    share_face: f64, "1", "share of the touching pairs that touch in a face";
-    share_edge: f64, "1", "share of the touching pairs that touch in an edge";
-    share_point: f64, "1", "share of the touching pairs that touch in a point";
-    sigma_xx: f64, "Pa", "stress of the contacts xx, mean, symmetric part, > 0 compression";
-    sigma_yy: f64, "Pa", "stress of the contacts yy, mean, symmetric part, > 0 compression";
-    sigma_zz: f64, "Pa", "stress of the contacts zz, mean, symmetric part, > 0 compression";
-    sigma_xy: f64, "Pa", "stress of the contacts xy, mean, symmetric part, > 0 compression";
-    sigma_xz: f64, "Pa", "stress of the contacts xz, mean, symmetric part, > 0 compression";
-    sigma_yz: f64, "Pa", "stress of the contacts yz, mean, symmetric part, > 0 compression";
-    kinetic_xx: f64, "Pa", "stress of the motion xx, about the centre of mass";
-    kinetic_yy: f64, "Pa", "stress of the motion yy, about the centre of mass";
-    kinetic_zz: f64, "Pa", "stress of the motion zz, about the centre of mass";
-    kinetic_xy: f64, "Pa", "stress of the motion xy, about the centre of mass";
-    kinetic_xz: f64, "Pa", "stress of the motion xz, about the centre of mass";
-    kinetic_yz: f64, "Pa", "stress of the motion yz, about the centre of mass";
+    Z_constraints: f64, "1", "mean number of constraints per grain of the region: 3 for a face, 2 for an edge, 1 for a point";
+    share_face: f64, "1", "share of the region's touching pairs that touch in a face";
+    share_edge: f64, "1", "share of the region's touching pairs that touch in an edge";
+    share_point: f64, "1", "share of the region's touching pairs that touch in a point";
+    sigma_xx: f64, "Pa", "mean stress xx of the region, symmetric part, > 0 compression";
+    sigma_yy: f64, "Pa", "mean stress yy of the region, symmetric part, > 0 compression";
+    sigma_zz: f64, "Pa", "mean stress zz of the region, symmetric part, > 0 compression";
+    sigma_xy: f64, "Pa", "mean stress xy of the region, symmetric part, > 0 compression";
+    sigma_xz: f64, "Pa", "mean stress xz of the region, symmetric part, > 0 compression";
+    sigma_yz: f64, "Pa", "mean stress yz of the region, symmetric part, > 0 compression";
+    kinetic_xx: f64, "Pa", "stress of the motion xx in the region, about its mean";
+    kinetic_yy: f64, "Pa", "stress of the motion yy in the region, about its mean";
+    kinetic_zz: f64, "Pa", "stress of the motion zz in the region, about its mean";
+    kinetic_xy: f64, "Pa", "stress of the motion xy in the region, about its mean";
+    kinetic_xz: f64, "Pa", "stress of the motion xz in the region, about its mean";
+    kinetic_yz: f64, "Pa", "stress of the motion yz in the region, about its mean";
     sqrt_J2: f64, "Pa", "root of the second invariant of the stress deviator";
     drucker_prager: f64, "1", "sqrt_J2 over the trace of the stress";
     friction_angle: f64, "rad", "angle of friction that the mean stress asks for";
     tensile_fraction: f64, "1", "share of the grains' volume in grains under tension";
     anisotropy: f64, "1", "anisotropy of the directions of the contacts";
-    mobilised: f64, "1", "mean share of the friction that contacts give";
-    sliding_fraction: f64, "1", "share of the contacts with friction that slide";
+    mobilised: f64, "1", "mean share of the friction that touching contacts give";
+    sliding_fraction: f64, "1", "share of the touching contacts with friction that slide";
     largest_mass: f64, "kg", "mass of the heaviest group";
     largest_a: f64, "m", "longest semi-axis of the heaviest group";
     largest_b: f64, "m", "middle semi-axis of the heaviest group";
@@ -164,31 +175,58 @@ columns! {
     bed_pressure: f64, "Pa", "a third of the trace of the bed's mean stress, walls included";
     bed_stress_ratio: f64, "1", "horizontal over vertical stress of the bed";
     n_bonds: u64, "1", "contacts that a bond or a liquid bridge holds";
-    surface_slope: f64, "rad", "median slope of the free surface of a heap or bed";
+    surface_slope: f64, "rad", "slope of the free surface of a heap or bed";
     interval: f64, "s", "time since the snapshot before";
-    Z_interval: f64, "1", "mean number of neighbours that a grain has touched with force in that time";
-    pressure_interval: f64, "Pa", "mean pressure of the contacts in that time";
+    Z_interval: f64, "1", "mean number of neighbours that a grain of the region has touched with force in that time";
+    pressure_interval: f64, "Pa", "mean pressure of the region in that time";
     bed_pressure_interval: f64, "Pa", "mean pressure of the bed in that time";
+    surface_slope_error: f64, "rad", "standard error of that slope, which single grains leave";
+    nu_sphere: f64, "1", "solid fraction of the smallest enclosing ball of all grains";
+    pressure_sphere: f64, "Pa", "pressure of the contacts between grains in the smallest enclosing ball of all grains";
+    Z_all: f64, "1", "mean number of neighbours that a grain touches with force, of all grains";
+    n_pulling: u64, "1", "pairs of bodies that only pull at a distance";
+}
+
+/// What a user may choose of the observables.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Choices {
+    pub summation: Summation,
+    /// Region of means; None for that which fits the scene.
+    pub region: Option<Probe>,
+    /// Mean radii over which planes are fitted to surfaces.
+    pub slope_reach: f64,
+}
+
+impl Default for Choices {
+    fn default() -> Choices {
+        Choices { summation: Summation::default(), region: None, slope_reach: plane_fit::REACH }
+    }
+}
+
+impl Choices {
+    /// The region of a frame with these groups of touching grains.
+    pub fn region(&self, frame: &Frame, fragments: &[fragments::Fragment]) -> Region {
+        match &self.region {
+            Some(probe) => Region::of_probe(frame, fragments, probe),
+            None => Region::of(frame, fragments),
+        }
+    }
 }
 
 impl Row {
     /// Measures everything on a frame.
     pub fn of(frame: &Frame) -> Row {
-        Row::with(frame, Summation::Fast)
+        Row::with(frame, &Choices::default())
     }
 
-    /// Measures everything on a frame, its potential energies as wished.
-    pub fn with(frame: &Frame, summation: Summation) -> Row {
-        let grains = &frame.grains;
+    /// Measures everything on a frame.
+    pub fn with(frame: &Frame, choices: &Choices) -> Row {
+        let (grains, summation) = (&frame.grains, choices.summation);
         let count = grains.len() as f64;
-        let coordination = coordination::coordination(frame);
         let cell = frame.cell();
-        let (volume, radius) = if cell.repeats() {
-            (enclosing::cell_volume(grains, &cell), f64::NAN)
-        } else {
-            let ball = enclosing::enclosing_ball(grains);
-            (ball.volume(), ball.radius)
-        };
+        let everyone: Vec<usize> = (0..grains.len()).collect();
+        // A scene that repeats has no ball around it.
+        let ball = enclosing::enclosing_ball(if cell.repeats() { &[] } else { grains });
         let gravity = energy::self_gravity_constant(frame);
         let whole = motion::Whole::of(grains);
         let [a, b, c] = whole.semi_axes();
@@ -197,14 +235,16 @@ impl Row {
         let (e_translation, e_rotation) = energy::kinetic_sums(grains);
         let fragments = fragments::fragments(frame);
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / count;
-        let stress = stress::mean_stress(frame, volume);
-        let kinetic_stress = stress::kinetic_stress(grains, whole.velocity(), volume);
+        let region = choices.region(frame, &fragments);
+        let coordination = coordination::coordination(frame, &region.members);
+        let stress = region.stress(frame);
+        let kinetic_stress = region.kinetic_stress(frame);
         let [sigma, motion_stress] = [stress, kinetic_stress].map(|s| 0.5 * (s + s.transpose()));
         let invariants = stress::Invariants::of(&stress);
         let (mobilised, sliding_fraction) = fabric::mobilised(frame);
         let largest = Largest::of(&fragments, gravity, whole.mass);
         let bed = bed::Bed::of(frame, &fragments);
-        let free = FreeSurface::of(frame, &fragments).map_or(vec![], |surface| surface.slopes_below(&[0.5]));
+        let free = FreeSurface::of(frame, &fragments, choices.slope_reach);
         let of_bed = |value: &dyn Fn(&bed::Bed) -> f64| bed.as_ref().map_or(f64::NAN, value);
         let e_grav = gravity.map_or(0.0, |g| energy::gravitational(grains.iter().map(|k| (k.x, k.mass)), g, summation));
         let e_uniform = energy::uniform(grains, Vec3::from(frame.meta.parameters.uniform_gravity));
@@ -213,14 +253,20 @@ impl Row {
         let mut row = Row {
             step: frame.meta.step,
             time: frame.meta.time,
-            n_contacts: frame.active().count() as u64,
+            n_contacts: coordination::touching(frame).count() as u64,
+            n_pulling: coordination::distant_pulls(frame) as u64,
+            region: region.kind.number(),
+            region_volume: region.volume,
             Z: coordination.z,
             Z_no_rattlers: coordination.z_no_rattlers,
             rattler_fraction: coordination.rattler_fraction,
-            nu: grains.iter().map(|g| g.volume()).sum::<f64>() / volume,
-            R_enclosing: radius,
+            Z_all: coordination::coordination(frame, &everyone).z,
+            nu: region.solid_fraction(frame),
+            nu_sphere: grains.iter().map(|g| g.volume()).sum::<f64>() / ball.volume(),
+            R_enclosing: ball.radius,
             pressure: stress::pressure(&stress),
-            pressure_virial: stress::virial_pressure(frame, volume, summation),
+            pressure_virial: region.virial_pressure(frame, summation),
+            pressure_sphere: stress::pressure(&stress::mean_stress(frame, ball.volume())),
             a,
             b,
             c,
@@ -237,7 +283,7 @@ impl Row {
             largest_fraction: largest.whole.mass / whole.mass,
             n_grains: grains.len() as u64,
             mass: whole.mass,
-            pressure_kinetic: stress::kinetic_pressure(grains, whole.velocity(), volume),
+            pressure_kinetic: stress::pressure(&kinetic_stress),
             Ec_rigid_mean: whole.rigid_energy() / count,
             E_uniform: e_uniform,
             E_fields: e_fields,
@@ -289,10 +335,11 @@ impl Row {
             bed_pressure: of_bed(&|bed| stress::pressure(&bed.stress())),
             bed_stress_ratio: of_bed(&|bed| bed.stress_ratio()),
             n_bonds: frame.contacts.iter().filter(|contact| contact.bonded).count() as u64,
-            surface_slope: free.first().copied().unwrap_or(f64::NAN),
+            surface_slope: free.as_ref().map_or(f64::NAN, |surface| surface.slope),
+            surface_slope_error: free.as_ref().map_or(f64::NAN, |surface| surface.slope_error),
             interval: frame.interval.length,
-            Z_interval: coordination::interval_coordination(frame),
-            pressure_interval: stress::interval_pressure(frame, volume),
+            Z_interval: coordination::interval_coordination(frame, &region.members),
+            pressure_interval: region.interval_pressure(frame),
             bed_pressure_interval: of_bed(&bed::Bed::interval_pressure),
         };
         row.forget_arms(&cell);

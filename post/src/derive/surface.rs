@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::derive::energy::outside;
 use crate::derive::motion::Whole;
+use crate::derive::plane_fit::{NoiseDensity, Plane, PlaneFit, without_noise};
 use crate::frame::{Contact, Frame, Grain, Vec3};
 
 /// Directions about the centre of mass: the middles of cells of equal steps of latitude and longitude.
@@ -47,6 +48,13 @@ impl Grid {
         ]
     }
 
+    /// Solid angle of each cell.
+    fn solid_angles(&self) -> Vec<f64> {
+        let (up, across) =
+            (std::f64::consts::PI / self.latitudes as f64, std::f64::consts::TAU / self.longitudes as f64);
+        (0..self.len()).map(|k| across * 2.0 * self.angles(k).0.cos() * (0.5 * up).sin()).collect()
+    }
+
     /// The cell `north` rows and `east` columns on; beyond a pole the meridian goes on half around.
     fn neighbour(&self, k: usize, north: isize, east: isize) -> usize {
         let (mut row, mut column) = ((k / self.longitudes) as isize + north, (k % self.longitudes) as isize + east);
@@ -58,9 +66,6 @@ impl Grid {
         row as usize * self.longitudes + column.rem_euclid(self.longitudes as isize) as usize
     }
 }
-
-/// Heights are averaged over so many mean radii around: slopes are those of the aggregate, not of its grains.
-pub const SMOOTHING: f64 = 3.0;
 
 /// The surface in one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,29 +81,47 @@ pub struct Facet {
     pub gravity: Vec3,
     /// Of the surface in the cell, m^2.
     pub area: f64,
-    /// Angle between the outward normal and the direction against gravity, rad: 0 level, above pi/2
-    /// where loose material is shed. NaN without gravity and spin, where nothing is level.
+    /// Angle between the outward normal and the direction against gravity less what noise makes of it, rad: 0 level, above
+    /// pi/2 where loose material is shed. NaN without gravity and spin, where nothing is level.
     pub slope: f64,
+    /// Standard error of the gradient that single grains leave, as an angle, rad.
+    pub error: f64,
 }
 
 /// Heights, effective gravity and slopes of the grains `members` with the sums `whole`.
 ///
 /// Rays from the centre of mass to the last surface of a sphere give the heights (of a polyhedron the sphere of
-/// equal volume), averaged over three mean radii around with less weight farther away. Gravity is that of all
+/// equal volume); height and normal are those of the plane of least squares through the heights, over the arcs along the surface,
+/// within `reach` mean radii ([`PlaneFit`]), a quarter of the way round at most. Gravity is that of all
 /// grains of the frame, each a solid ball, and of the primaries, and what `in_own_axes` adds; `constant`: G. The spin is that of
 /// `whole`, in fixed axes.
-pub fn surface(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, grid: Grid) -> Vec<Facet> {
+pub fn surface(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, grid: Grid, reach: f64) -> Vec<Facet> {
     let grains: Vec<&Grain> = members.iter().map(|&i| &frame.grains[i]).collect();
     let raw = heights(&grains, whole.x, grid);
     let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
-    let smooth = smoothed(&raw, SMOOTHING * mean_radius, grid);
+    let (heights, fits, density) = fitted(&raw, reach * mean_radius, 2.0 * mean_radius, grid);
     let fields = outside(frame);
     let added = in_own_axes(frame, members, whole, constant, &fields);
     let gravity = |x: Vec3| {
         let grains = frame.grains.iter().map(|g| attraction(g, x)).sum::<Vec3>() * constant;
         grains + primaries(&fields, x) + added
     };
-    facets(&smooth, whole.x, whole.spin(), gravity, grid)
+    let gradient = |k: usize| fits[k].map_or([f64::NAN; 2], |plane| plane.gradient);
+    let mut facets = facets_of(&heights, gradient, whole.x, whole.spin(), gravity, grid);
+    for (facet, fit) in facets.iter_mut().zip(&fits) {
+        // Of a rise by the arc, over the distance from the centre.
+        let noise = fit.map_or(f64::NAN, |plane| (density * plane.variance).sqrt() / plane.height);
+        facet.error = noise.atan();
+        facet.slope = without_noise(facet.slope, noise);
+    }
+    facets
+}
+
+/// Root mean square of the errors of a surface, as an angle, rad, by area; NaN without.
+pub fn noise(facets: &[Facet]) -> f64 {
+    let known = || facets.iter().filter(|facet| facet.error.is_finite() && facet.area.is_finite());
+    let sum: f64 = known().map(|facet| facet.area * facet.error.tan().powi(2)).sum();
+    (sum / known().map(|facet| facet.area).sum::<f64>()).sqrt().atan()
 }
 
 /// What is felt everywhere in axes that move with the centre of mass of the grains `members`, m/s^2.
@@ -145,26 +168,51 @@ pub fn heights(grains: &[&Grain], centre: Vec3, grid: Grid) -> Vec<f64> {
     (0..grid.len()).into_par_iter().map(height).collect()
 }
 
-/// The mean over the directions within an arc of `length` (m) on the surface, by their solid angles and by
-/// (1 - (arc / length)^2)^2, so that it has a slope everywhere.
-fn smoothed(raw: &[f64], length: f64, grid: Grid) -> Vec<f64> {
-    let known: Vec<(Vec3, f64, f64)> = (0..grid.len())
-        .filter(|&k| raw[k].is_finite())
-        .map(|k| (grid.axes(k)[0], grid.angles(k).0.cos(), raw[k]))
-        .collect();
-    let mean = known.iter().map(|(_, _, h)| h).sum::<f64>() / known.len() as f64;
+/// Planes through the raw heights over the arcs to the east and north (rad), within `length` (m) on the surface: their heights,
+/// the planes, and the density of the noise that grains are on it, by patches of the radius `diameter` (m).
+fn fitted(raw: &[f64], length: f64, diameter: f64, grid: Grid) -> (Vec<f64>, Vec<Option<Plane>>, f64) {
+    let solid = grid.solid_angles();
+    let known: Vec<(usize, Vec3)> =
+        (0..grid.len()).filter(|&k| raw[k].is_finite()).map(|k| (k, grid.axes(k)[0])).collect();
+    let mean = known.iter().map(|(k, _)| raw[*k]).sum::<f64>() / known.len() as f64;
     // One reach for all: with one for each direction its own change would be a slope.
-    let reach = (length / mean).min(std::f64::consts::PI);
-    let of = |k: usize| {
-        let [out, ..] = grid.axes(k);
-        let near = known.iter().filter_map(|(other, solid, height)| {
-            let share = out.dot(other).clamp(-1.0, 1.0).acos() / reach;
-            (share < 1.0).then(|| (solid * (1.0 - share * share).powi(2), height))
-        });
-        let (weight, sum) = near.fold((0.0, 0.0), |(weight, sum), (w, h)| (weight + w, sum + w * h));
-        sum / weight
+    let reach = (length / mean).min(std::f64::consts::FRAC_PI_2);
+    let arcs = |k: usize, most: f64| {
+        let [out, east, north] = grid.axes(k);
+        let least = most.cos();
+        known.iter().filter_map(move |(j, other)| {
+            let cos = out.dot(other);
+            let across = [other.dot(&east), other.dot(&north)];
+            let sin = across[0].hypot(across[1]);
+            let stretch = if sin > 0.0 { sin.atan2(cos) / sin } else { 1.0 };
+            (cos >= least).then(|| (*j, across.map(|x| x * stretch)))
+        })
     };
-    (0..grid.len()).into_par_iter().map(of).collect()
+    let plane = |k: usize| {
+        let mut fit = PlaneFit::new(reach);
+        arcs(k, reach).for_each(|(j, at)| fit.add(at, raw[j], solid[j]));
+        fit.plane()
+    };
+    let fits: Vec<Option<Plane>> = (0..grid.len()).into_par_iter().map(plane).collect();
+    let heights: Vec<f64> = fits.iter().map(|fit| fit.map_or(f64::NAN, |plane| plane.height)).collect();
+    let patch = (diameter / mean).min(reach);
+    let near = |k: usize| {
+        let (mut products, mut parts) = (0.0, 0.0);
+        for (j, _) in arcs(k, patch).filter(|(j, _)| heights[*j].is_finite()) {
+            products += (raw[k] - heights[k]) * (raw[j] - heights[j]) * solid[j];
+            parts += solid[j];
+        }
+        (products, parts)
+    };
+    let fitted = |(k, _): &&(usize, Vec3)| fits[*k].is_some();
+    let patches: Vec<_> = known.par_iter().filter(fitted).map(|(k, _)| (*k, near(*k))).collect();
+    let mut density = NoiseDensity::default();
+    for (k, (products, parts)) in patches {
+        if let Some(plane) = &fits[k] {
+            density.add(solid[k], raw[k] - heights[k], products, parts, plane);
+        }
+    }
+    (heights, fits, density.value())
 }
 
 /// Acceleration by a solid ball over G, kg/m^2: m r / r^3, within it m r / R^3.
@@ -187,19 +235,42 @@ pub fn facets(
     grid: Grid,
 ) -> Vec<Facet> {
     let (up, across) = (std::f64::consts::PI / grid.latitudes as f64, std::f64::consts::TAU / grid.longitudes as f64);
+    let gradient = |k: usize| {
+        let at = |n: isize, e: isize| heights[grid.neighbour(k, n, e)];
+        [(at(0, 1) - at(0, -1)) / (2.0 * across * grid.angles(k).0.cos()), (at(1, 0) - at(-1, 0)) / (2.0 * up)]
+    };
+    facets_of(heights, gradient, centre, spin, gravity, grid)
+}
+
+/// The same with `gradient`, how the heights rise by the arc to the east and to the north, m/rad.
+fn facets_of(
+    heights: &[f64],
+    gradient: impl Fn(usize) -> [f64; 2] + Sync,
+    centre: Vec3,
+    spin: Vec3,
+    gravity: impl Fn(Vec3) -> Vec3 + Sync,
+    grid: Grid,
+) -> Vec<Facet> {
+    let solid = grid.solid_angles();
     let facet = |k: usize| {
         let (latitude, longitude) = grid.angles(k);
         let [out, east, north] = grid.axes(k);
         let height = heights[k];
-        let at = |n: isize, e: isize| heights[grid.neighbour(k, n, e)];
-        let to_north = (at(1, 0) - at(-1, 0)) / (2.0 * up);
-        let to_east = (at(0, 1) - at(0, -1)) / (2.0 * across * latitude.cos());
+        let [to_east, to_north] = gradient(k);
         let normal = height * out - to_north * north - to_east * east;
         let x = centre + height * out;
-        let solid_angle = across * 2.0 * latitude.cos() * (0.5 * up).sin();
         let effective = gravity(x) - spin.cross(&spin.cross(&(x - centre)));
         let slope = (-effective.dot(&normal) / (effective.norm() * normal.norm())).clamp(-1.0, 1.0).acos();
-        Facet { latitude, longitude, x, height, gravity: effective, area: solid_angle * height * normal.norm(), slope }
+        Facet {
+            latitude,
+            longitude,
+            x,
+            height,
+            gravity: effective,
+            area: solid[k] * height * normal.norm(),
+            slope,
+            error: 0.0,
+        }
     };
     (0..grid.len()).into_par_iter().map(facet).collect()
 }
@@ -312,7 +383,7 @@ mod tests {
         scene.snapshot.meta.parameters.fields = vec![Field::RotatingFrame { rate, centre: [5.0, 0.0, 0.0] }];
         let frame = scene.frame();
         let largest = &fragments(&frame)[0];
-        for facet in surface(&frame, &largest.grains, &largest.whole, constant, Grid::STANDARD) {
+        for facet in surface(&frame, &largest.grains, &largest.whole, constant, Grid::STANDARD, 3.0) {
             let (sin, cos) = facet.latitude.abs().sin_cos();
             let expected = (0.5 * sin * cos).atan2(1.0 - 0.5 * cos * cos);
             assert!((facet.slope - expected).abs() < 1e-7, "{facet:?} {expected}"); // the cosine of 1e-7 is 1 to rounding
@@ -323,7 +394,7 @@ mod tests {
     fn of(scene: &Scene, constant: f64) -> Vec<Facet> {
         let frame = scene.frame();
         let largest = &fragments(&frame)[0];
-        surface(&frame, &largest.grains, &largest.whole, constant, Grid::STANDARD)
+        surface(&frame, &largest.grains, &largest.whole, constant, Grid::STANDARD, 3.0)
     }
 
     #[test]
@@ -402,7 +473,7 @@ mod tests {
         let frame = scene.frame();
         let members: Vec<usize> = (0..frame.grains.len()).collect();
         let whole = Whole::of(&frame.grains);
-        let found = surface(&frame, &members, &whole, 1.0, Grid::STANDARD);
+        let found = surface(&frame, &members, &whole, 1.0, Grid::STANDARD, 4.0);
         let mean = |of: &dyn Fn(&Facet) -> f64| found.iter().map(of).sum::<f64>() / found.len() as f64;
         // Rays slip between the outermost spheres, so that the height is up to a unit below the lattice's 12.
         let height = mean(&|f| f.height);
@@ -422,7 +493,7 @@ mod tests {
         let level = weighted(&|k| raw[k]);
         let variance = weighted(&|k| (raw[k] - level).powi(2));
         let pi = std::f64::consts::PI;
-        let length: f64 = SMOOTHING * 0.5;
+        let length: f64 = 4.0 * 0.5;
         let expected = (12.0 * variance / (pi * length.powi(4))).sqrt() * pi.sqrt() / 2.0;
         let slope = weighted(&|k| found[k].slope.tan()).atan();
         assert!(slope < expected.atan(), "{slope} {expected}");

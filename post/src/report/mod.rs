@@ -10,6 +10,7 @@ use cd_formats::atomic;
 use cd_formats::error::Faults;
 
 use crate::derive::Row;
+use crate::derive::region::Kind;
 use crate::frame::Frame;
 use crate::study::TIMED;
 use crate::write::plots::PLOTS;
@@ -37,9 +38,12 @@ const STATE_FIGURES: [(&str, &str); 11] = [
     ("mobilisation.svg", "Tangential force of a contact over the largest that friction allows; 1 is sliding."),
     (
         "surface_height.svg",
-        "Surface of the largest remnant, polyhedra as spheres of equal volume, averaged over three grain radii around.",
+        "Surface of the largest remnant, polyhedra as spheres of equal volume, by planes through the heights within ten grain radii.",
     ),
-    ("surface_slope.svg", "Angle between the surface and the level of gravity and rotation."),
+    (
+        "surface_slope.svg",
+        "Angle between the surface and the level of gravity and rotation, by planes through the heights within ten grain radii; the title has the standard error that single grains leave, whose share in the square is taken away.",
+    ),
     ("ejecta.svg", "Speed of the grains that are not part of the largest remnant."),
 ];
 
@@ -51,15 +55,15 @@ const CAPTIONS: [(&str, &str); 6] = [
     ),
     (
         "coordination.svg",
-        "Mean number of neighbours that a grain touches with force, of all grains and without those that are not held.",
+        "Mean number of neighbours that a grain touches with force, of all grains of the region in the title and without those that are not held.",
     ),
     (
         "solid_fraction.svg",
-        "Volume of the grains over that of the smallest ball around them, or of the cell of a scene that repeats; of a bed, over that of the room up to its mean level.",
+        "Volume of the grains over that of the region in the title; of a bed, also over that between its walls up to twice the height of its centre of mass.",
     ),
     (
         "pressure.svg",
-        "Mean pressure from the contact forces and that which the loads ask for at rest; both are equal there.",
+        "Mean pressure of the contact forces, those of walls too, in the region in the title, and that which balances the loads at rest; both are equal there.",
     ),
     ("semi_axes.svg", "Semi-axes of the uniform ellipsoid with the same moments of inertia."),
     ("dissipation.svg", "Work of the contacts since the start, by friction and by shocks; negative is dissipated."),
@@ -132,7 +136,8 @@ fn page(
     put("</div>\n");
     if !last.grains.is_empty() {
         put("<h2>In depth, at the end</h2>\n<div class=\"figures\">\n");
-        let files: BTreeMap<&str, Vec<u8>> = state::files(last, newcomers).into_iter().collect();
+        let files: BTreeMap<&str, Vec<u8>> =
+            state::files(last, newcomers, crate::derive::plane_fit::REACH).into_iter().collect();
         for (file, caption) in STATE_FIGURES {
             // Where nothing has left, there is nothing to draw.
             let table = files.get(file.replace(".svg", ".csv").as_str());
@@ -164,6 +169,7 @@ fn numbers(row: &Row) -> String {
     for ((name, unit, help), (value, exact)) in Row::COLUMNS.iter().zip(row.numbers().into_iter().zip(row.texts())) {
         // Counts are told to the last digit.
         let value = match value.is_finite() {
+            true if *name == "region" => format!("{exact}: {}", Kind::ALL[row.region as usize].name()),
             true if exact.parse::<u64>().is_ok() => exact,
             true => significant(value),
             false => "not defined".into(),

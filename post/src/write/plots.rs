@@ -1,6 +1,7 @@
 //! `POSTPRO/*.svg`: the main columns of the series against time.
 
 use crate::derive::Row;
+use crate::derive::region::Kind;
 use crate::write::figure::{Axis, Curve, Figure};
 
 /// One plot: columns of [`Row`] that share a unit.
@@ -10,6 +11,8 @@ pub struct Plot {
     pub title: &'static str,
     /// What the vertical axis shows.
     pub quantity: &'static str,
+    /// Whether the first curve is of the region of means, which the title then names.
+    pub of_region: bool,
     /// Logarithmic in powers of ten; values under 1e-14 of the largest, round-off, are left out.
     pub logarithmic: bool,
     /// Name of a column, and what the legend calls it.
@@ -21,6 +24,7 @@ pub const PLOTS: [Plot; 6] = [
         file: "energy.svg",
         title: "Kinetic energy per grain",
         quantity: "energy",
+        of_region: false,
         logarithmic: true,
         curves: &[("Ec_mean", "all"), ("Ec_rot_mean", "rotation"), ("Ec_rigid_mean", "rigid motion")],
     },
@@ -28,6 +32,7 @@ pub const PLOTS: [Plot; 6] = [
         file: "coordination.svg",
         title: "Neighbours per grain",
         quantity: "Z",
+        of_region: true,
         logarithmic: false,
         curves: &[("Z", "all grains"), ("Z_no_rattlers", "no rattlers")],
     },
@@ -35,20 +40,27 @@ pub const PLOTS: [Plot; 6] = [
         file: "solid_fraction.svg",
         title: "Solid fraction",
         quantity: "ν",
+        of_region: true,
         logarithmic: false,
-        curves: &[("nu", "ν"), ("bed_nu", "of the bed")],
+        curves: &[("nu", "ν"), ("bed_nu", "of the bed, to its mean height")],
     },
     Plot {
         file: "pressure.svg",
         title: "Mean pressure",
         quantity: "pressure",
+        of_region: true,
         logarithmic: false,
-        curves: &[("pressure", "contacts"), ("pressure_virial", "virial of the loads"), ("bed_pressure", "of the bed")],
+        curves: &[
+            ("pressure", "contacts"),
+            ("pressure_virial", "virial of the loads"),
+            ("bed_pressure", "of the bed, to its mean height"),
+        ],
     },
     Plot {
         file: "semi_axes.svg",
         title: "Semi-axes of the ellipsoid of equal inertia",
         quantity: "length",
+        of_region: false,
         logarithmic: false,
         curves: &[("a", "a"), ("b", "b"), ("c", "c")],
     },
@@ -56,6 +68,7 @@ pub const PLOTS: [Plot; 6] = [
         file: "dissipation.svg",
         title: "Work of the contacts",
         quantity: "energy",
+        of_region: false,
         logarithmic: false,
         curves: &[("E_contacts", "all"), ("E_shocks", "shocks"), ("E_friction", "friction")],
     },
@@ -73,6 +86,17 @@ pub fn points(rows: &[Row], name: &str) -> Vec<(f64, f64)> {
     rows.iter().map(|row| (row.time, row.numbers()[index])).collect()
 }
 
+/// The regions over which the means of a series are, in the order in which they occur.
+pub fn regions(rows: &[Row]) -> String {
+    let mut names: Vec<&str> = Vec::new();
+    for kind in rows.iter().filter_map(|row| Kind::ALL.get(row.region as usize)).filter(|kind| **kind != Kind::None) {
+        if !names.contains(&kind.name()) {
+            names.push(kind.name());
+        }
+    }
+    names.join("; ")
+}
+
 impl Plot {
     pub fn y(&self) -> Axis {
         let (_, unit) = column(self.curves[0].0);
@@ -84,7 +108,11 @@ impl Plot {
         let has = |curve: &Curve| curve.name == self.curves[0].1 || curve.points.iter().any(|(_, y)| y.is_finite());
         let curves = self.curves.iter().map(|(name, label)| Curve::line(label, points(rows, name)));
         let curves = curves.filter(has).collect();
-        Figure { title: self.title.into(), x: Axis::linear("time", "s"), y: self.y(), curves }
+        let title = match self.of_region.then(|| regions(rows)) {
+            Some(regions) if !regions.is_empty() => format!("{}, {regions}", self.title),
+            _ => self.title.into(),
+        };
+        Figure { title, x: Axis::linear("time", "s"), y: self.y(), curves }
     }
 }
 
@@ -102,6 +130,14 @@ mod tests {
         let rows = |z: &dyn Fn(usize) -> f64| rows(&[0.0, 10.0, 20.0, 30.0, 40.0], z);
         let text = PLOTS[1].figure(&rows(&|k| if k == 2 { f64::NAN } else { k as f64 })).svg();
         assert!(text.contains("time (s)") && text.contains("no rattlers"));
+        // The title names where the means are.
+        let row = |kind: Kind| Row { region: kind.number(), ..Row::default() };
+        let rows_of = [row(Kind::None), row(Kind::AllGrains), row(Kind::LargestGroup), row(Kind::AllGrains)];
+        assert_eq!(regions(&rows_of), "hull of all grains; hull of the largest group");
+        assert!(
+            PLOTS[2].figure(&rows_of).svg().contains("Solid fraction, hull of all grains; hull of the largest group")
+        );
+        assert!(!PLOTS[0].figure(&rows_of).svg().contains("hull"));
         let lines = text.matches("stroke-width=\"4\"").count();
         assert_eq!(lines, 2, "{text}"); // of Z, before and after the gap
         let energy = PLOTS[0].figure(&rows(&|k| [1e-3, 10.0, 1.0, 1.0, 1.0][k])).svg();

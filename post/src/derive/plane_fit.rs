@@ -1,0 +1,169 @@
+//! Planes of least squares through the heights of a surface, and what its grains leave of their slopes.
+
+use crate::frame::{Mat3, Vec3};
+
+/// Heights are fitted by planes over so many mean radii around where nothing else is chosen: the standard error that single grains
+/// leave is 1.8 degrees, at 6 radii 5 and at 12 radii 1.3, of beds and aggregates alike.
+pub const REACH: f64 = 10.0;
+
+/// Sums of weighted heights about a point.
+///
+/// The weight of a height at the distance d is (1 - (d / reach)^2)^2 times the part of the surface for which it stands.
+#[derive(Debug, Clone, Default)]
+pub struct PlaneFit {
+    /// m
+    reach: f64,
+    matrix: Mat3,
+    sums: Vec3,
+    /// sum w^2 x (x) x over the parts, of which noise makes the variance.
+    noise: Mat3,
+    /// sum w, and sum w^2 over the parts.
+    pub weight: f64,
+    square: f64,
+}
+
+/// A plane through the heights about a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// Over the point, m.
+    pub height: f64,
+    /// How it rises along both axes.
+    pub gradient: [f64; 2],
+    /// Variance of the gradient's two components together, over the density of the noise.
+    pub variance: f64,
+    /// What the fit takes from the sum of products of residuals within a patch, over the density of the noise and the patch.
+    taken: f64,
+    /// Part of the surface that the weights cover evenly.
+    pub effective: f64,
+}
+
+impl Plane {
+    /// The plane through `count` heights of equal weight.
+    pub fn through_all(height: f64, gradient: [f64; 2], variance: f64, count: f64) -> Plane {
+        Plane { height, gradient, variance, taken: 1.0 / count, effective: count }
+    }
+}
+
+impl PlaneFit {
+    /// `reach`: distance up to which heights count, in the unit of the coordinates.
+    pub fn new(reach: f64) -> PlaneFit {
+        PlaneFit { reach, ..PlaneFit::default() }
+    }
+
+    /// The weight of a height at (x, y) from the point.
+    pub fn weight_at(&self, [x, y]: [f64; 2]) -> f64 {
+        (1.0 - (x * x + y * y) / (self.reach * self.reach)).max(0.0).powi(2)
+    }
+
+    /// Adds a height at (x, y) from the point, which stands for `part` of the surface.
+    pub fn add(&mut self, at: [f64; 2], height: f64, part: f64) {
+        let weight = self.weight_at(at) * part;
+        let row = Vec3::new(1.0, at[0] / self.reach, at[1] / self.reach);
+        self.matrix += weight * row * row.transpose();
+        self.sums += weight * height * row;
+        self.noise += weight * weight / part * row * row.transpose();
+        self.weight += weight;
+        self.square += weight * weight / part;
+    }
+
+    /// The plane; None where the heights lie on a line.
+    pub fn plane(&self) -> Option<Plane> {
+        // Coordinates are of order 1: what is thinner than a thousandth of the reach is a line.
+        let inverse = (self.matrix / self.weight).try_inverse().filter(|inverse| inverse.amax() < 1e6)? / self.weight;
+        let fit = inverse * self.sums;
+        let spread = inverse * self.noise * inverse;
+        Some(Plane {
+            height: fit.x,
+            gradient: [fit.y / self.reach, fit.z / self.reach],
+            variance: (spread[(1, 1)] + spread[(2, 2)]) / (self.reach * self.reach),
+            taken: 2.0 * inverse[(0, 0)] - spread[(0, 0)],
+            effective: self.weight * self.weight / self.square,
+        })
+    }
+}
+
+/// Density of the noise that single grains are on a surface: the sum over a patch of the covariance of heights, m^2 times a part
+/// of the surface.
+///
+/// Averages of white noise of this density have the variances of those of the surface where they reach over many grains.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NoiseDensity {
+    sum: f64,
+    own: f64,
+    taken: f64,
+    count: f64,
+}
+
+impl NoiseDensity {
+    /// Adds a height that stands for `part` of the surface: `residual` from the fit `plane`, and `products`, the sum of it times
+    /// those within a diameter times their parts; `patch`, the sum of the latter.
+    pub fn add(&mut self, part: f64, residual: f64, products: f64, patch: f64, plane: &Plane) {
+        self.sum += products;
+        self.own += part * residual * residual;
+        self.taken += patch * plane.taken;
+        self.count += 1.0;
+    }
+
+    /// The mean, with what the fits have taken given back, at least that of independent heights; 0 without heights.
+    pub fn value(&self) -> f64 {
+        if self.count == 0.0 {
+            return 0.0;
+        }
+        // Patches nearly as large as the reach leave next to nothing.
+        let left = (1.0 - self.taken / self.count).max(0.2);
+        (self.sum / self.count / left).max(self.own / self.count)
+    }
+}
+
+/// The angle whose tangent squared is that of a slope (rad) less the square of a noise of its gradient: the length of a gradient
+/// is never negative, and its mean square too large by that variance. Overhanging slopes stay as they are.
+pub fn without_noise(slope: f64, noise: f64) -> f64 {
+    if slope.cos() <= 0.0 {
+        return slope;
+    }
+    let square = slope.tan().powi(2) - noise * noise;
+    if square < 0.0 { 0.0 } else { square.sqrt().atan() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_is_found_whatever_its_samples() {
+        let mut fit = PlaneFit::new(3.0);
+        assert!(fit.plane().is_none());
+        for (x, y) in (-3..=3).flat_map(|i| (-2..=3).map(move |j| (f64::from(i) * 0.7, f64::from(j) * 0.9))) {
+            fit.add([x, y], 5.0 + 0.25 * x - 0.5 * y, 1.0);
+        }
+        let plane = fit.plane().unwrap();
+        assert!((plane.height - 5.0).abs() < 1e-13 && (plane.gradient[0] - 0.25).abs() < 1e-13);
+        assert!((plane.gradient[1] + 0.5).abs() < 1e-13);
+        let mut line = PlaneFit::new(3.0);
+        (0..9).for_each(|k| line.add([0.3 * f64::from(k) - 1.0, 0.0], 1.0, 1.0));
+        assert!(line.plane().is_none());
+    }
+
+    #[test]
+    fn white_noise_has_the_variance_that_is_stated() {
+        // Of weights w the gradient of white noise of variance 1 on a lattice of 1 has 2 int w^2 x^2 / (int w x^2)^2.
+        let mut fit = PlaneFit::new(20.0);
+        for (x, y) in (-20..=20).flat_map(|i| (-20..=20).map(move |j| (f64::from(i), f64::from(j)))) {
+            fit.add([x, y], 0.0, 1.0);
+        }
+        // int (1 - s)^n s^k: pi L^4 (1/12 - ...) by the beta function: w x^2 gives pi L^4 / 24, w^2 x^2 pi L^4 / 60.
+        let (pi, l) = (std::f64::consts::PI, 20f64.powi(4));
+        let expected = 2.0 * (pi * l / 60.0) / (pi * l / 24.0).powi(2);
+        let found = fit.plane().unwrap();
+        assert!((found.variance / expected - 1.0).abs() < 1e-2, "{} {expected}", found.variance);
+        assert!((found.effective / (5.0 / 9.0 * pi * 400.0) - 1.0).abs() < 1e-2, "{}", found.effective);
+    }
+
+    #[test]
+    fn noise_goes_from_the_square_of_a_slope() {
+        assert_eq!(without_noise(0.3f64.atan(), 0.5), 0.0);
+        assert!((without_noise(0.5f64.atan(), 0.3) - 0.4f64.atan()).abs() < 1e-15);
+        assert_eq!(without_noise(2.0, 0.3), 2.0);
+        assert!(without_noise(f64::NAN, 0.1).is_nan());
+    }
+}

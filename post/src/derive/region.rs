@@ -1,0 +1,863 @@
+//! The part of space over which solid fraction, stress and neighbours are means, and what it holds.
+//!
+//! | scene | region |
+//! |---|---|
+//! | grains that walls close in, without uniform gravity or up to a lid | between the walls |
+//! | grains under uniform gravity between side walls or periods | between the walls up to the bed's surface |
+//! | a scene that repeats without a bed | the cell, from the lowest to the highest point of the grains |
+//! | else | the convex hull of the largest group of touching grains |
+//!
+//! or a [`Probe`] that the user gives.
+
+use crate::derive::bed::{Bore, Face, borne, bounding_bore, bounding_faces, centre_of_mass, cut, extent};
+use crate::derive::energy::{Summation, gravitational, outside, self_gravity_constant};
+use crate::derive::fragments::Fragment;
+use crate::derive::free_surface::mean_plane;
+use crate::derive::gravity::attraction_between;
+use crate::derive::hull;
+use crate::derive::motion::Axes;
+use crate::derive::probe::{Probe, Shape};
+use crate::frame::{Exchange, Frame, Grain, Interval, Mat3, Side, Vec3};
+
+/// What a region is; the number is that of the column `region`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Kind {
+    None = 0,
+    LargestGroup = 1,
+    AllGrains = 2,
+    Walls = 3,
+    Bed = 4,
+    Cell = 5,
+    Ball = 6,
+    Box = 7,
+    Cylinder = 8,
+    Layer = 9,
+}
+
+impl Kind {
+    pub const ALL: [Kind; 10] = [
+        Kind::None,
+        Kind::LargestGroup,
+        Kind::AllGrains,
+        Kind::Walls,
+        Kind::Bed,
+        Kind::Cell,
+        Kind::Ball,
+        Kind::Box,
+        Kind::Cylinder,
+        Kind::Layer,
+    ];
+
+    /// Number of the column `region`.
+    pub fn number(self) -> u64 {
+        self as u64
+    }
+
+    /// Name in titles of plots and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::None => "no region",
+            Kind::LargestGroup => "hull of the largest group",
+            Kind::AllGrains => "hull of all grains",
+            Kind::Walls => "between the walls",
+            Kind::Bed => "between the walls, up to the surface",
+            Kind::Cell => "periodic cell",
+            Kind::Ball => "ball",
+            Kind::Box => "box",
+            Kind::Cylinder => "cylinder",
+            Kind::Layer => "layer",
+        }
+    }
+}
+
+/// A group of touching grains with less of the mass than this is a clump of a cloud and no remnant: then all grains count.
+const REMNANT: f64 = 0.1;
+
+/// Grains, walls and volume of a region of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    pub kind: Kind,
+    /// m^3
+    pub volume: f64,
+    /// Indices of the grains with their centre inside, rising.
+    pub members: Vec<usize>,
+    /// What a user gives instead, with its centre where it is in this frame.
+    probe: Option<Shape>,
+}
+
+impl Region {
+    /// The region that fits the scene; `fragments`: groups of touching grains.
+    ///
+    /// Walls bound it by the faces of plates and convex polyhedra that have the centres of nearly all grains before them, and by
+    /// hollow cylinders around these; which are the grains of groups that a wall touches with force if these have half of the
+    /// mass, else all. Under uniform gravity it ends at the mean plane of their surface, unless a lid is less than a mean diameter
+    /// above; without a plate below, at their lowest point. Where walls and periods leave a side open, or where nothing touches
+    /// them in a scene with self-gravity, it is the hull of the largest group (of those that a wall touches, if any), or of
+    /// all grains if that group has a single grain among others or less than a tenth of the mass.
+    pub fn of(frame: &Frame, fragments: &[Fragment]) -> Region {
+        if frame.grains.is_empty() {
+            return Region { kind: Kind::None, volume: f64::NAN, members: Vec::new(), probe: None };
+        }
+        let enclosed = Enclosure::of(frame, fragments).and_then(Enclosure::region);
+        enclosed.unwrap_or_else(|| aggregate(frame, fragments))
+    }
+
+    /// The region that a user gives; of a layer without walls or periods around it [`Kind::None`].
+    pub fn of_probe(frame: &Frame, fragments: &[Fragment], probe: &Probe) -> Region {
+        let placed = match probe.placed(frame, fragments) {
+            Some(Shape::Layer { from, to, .. }) => Enclosure::of(frame, fragments).and_then(|e| e.layer(from, to)),
+            shape => shape.map(|shape| (shape, shape.volume())),
+        };
+        let Some((shape, volume)) = placed else {
+            return Region { kind: Kind::None, volume: f64::NAN, members: Vec::new(), probe: None };
+        };
+        let inside = |x: &Vec3| images(frame, &shape).any(|shift| shape.holds(&(x + shift)));
+        let members = (0..frame.grains.len()).filter(|&i| inside(&frame.grains[i].x)).collect();
+        Region { kind: shape.kind(), volume, members, probe: Some(shape) }
+    }
+
+    fn is_member(&self, grain: usize) -> bool {
+        self.members.binary_search(&grain).is_ok()
+    }
+
+    fn grains<'a>(&'a self, frame: &'a Frame) -> impl Iterator<Item = &'a Grain> {
+        self.members.iter().map(|&i| &frame.grains[i])
+    }
+
+    /// Grains with the share of their volume that counts: that within a probe, else all of the members'.
+    fn shares(&self, frame: &Frame) -> Vec<(usize, f64)> {
+        let Some(probe) = &self.probe else { return self.members.iter().map(|&i| (i, 1.0)).collect() };
+        let share = |grain: &Grain| -> f64 {
+            images(frame, probe).map(|shift| probe.share_of_grain(&grain.moved_by(shift))).sum()
+        };
+        let all = frame.grains.iter().enumerate().map(|(i, grain)| (i, share(grain)));
+        all.filter(|(_, share)| *share > 0.0).collect()
+    }
+
+    /// Share of the volume that grains fill.
+    pub fn solid_fraction(&self, frame: &Frame) -> f64 {
+        self.shares(frame).into_iter().map(|(i, share)| share * frame.grains[i].volume()).sum::<f64>() / self.volume
+    }
+
+    /// Mean stress, Pa: (1/V) sum f (x) l over the contacts of its grains, walls too; > 0 in compression.
+    ///
+    /// f is the force on the candidate, l the branch from the antagonist's centre to the candidate's, at a wall to or from the point of
+    /// contact: over grains between plates at rest, the force on a plate over its area. Of a probe each contact counts by the
+    /// share of its branch inside. Source: Love (1892), Weber (1966); shares: Babic (1997), a box weight along the branch.
+    pub fn stress(&self, frame: &Frame) -> Mat3 {
+        let end = |side: Side, image: Vec3, point: Vec3| match side {
+            Side::Grain(i) => frame.grains[i].x_contact + image,
+            Side::Wall(_) => point,
+        };
+        let of = |contact: &crate::frame::Contact| -> Mat3 {
+            match &self.probe {
+                Some(probe) => {
+                    let to = end(contact.candidate, Vec3::zeros(), contact.point);
+                    let from = end(contact.antagonist, contact.image, contact.point);
+                    let inside = |shift: Vec3| probe.share_of_segment(&(from + shift), &(to + shift));
+                    let share: f64 = images(frame, probe).map(inside).sum();
+                    share * contact.force * (to - from).transpose()
+                }
+                None => {
+                    let own = contact.on_grains().filter(|(i, ..)| self.is_member(*i));
+                    own.map(|(i, force, image)| force * (frame.grains[i].x_contact + image - contact.point).transpose())
+                        .sum()
+                }
+            }
+        };
+        frame.active().map(of).sum::<Mat3>() / self.volume
+    }
+
+    /// A third of the trace of [`Region::stress`], Pa, mean over the steps since the snapshot before; NaN without one and of a
+    /// probe, as snapshots do not hold where in an interval forces acted.
+    pub fn interval_pressure(&self, frame: &Frame) -> f64 {
+        let Interval { length, exchanges } = &frame.interval;
+        if self.probe.is_some() || *length <= 0.0 {
+            return f64::NAN;
+        }
+        // Of a pair of which one grain is inside, half.
+        let of = |exchange: &Exchange| {
+            let grains = || exchange.sides.iter().filter_map(|side| side.grain());
+            let inside = grains().filter(|&i| self.is_member(i)).count();
+            exchange.virial * inside as f64 / grains().count() as f64
+        };
+        exchanges.iter().map(of).sum::<f64>() / length / (3.0 * self.volume)
+    }
+
+    /// Velocity of the centre of mass of what is inside, m/s.
+    fn velocity(&self, frame: &Frame, shares: &[(usize, f64)]) -> Vec3 {
+        let moment = |(i, share): &(usize, f64)| share * frame.grains[*i].mass * frame.grains[*i].v;
+        let mass = |(i, share): &(usize, f64)| share * frame.grains[*i].mass;
+        shares.iter().map(moment).sum::<Vec3>() / shares.iter().map(mass).sum::<f64>()
+    }
+
+    /// Stress of the motion about the mean, Pa: (1/V) sum m v' (x) v', v' = v - v_com of what is inside.
+    ///
+    /// It is no part of [`Region::stress`]; a third of its trace is the pressure of the motion.
+    pub fn kinetic_stress(&self, frame: &Frame) -> Mat3 {
+        let shares = self.shares(frame);
+        let mean = self.velocity(frame, &shares);
+        let of = |&(i, share): &(usize, f64)| {
+            let grain = &frame.grains[i];
+            share * grain.mass * (grain.v - mean) * (grain.v - mean).transpose()
+        };
+        shares.iter().map(of).sum::<Mat3>() / self.volume
+    }
+
+    /// The pressure that balances the loads at rest, Pa: -(1/3V) (sum (x_i - x_com).F_i + sum (p - x_com).f).
+    ///
+    /// F_i is every force on a grain but those of contacts: self-gravity, also of grains outside, uniform gravity, fields; f that of a
+    /// wall at the point p. Self-gravity is homogeneous of degree -2 in the distances, so its sum over pairs inside is their potential
+    /// energy W itself and its share |W| / 3V, whatever the arrangement. Uniform gravity pulls at the centre of mass, and so adds nothing.
+    /// In axes that turn, Coriolis' force counts, too. NaN in a scene that repeats, where the bodies' own images hold them
+    /// too, and of a probe, at whose border contacts are cut.
+    ///
+    /// At rest this equals the pressure of [`Region::stress`] exactly: the forces on each grain add up to zero. Turning
+    /// steadily, the pressure of the contacts is this less that of the motion. Forces imposed on single grains are not in a
+    /// snapshot and are not counted.
+    ///
+    /// Source: the virial theorem of Clausius (1870).
+    pub fn virial_pressure(&self, frame: &Frame, summation: Summation) -> f64 {
+        if frame.cell().repeats() || self.probe.is_some() {
+            return f64::NAN;
+        }
+        let mass: f64 = self.grains(frame).map(|g| g.mass).sum();
+        let com = self.grains(frame).map(|g| g.mass * g.x_contact).sum::<Vec3>() / mass;
+        let self_gravity = self_gravity_constant(frame).map_or(0.0, |constant| {
+            let own = gravitational(self.grains(frame).map(|g| (g.x_contact, g.mass)), constant, summation);
+            let others: Vec<(Vec3, f64)> = (0..frame.grains.len())
+                .filter(|&i| !self.is_member(i))
+                .map(|i| (frame.grains[i].x_contact, frame.grains[i].mass))
+                .collect();
+            let members: Vec<(Vec3, f64)> = self.grains(frame).map(|g| (g.x_contact - com, g.mass)).collect();
+            own + constant * attraction_between(&members, &com, &others)
+        });
+        let on_members = |contact: &crate::frame::Contact| -> f64 {
+            let own = contact.on_grains().filter(|(i, ..)| self.is_member(*i));
+            own.map(|(_, force, image)| (contact.point - image - com).dot(&force)).sum()
+        };
+        let walls: f64 = frame.active().filter(|contact| contact.pair().is_none()).map(on_members).sum();
+        let fields = outside(frame);
+        let rate = Axes::of(frame).rate();
+        let pull = |g: &Grain| -> Vec3 {
+            let at_rest: Vec3 = fields.iter().map(|field| field.at(&g.x_contact).0).sum();
+            at_rest - 2.0 * rate.cross(&g.v)
+        };
+        let fields: f64 = self.grains(frame).map(|g| g.mass * (g.x_contact - com).dot(&pull(g))).sum();
+        -(self_gravity + fields + walls) / (3.0 * self.volume)
+    }
+}
+
+/// Shifts by whole periods that may bring a point of the cell into a shape: none but zero without periods, and of a layer, which
+/// has all of the cell.
+fn images(frame: &Frame, shape: &Shape) -> impl Iterator<Item = Vec3> + use<> {
+    let periods = if shape.kind() == Kind::Layer { [None; 2] } else { frame.cell().0 };
+    let [along_x, along_y] = periods.map(|period| period.map_or(vec![0.0], |period| vec![0.0, -period, period]));
+    along_x.into_iter().flat_map(move |x| along_y.clone().into_iter().map(move |y| Vec3::new(x, y, 0.0)))
+}
+
+/// The hull of the largest group, or of all grains where that is no remnant.
+fn aggregate(frame: &Frame, fragments: &[Fragment]) -> Region {
+    let mut touched = vec![false; frame.grains.len()];
+    let walls = frame.active().filter(|contact| contact.pair().is_none());
+    walls.flat_map(|contact| contact.on_grains()).for_each(|(i, ..)| touched[i] = true);
+    let borne = fragments.iter().find(|fragment| fragment.grains.iter().any(|&i| touched[i]));
+    let largest = borne.or(fragments.first());
+    let remnant = |fragment: &&Fragment| {
+        let alone = fragment.grains.len() == 1 && frame.grains.len() > 1;
+        !alone && fragment.whole.mass >= REMNANT * frame.mass()
+    };
+    let (kind, members) = match largest.filter(remnant) {
+        Some(fragment) => (Kind::LargestGroup, fragment.grains.clone()),
+        None => (Kind::AllGrains, (0..frame.grains.len()).collect()),
+    };
+    let grains = || members.iter().map(|&i| &frame.grains[i]);
+    let balls = grains().flat_map(Grain::balls).chain(grains().flat_map(Grain::vertices).map(|v| (v, 0.0)));
+    Region { kind, volume: hull::volume(&balls.collect::<Vec<_>>()), members, probe: None }
+}
+
+/// Sides of the polygon that stands for a hollow cylinder, of the same area.
+const SIDES: usize = 360;
+
+/// Walls and periods around grains.
+struct Enclosure<'a> {
+    frame: &'a Frame,
+    faces: Vec<Face>,
+    bores: Vec<Bore>,
+    /// Space between them.
+    space: Polytope,
+    /// The grains by which they were chosen.
+    core: Vec<usize>,
+    /// Against uniform gravity, of a scene that repeats along z; None without.
+    up: Option<Vec3>,
+    mean_diameter: f64,
+}
+
+impl<'a> Enclosure<'a> {
+    /// None without walls and periods, and where nothing touches walls while grains hold together by their own gravity.
+    fn of(frame: &'a Frame, fragments: &[Fragment]) -> Option<Enclosure<'a>> {
+        let cell = frame.cell();
+        if frame.grains.is_empty() || frame.walls.is_empty() && !cell.repeats() {
+            return None;
+        }
+        let held = borne(frame, fragments);
+        if held.is_empty() && self_gravity_constant(frame).is_some() && !cell.repeats() {
+            return None;
+        }
+        let mass = |grains: &[usize]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
+        let half = |grains: &[usize]| 2.0 * mass(grains) >= frame.mass();
+        // Without walls that touch, what has not been thrown off.
+        let largest = fragments.first().map_or(&[][..], |first| &first.grains);
+        let core = [&held[..], if held.is_empty() { largest } else { &[] }].into_iter().find(|grains| half(grains));
+        let core = core.map_or_else(|| (0..frame.grains.len()).collect(), <[usize]>::to_vec);
+        let grains = || core.iter().map(|&i| &frame.grains[i]);
+        let faces: Vec<Face> = (0..frame.walls.len()).flat_map(|k| bounding_faces(frame, k, &core)).collect();
+        let bores: Vec<Bore> = (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &core)).collect();
+        let centre = centre_of_mass(grains());
+        // A space that grains nearly fill ends within a few times their extent.
+        let far = grains().map(|g| (g.x - centre).norm() + g.reach()).fold(0.0, f64::max);
+        let walls = faces.iter().map(|f| (f.place - f.normal.dot(&centre)).abs()).chain(bores.iter().map(|b| b.radius));
+        let open = 64.0 * walls.fold(far, f64::max);
+        let mut space = Polytope::cuboid(centre, open);
+        for (axis, period) in cell.0.iter().enumerate().filter_map(|(axis, period)| Some((axis, (*period)?))) {
+            space.close(&Vec3::ith(axis, 1.0), -0.5 * period);
+            space.close(&Vec3::ith(axis, -1.0), -0.5 * period);
+        }
+        for face in &faces {
+            space.close(&face.normal, face.place);
+        }
+        for bore in &bores {
+            let first = bore.axis.cross(&Vec3::ith(bore.axis.iamin(), 1.0)).normalize();
+            let second = bore.axis.cross(&first);
+            let turn = std::f64::consts::TAU / SIDES as f64;
+            let apothem = bore.radius * (0.5 * turn / (0.5 * turn).tan()).sqrt();
+            for k in 0..SIDES {
+                let (sin, cos) = (turn * k as f64).sin_cos();
+                let inward = -(first * cos + second * sin);
+                space.close(&inward, inward.dot(&bore.x) - apothem);
+            }
+        }
+        let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0);
+        let up = against.map(|against| if cell.repeats() { Vec3::z() } else { against });
+        let mean_diameter = 2.0 * grains().map(|g| g.radius).sum::<f64>() / core.len() as f64;
+        Some(Enclosure { frame, faces, bores, space, core, up, mean_diameter })
+    }
+
+    fn inside(&self, x: &Vec3) -> bool {
+        self.faces.iter().all(|face| face.before(x)) && self.bores.iter().all(|bore| bore.around(x))
+    }
+
+    /// Lowest and highest point of the grains along a direction, m.
+    fn extent(&self, axis: &Vec3) -> [f64; 2] {
+        let inside = self.core.iter().map(|&i| &self.frame.grains[i]).filter(|grain| self.inside(&grain.x));
+        let ends = inside.map(|grain| extent(grain, axis));
+        ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [l, h]| [low.min(l), high.max(h)])
+    }
+
+    fn region(self) -> Option<Region> {
+        match self.up {
+            Some(up) => self.under_gravity(&up),
+            None => self.weightless(),
+        }
+    }
+
+    fn weightless(mut self) -> Option<Region> {
+        let repeats = self.frame.cell().repeats();
+        let mut kind = Kind::Walls;
+        let mut limits = [f64::NEG_INFINITY, f64::INFINITY];
+        if repeats && !self.space.is_closed() {
+            (kind, limits) = (Kind::Cell, self.extent(&Vec3::z()));
+            let periods = self.frame.cell().0;
+            let open: Vec<usize> = (0..3).filter(|&axis| axis == 2 || periods[axis].is_none()).collect();
+            for axis in open {
+                let axis = Vec3::ith(axis, 1.0);
+                let [low, high] = self.extent(&axis);
+                self.space.close(&axis, low);
+                self.space.close(&-axis, -high);
+            }
+        }
+        let [low, high] = limits;
+        let within = |x: &Vec3| self.inside(x) && (low..=high).contains(&x.z);
+        let members = self.members(within);
+        self.space.is_closed().then(|| Region { kind, volume: self.space.volume(), members, probe: None })
+    }
+
+    fn under_gravity(mut self, up: &Vec3) -> Option<Region> {
+        let grains = self.core.iter().map(|&i| &self.frame.grains[i]).filter(|grain| self.inside(&grain.x));
+        let grains: Vec<&Grain> = grains.collect();
+        let (point, normal) = mean_plane(&grains, &self.frame.cell(), up)?;
+        let whole = self.space.is_closed().then(|| self.space.volume());
+        let section = self.space.close(&-normal, -normal.dot(&point));
+        if !self.space.is_closed() {
+            let [lowest, _] = self.extent(up);
+            self.space.close(up, lowest);
+        }
+        if !self.space.is_closed() {
+            return None;
+        }
+        let volume = self.space.volume();
+        if let Some(whole) = whole
+            && whole - volume <= section * self.mean_diameter
+        {
+            let members = self.members(|x| self.inside(x));
+            return Some(Region { kind: Kind::Walls, volume: whole, members, probe: None });
+        }
+        let below = |x: &Vec3| (x - point).dot(&normal) <= 0.0;
+        let core = |i: &usize| self.core.binary_search(i).is_ok();
+        let member = |i: &usize| {
+            let x = &self.frame.grains[*i].x;
+            self.inside(x) && (core(i) || below(x))
+        };
+        let members = (0..self.frame.grains.len()).filter(member).collect();
+        Some(Region { kind: Kind::Bed, volume, members, probe: None })
+    }
+
+    fn members(&self, inside: impl Fn(&Vec3) -> bool) -> Vec<usize> {
+        (0..self.frame.grains.len()).filter(|&i| inside(&self.frame.grains[i].x)).collect()
+    }
+
+    /// The layer between two heights (m) above the lowest point of the space, or of the grains where that is open, and its volume;
+    /// None where a side is open.
+    fn layer(mut self, from: f64, to: f64) -> Option<(Shape, f64)> {
+        let up = self.up.unwrap_or(Vec3::z());
+        let [lowest, _] = self.extent(&up);
+        let floor = self.space.lowest(&up).unwrap_or(lowest);
+        self.space.close(&up, floor + from);
+        self.space.close(&-up, -(floor + to));
+        let layer = Shape::Layer { up, from: floor + from, to: floor + to };
+        self.space.is_closed().then(|| (layer, self.space.volume()))
+    }
+}
+
+/// A convex polyhedron by its faces, within a cube that stands for what is open.
+struct Polytope {
+    faces: Vec<Vec<Vec3>>,
+    centre: Vec3,
+    /// Half a side of the cube, m.
+    open: f64,
+}
+
+impl Polytope {
+    fn cuboid(centre: Vec3, open: f64) -> Polytope {
+        let face = |axis: usize, sign: f64| {
+            let at = |u: f64, v: f64| {
+                let mut x = Vec3::zeros();
+                (x[axis], x[(axis + 1) % 3], x[(axis + 2) % 3]) = (sign, u, v);
+                centre + x * open
+            };
+            let mut face = vec![at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
+            if sign < 0.0 {
+                face.reverse();
+            }
+            face
+        };
+        let faces = (0..3).flat_map(|axis| [face(axis, 1.0), face(axis, -1.0)]).collect();
+        Polytope { faces, centre, open }
+    }
+
+    /// Cuts off what is not at normal.x >= place; returns the area of the cut, m^2.
+    fn close(&mut self, normal: &Vec3, place: f64) -> f64 {
+        let value = |p: &Vec3| p.dot(normal) - place;
+        let near = 1e-12 * self.open;
+        let mut rim: Vec<Vec3> = Vec::new();
+        let mut faces = Vec::with_capacity(self.faces.len() + 1);
+        for face in &self.faces {
+            let left = cut(face, value, |p, q, share| p + (q - p) * share);
+            if face.iter().any(|p| value(p) < 0.0) {
+                rim.extend(left.iter().filter(|p| value(p).abs() <= near));
+            }
+            if left.len() > 2 {
+                faces.push(left);
+            }
+        }
+        self.faces = faces;
+        if rim.len() < 3 {
+            return 0.0;
+        }
+        // Around the middle, seen from outside: against the normal.
+        let middle = rim.iter().sum::<Vec3>() / rim.len() as f64;
+        let first = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
+        let second = first.cross(normal);
+        let angle = |p: &Vec3| (p - middle).dot(&second).atan2((p - middle).dot(&first));
+        rim.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
+        let area = area_vector(&rim).norm();
+        self.faces.push(rim);
+        area
+    }
+
+    /// Whether nothing of it reaches the cube.
+    fn is_closed(&self) -> bool {
+        let within = |p: &Vec3| (p - self.centre).amax() < self.open * (1.0 - 1e-9);
+        !self.faces.is_empty() && self.faces.iter().flatten().all(within)
+    }
+
+    fn volume(&self) -> f64 {
+        let cone = |face: &Vec<Vec3>| (face[0] - self.centre).dot(&area_vector(face)) / 3.0;
+        self.faces.iter().map(cone).sum()
+    }
+
+    /// Its lowest point along a direction, m; None where that is open.
+    fn lowest(&self, up: &Vec3) -> Option<f64> {
+        let lowest = self.faces.iter().flatten().min_by(|a, b| a.dot(up).total_cmp(&b.dot(up)))?;
+        ((lowest - self.centre).amax() < self.open * (1.0 - 1e-9)).then(|| lowest.dot(up))
+    }
+}
+
+/// Area times normal of a polygon, m^2.
+fn area_vector(polygon: &[Vec3]) -> Vec3 {
+    let from = |k: usize| polygon[k] - polygon[0];
+    0.5 * (2..polygon.len()).map(|k| from(k - 1).cross(&from(k))).sum::<Vec3>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    use crate::derive::fragments::fragments;
+    use crate::derive::{Choices, Row};
+    use crate::frame::{Wall, WallShape};
+    use crate::samples::Scene;
+    use crate::shapes::Solid;
+    use nalgebra::UnitQuaternion;
+
+    #[track_caller]
+    fn assert_close(found: f64, expected: f64, tolerance: f64) {
+        assert!((found - expected).abs() <= tolerance * expected.abs(), "{found:e} is not {expected:e}");
+    }
+
+    fn region(frame: &Frame) -> Region {
+        Region::of(frame, &fragments(frame))
+    }
+
+    fn row(scene: &Scene) -> Row {
+        Row::of(&scene.frame())
+    }
+
+    fn probed(scene: &Scene, probe: &str) -> Row {
+        let choices = Choices { region: Some(probe.parse().unwrap()), ..Choices::default() };
+        Row::with(&scene.frame(), &choices)
+    }
+
+    /// A simple cubic lattice of touching spheres of radius `r` from the origin, whose contacts carry the forces of the pressures `p` on
+    /// squares of side 2 r.
+    fn lattice(scene: &mut Scene, counts: [usize; 3], r: f64, p: [f64; 3]) {
+        let first = scene.snapshot.bodies.body_id.len();
+        let number = |x: [usize; 3]| first + x[0] + counts[0] * (x[1] + counts[1] * x[2]);
+        let all = || {
+            (0..counts.iter().product())
+                .map(|k: usize| [k % counts[0], k / counts[0] % counts[1], k / counts[0] / counts[1]])
+        };
+        for x in all() {
+            scene.grain(x.map(|i| r * (2 * i + 1) as f64), r);
+        }
+        for x in all() {
+            for axis in (0..3).filter(|&axis| x[axis] + 1 < counts[axis]) {
+                let mut next = x;
+                next[axis] += 1;
+                scene.push(number(next), number(x), p[axis] * 4.0 * r * r);
+            }
+        }
+    }
+
+    /// Plates around such a lattice that press it, of those of `sides`: low and high x, y, z.
+    fn plates(scene: &mut Scene, counts: [usize; 3], r: f64, p: [f64; 3], sides: &[usize]) {
+        let size = counts.map(|count| 2.0 * r * count as f64);
+        for &side in sides {
+            let (axis, high) = (side / 2, side % 2 == 1);
+            let sign = if high { 1.0 } else { -1.0 };
+            let mut centre = size.map(|x| 0.5 * x);
+            centre[axis] = if high { size[axis] + r } else { -r };
+            let mut half = [9.0 * size.iter().copied().fold(0.0, f64::max); 3];
+            half[axis] = r;
+            let plate = scene.plate(centre, half);
+            for k in 0..counts.iter().product() {
+                let x = [k % counts[0], k / counts[0] % counts[1], k / counts[0] / counts[1]];
+                if x[axis] == if high { counts[axis] - 1 } else { 0 } {
+                    let mut point = x.map(|i| r * (2 * i + 1) as f64);
+                    point[axis] += sign * r;
+                    let force = Vec3::ith(axis, -sign * p[axis] * 4.0 * r * r);
+                    scene.contact_at(k, plate, point, force);
+                }
+            }
+        }
+    }
+
+    const COUNTS: [usize; 3] = [5, 4, 6];
+
+    #[test]
+    fn between_six_plates_stress_is_force_over_area() {
+        for scale in [1e-3, 1.0, 1e3] {
+            let (r, p) = (0.5 * scale, [64.0, 50.0, 80.0]);
+            let mut scene = Scene::default();
+            lattice(&mut scene, COUNTS, r, p);
+            plates(&mut scene, COUNTS, r, p, &[0, 1, 2, 3, 4, 5]);
+            // One that has left the box touches a plate from outside, and another flies off.
+            let gone = scene.grain([-3.0 * r, r, r], r);
+            scene.contact_at(gone, COUNTS.iter().product(), [-2.0 * r, r, r], -Vec3::x());
+            scene.grain([0.0, 0.0, 900.0 * r], r);
+            let found = row(&scene);
+            assert_eq!(found.region, Kind::Walls.number());
+            for (value, expected) in [
+                (found.region_volume, 120.0 * 8.0 * r.powi(3)),
+                (found.nu, PI / 6.0),
+                (found.sigma_xx, p[0]),
+                (found.sigma_yy, p[1]),
+                (found.sigma_zz, p[2]),
+                (found.pressure, (p[0] + p[1] + p[2]) / 3.0),
+                // Forces of the walls times where they act.
+                (found.pressure_virial, (p[0] + p[1] + p[2]) / 3.0),
+                (found.Z, 6.0),
+            ] {
+                assert_close(value, expected, 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn the_virial_of_walls_is_their_forces_times_places() {
+        // Any forces of plates on a lattice that carries others: (1/3V) sum f.x on the walls, less nothing.
+        let (r, p) = (0.5, [3.0, 2.0, 1.0]);
+        let mut scene = Scene::default();
+        lattice(&mut scene, COUNTS, r, p);
+        plates(&mut scene, COUNTS, r, [7.0, 5.0, 11.0], &[0, 1, 2, 3, 4, 5]);
+        let frame = scene.frame();
+        let of_walls: f64 = frame
+            .active()
+            .filter(|contact| contact.pair().is_none())
+            .map(|contact| -contact.point.dot(&contact.force))
+            .sum();
+        let region = region(&frame);
+        assert_close(region.virial_pressure(&frame, Summation::Direct), of_walls / 3.0 / region.volume, 1e-12);
+    }
+
+    #[test]
+    fn a_bed_under_a_lid_has_the_load_and_half_of_its_weight() {
+        // The load on top, and below each layer the weight above it.
+        let (r, load, g) = (0.5, 1000.0, 2.0);
+        for sides in [&[0, 1, 2, 3, 4, 5][..], &[4, 5]] {
+            let mut scene = Scene::default();
+            scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -g];
+            lattice(&mut scene, COUNTS, r, [load; 3]);
+            plates(&mut scene, COUNTS, r, [load; 3], sides);
+            if sides.len() == 2 {
+                let parameters = &mut scene.snapshot.meta.parameters;
+                (parameters.xperiode, parameters.yperiode) = (Some(5.0), Some(4.0));
+            }
+            let weight = PI / 6.0 * g;
+            let layer = COUNTS[0] * COUNTS[1];
+            for k in 0..scene.snapshot.contacts.contact_body.len() {
+                let candidate = scene.snapshot.contacts.contact_body[k][0] as usize;
+                let n = scene.snapshot.contacts.contact_frame[k][0];
+                if n[2].abs() == 1.0 {
+                    // Layers above the contact: those of the candidate and higher, of the lid none.
+                    let above = if n[2] > 0.0 { COUNTS[2] - candidate / layer } else { 0 };
+                    scene.snapshot.contacts.contact_force[k][0] += weight * above as f64;
+                    scene.snapshot.contacts.contact_impulse[k] = scene.snapshot.contacts.contact_force[k];
+                }
+            }
+            let found = row(&scene);
+            assert_eq!((found.region, found.n_pulling), (Kind::Walls.number(), 0));
+            assert_close(found.sigma_zz, load + 0.5 * 6.0 * weight, 1e-12);
+            assert_close(found.nu, PI / 6.0, 1e-12);
+        }
+    }
+
+    #[test]
+    fn an_open_bed_ends_at_its_surface_whatever_flies_above() {
+        let (r, p) = (0.5, [1.0; 3]);
+        let mut scene = Scene::default();
+        scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+        lattice(&mut scene, COUNTS, r, p);
+        plates(&mut scene, COUNTS, r, p, &[0, 1, 2, 3, 4]);
+        let bed = row(&scene);
+        assert_eq!(bed.region, Kind::Bed.number());
+        // Columns over the middles and half-way between spheres: at most a radius below the highest points.
+        assert!((20.0 * 5.5..=20.0 * 6.0).contains(&bed.region_volume), "{}", bed.region_volume);
+        assert_close(bed.nu * bed.region_volume, 120.0 * PI / 6.0, 1e-12);
+        scene.grain([2.5, 2.0, 60.0], 2.0);
+        let with_lander = row(&scene);
+        assert_close(with_lander.nu, bed.nu, 1e-12);
+        assert_close(with_lander.pressure, bed.pressure, 1e-12);
+        assert_eq!(with_lander.Z, bed.Z);
+        // A lid a box higher does not count, and one on the grains does.
+        scene.plate([2.5, 2.0, 12.5], [50.0, 50.0, 0.5]);
+        assert_close(row(&scene).nu, bed.nu, 1e-12);
+        scene.plate([2.5, 2.0, 6.5], [50.0, 50.0, 0.5]);
+        let closed = row(&scene);
+        assert_eq!(closed.region, Kind::Walls.number());
+        assert_close(closed.region_volume, 120.0, 1e-12);
+    }
+
+    #[test]
+    fn a_cell_and_a_cylinder_have_their_volumes() {
+        let (r, p) = (0.5, [2.0; 3]);
+        let mut scene = Scene::default();
+        lattice(&mut scene, COUNTS, r, p);
+        (scene.snapshot.meta.parameters.xperiode, scene.snapshot.meta.parameters.yperiode) = (Some(5.0), Some(4.0));
+        let found = row(&scene);
+        assert_eq!(found.region, Kind::Cell.number());
+        assert_close(found.region_volume, 120.0, 1e-12);
+        assert!(found.nu_sphere.is_nan() && found.pressure_virial.is_nan());
+        // A silo about an upright axis and a drum on its side, between plates at its ends.
+        for (axis, ends, volume) in [(2, [4, 5], PI * 64.0 * 6.0), (0, [0, 1], PI * 64.0 * 5.0)] {
+            let mut scene = Scene::default();
+            lattice(&mut scene, COUNTS, r, p);
+            plates(&mut scene, COUNTS, r, p, &ends);
+            let mut frame = scene.frame();
+            let shape = WallShape::Polyhedron(Solid { bore: Some(8.0), ..Default::default() }.into());
+            let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &Vec3::ith(axis, 1.0)).unwrap();
+            frame.walls.push(Wall { id: 99, x: Vec3::new(2.5, 2.0, 4.0), v: None, rotation, shape });
+            let found = region(&frame);
+            assert_eq!(found.kind, Kind::Walls);
+            assert_close(found.volume, volume, 1e-12);
+            // With gravity across it, the drum holds a bed.
+            if axis == 0 {
+                frame.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+                let bed = region(&frame);
+                // The grains reach up to 2 about the axis; of the disc of radius 8 what is below, or up to half a radius less.
+                let below = |s: f64| 64.0 * (s / 8.0).asin() + s * (64.0 - s * s).sqrt() + 32.0 * PI;
+                assert_eq!(bed.kind, Kind::Bed);
+                assert!((5.0 * below(1.5)..=5.0 * below(2.0) * 1.0001).contains(&bed.volume), "{}", bed.volume);
+            }
+        }
+    }
+
+    #[test]
+    fn an_aggregate_is_its_hull_whatever_is_thrown_off() {
+        let (r, p) = (0.5, [3.0; 3]);
+        let mut scene = Scene::self_gravitating(1e-9);
+        lattice(&mut scene, [6, 6, 6], r, p);
+        let alone = row(&scene);
+        let (a, edge) = (5.0f64, 3.0 * PI * 5.0 * r * r);
+        let hull = a.powi(3) + 6.0 * a * a * r + edge + PI / 6.0;
+        assert_eq!(alone.region, Kind::LargestGroup.number());
+        assert_close(alone.region_volume, hull, 1e-7);
+        assert_close(alone.nu, 216.0 * PI / 6.0 / hull, 1e-7);
+        // Contacts between neighbours over their distance of 1: 180 an axis.
+        assert_close(alone.pressure, 180.0 * 3.0 / hull, 1e-7);
+        scene.grain([4000.0, 0.0, 0.0], r);
+        let moon = scene.grain([0.0, 90.0, 0.0], r);
+        let second = scene.grain([0.0, 91.0, 0.0], r);
+        scene.push(second, moon, 1.0);
+        let with = row(&scene);
+        assert_eq!((with.nu, with.Z, with.pressure), (alone.nu, alone.Z, alone.pressure));
+        // Those of the ball around all grains are nearly nothing, and neighbours of all fewer.
+        assert!(with.nu_sphere < 1e-6 && with.pressure_sphere < 1e-6 * with.pressure && with.Z_all < with.Z);
+        // Their pull is no part of the balance within but for tides.
+        assert_close(with.pressure_virial, alone.pressure_virial, 1e-5);
+    }
+
+    #[test]
+    fn clumps_of_one_to_four_grains_and_clouds() {
+        let ball = 4.0 / 3.0 * PI;
+        let height = 3f64.sqrt();
+        let corners = [[0.0; 3], [2.0, 0.0, 0.0], [1.0, height, 0.0], [1.0, height / 3.0, 8f64.sqrt() / height]];
+        let angle = PI - (1.0f64 / 3.0).acos(); // between the normals of two faces of a tetrahedron
+        let hulls = [
+            ball,
+            ball + PI * 2.0,
+            ball + 2.0 * height + 0.5 * PI * 6.0,
+            ball + 8.0 / 72f64.sqrt() + 4.0 * height + 0.5 * 12.0 * angle,
+        ];
+        for count in 1..=4 {
+            let mut scene = Scene::default();
+            for k in 0..count {
+                scene.grain(corners[k], 1.0);
+                (0..k).for_each(|j| scene.push(k, j, 1.0));
+            }
+            let found = row(&scene);
+            assert_eq!(found.region, Kind::LargestGroup.number());
+            assert_close(found.nu, count as f64 * ball / hulls[count - 1], 1e-6);
+        }
+        // Grains that fly, each by itself.
+        let mut scene = Scene::default();
+        for x in corners {
+            scene.grain(x.map(|x| 10.0 * x), 1.0);
+        }
+        assert_eq!((row(&scene).region, row(&scene).Z), (Kind::AllGrains.number(), 0.0));
+        let none = row(&Scene::default());
+        assert!(none.region == 0 && none.nu.is_nan() && none.Z.is_nan() && none.pressure.is_nan());
+    }
+
+    #[test]
+    fn probes_within_a_lattice_have_its_values() {
+        // Face-centred cubic, contacts of length 1 with 1 N: nu = pi / sqrt(18); six contacts a grain, of which sqrt 2 a unit of
+        // volume: 6 sqrt 2 f l / 3.
+        let (mut scene, n) = (Scene::default(), 7i32);
+        let mut places = Vec::new();
+        for (i, j, k) in (-n..=n).flat_map(|i| (-n..=n).flat_map(move |j| (-n..=n).map(move |k| (i, j, k)))) {
+            if (i + j + k) % 2 == 0 {
+                places.push([i, j, k]);
+                scene.grain([i, j, k].map(|x| f64::from(x) / 2f64.sqrt()), 0.5);
+            }
+        }
+        let number: std::collections::HashMap<[i32; 3], usize> =
+            places.iter().enumerate().map(|(k, place)| (*place, k)).collect();
+        for (k, [x, y, z]) in places.iter().enumerate() {
+            for d in [[1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1]] {
+                if let Some(&other) = number.get(&[x + d[0], y + d[1], z + d[2]]) {
+                    scene.push(other, k, 1.0);
+                }
+            }
+        }
+        let (nu, pressure) = (PI / 18f64.sqrt(), 2.0 * 2f64.sqrt());
+        // Whole cells of the lattice are exact but for what points of cut spheres leave; of others the border is a chance.
+        let cell = 2.0 * 2f64.sqrt();
+        let found = probed(&scene, &format!("box:{cell},{cell},{cell}@0.1,0.2,0.3"));
+        assert_eq!(found.region, Kind::Box.number());
+        assert_close(found.nu, nu, 1e-3);
+        assert_close(found.pressure, pressure, 1e-12);
+        assert_eq!(found.Z, 12.0);
+        for probe in ["ball:4@com", "cylinder:3.5,6@largest", "cylinder:3.5,6,1,1,0"] {
+            let found = probed(&scene, probe);
+            assert_close(found.nu, nu, 0.02);
+            assert_close(found.pressure, pressure, 0.03);
+            assert!(found.Z == 12.0 && found.pressure_virial.is_nan());
+        }
+        // Without walls a layer has no sides.
+        let layer = probed(&scene, "layer:0,1");
+        assert!(layer.region == 0 && layer.nu.is_nan());
+    }
+
+    #[test]
+    fn layers_between_walls_and_periods() {
+        let (r, p) = (0.5, [2.0; 3]);
+        for periodic in [false, true] {
+            let mut scene = Scene::default();
+            lattice(&mut scene, COUNTS, r, p);
+            plates(&mut scene, COUNTS, r, p, if periodic { &[4] } else { &[0, 1, 2, 3, 4] });
+            if periodic {
+                let parameters = &mut scene.snapshot.meta.parameters;
+                (parameters.xperiode, parameters.yperiode) = (Some(5.0), Some(4.0));
+            }
+            for (from, to) in [(0.0, 1.0), (0.5, 3.0), (1.25, 1.5)] {
+                let found = probed(&scene, &format!("layer:{from},{to}"));
+                assert_eq!(found.region, Kind::Layer.number());
+                assert_close(found.region_volume, 20.0 * (to - from), 1e-12);
+                assert_close(found.sigma_zz, 2.0, 1e-12);
+            }
+            assert_close(probed(&scene, "layer:0,1").nu, PI / 6.0, 1e-12);
+            assert_close(probed(&scene, "layer:0.5,3").nu, PI / 6.0, 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_floor_of_a_polyhedron_bounds_and_a_small_one_above_does_not() {
+        let (r, p) = (0.5, [2.0; 3]);
+        let mut scene = Scene::default();
+        scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+        lattice(&mut scene, COUNTS, r, p);
+        plates(&mut scene, COUNTS, r, p, &[0, 1, 2, 3]);
+        let floor = scene.cube([2.5, 2.0, -20.0], 20.0);
+        let lander = scene.cube([2.5, 2.0, 8.0], 0.5);
+        for body in [floor, lander] {
+            scene.snapshot.bodies.body_driven[body] = cd_formats::snapshot::DRIVEN_ALL;
+        }
+        scene.contact_at(0, floor, [0.5, 0.5, 0.0], Vec3::z());
+        let found = row(&scene);
+        assert_eq!(found.region, Kind::Bed.number());
+        assert!((20.0 * 5.5..=20.0 * 6.0).contains(&found.region_volume), "{}", found.region_volume);
+    }
+}
