@@ -37,12 +37,12 @@ END {
     if (row["E_grav"] != 0) {
         radius = row["R_enclosing"]
         density = row["mass"] / (4 / 3 * PI * radius ^ 3)
-        line("homogeneous sphere", sprintf("pressure / (4 pi / 15) G (nu rho)^2 R^2 = %.4f", p / (4 * PI / 15 * G * density ^ 2 * radius ^ 2)))
+        line("homogeneous sphere", sprintf("pressure in the ball around all / (4 pi / 15) G (nu rho)^2 R^2 = %.4f", row["pressure_sphere"] / (4 * PI / 15 * G * density ^ 2 * radius ^ 2)))
     }
     z = row["Z_no_rattlers"]
     line("coordination Z", sprintf("%.3f, without rattlers %s", row["Z"], z == "" ? "not defined" : sprintf("%.3f", z)))
     line("contacts with force", sprintf("%d%s", row["n_contacts"], row["E_grav"] != 0 ? sprintf("; isostatic without friction: 3 N - 6 = %d", 3 * n - 6) : ""))
-    line("solid fraction nu", sprintf("%.4f in the enclosing ball, R = %.5g m", row["nu"], row["R_enclosing"]))
+    line("solid fraction nu", sprintf("%.4f of the region of %.5g m^3 (number %d)%s", row["nu"], row["region_volume"], row["region"], row["nu_sphere"] == "" ? "" : sprintf("; %.4f in the ball around all, R = %.5g m", row["nu_sphere"], row["R_enclosing"])))
     line("semi-axes", sprintf("%.5g, %.5g, %.5g m", row["a"], row["b"], row["c"]))
     line("fragments", sprintf("%d, the largest with %.1f %% of the mass", row["n_fragments"], 100 * row["largest_fraction"]))
     line("steps", sprintf("%d, %.1f sweeps each, %d unconverged%s", steps, sweeps / (steps ? steps : 1), unconverged, unconverged ? ", the last at " last_unconverged : ""))

@@ -27,7 +27,7 @@ STILLED := $(strip $(foreach number,$(STILL),$(if $(filter study/N$(number)-mu0-
 LARGEST := $(lastword $(NUMBERS))
 BY_NUMBER := $(filter %-mu$(SHOWN)-f0,$(RUNS))
 BY_LAW := $(filter study/N$(LARGEST)-%,$(RUNS))
-TIMES := Ec_mean,Z,nu,pressure
+TIMES := Ec_mean,Z_all,nu_sphere,pressure_sphere
 
 ifneq ($(filter study,$(MAKECMDGOALS)),)
 # With `make -j` what takes longest begins first: many grains, and much friction.

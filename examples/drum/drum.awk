@@ -2,7 +2,7 @@
 #
 #   awk -v speed=0.5 -f drum.awk POSTPRO/series.csv
 #
-# Means over the second half: the angle between the way down and the way from the axis to the centre of mass; the median slope of
+# Means over the second half: the angle between the way down and the way from the axis to the centre of mass; the slope of
 # the free surface; and the power that the walls give over the moment of the weight times the speed (rad/s), which are equal in a
 # steady flow.
 

@@ -10,8 +10,8 @@ BEGIN {
 FNR == 1 { for (k = 1; k <= NF; k++) column[$k] = k; name[++c] = FILENAME; next }
 
 {
-    n[c] = $column["n_grains"]; p[c] = $column["pressure"]; virial[c] = $column["pressure_virial"]
-    radius[c] = $column["R_enclosing"]; nu[c] = $column["nu"]; z[c] = $column["Z"]
+    n[c] = $column["n_grains"]; p[c] = $column["pressure_sphere"]; virial[c] = $column["pressure_virial"] * p[c] / $column["pressure"] # over the ball, too
+    radius[c] = $column["R_enclosing"]; nu[c] = $column["nu_sphere"]; z[c] = $column["Z"]
     volume = 4 / 3 * PI * radius[c] ^ 3
     density = $column["mass"] / volume                       # nu rho
     equal = radius[c] * nu[c] ^ (1 / 3)                      # radius of all grains melted into one

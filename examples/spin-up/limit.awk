@@ -5,7 +5,7 @@
 #
 # The friction angle is that of the mean stress of the aggregate without cohesion, `friction_angle`, mean from where it yields to
 # where it fails. The cohesion k of the whole comes from it and from the force f between two grains: the tensile strength of
-# grains of number Z and solid fraction nu is nu Z f / (pi d^2) (Rumpf 1970), and Drucker and Prager's cone, sqrt(J2) = s tr + k,
+# grains of Z neighbours that touch or pull and solid fraction nu is nu Z f / (pi d^2) (Rumpf 1970), and Drucker and Prager's cone, sqrt(J2) = s tr + k,
 # has its apex there, k = 3 s times that. Beside it is what the mean stress asks of the whole, sqrt(J2) - s tr, mean while the
 # spin is within a hundredth of the largest before it fails.
 # With svg=FOLDER/limit.svg the table is written to FOLDER/limit.csv too. Columns go by their names; SI units.
@@ -29,8 +29,8 @@ FNR == 1 {
 FNR == 2 {
     long[run] = $column["largest_a"]; radius[run] = size ^ (1 / 3)
     density[run] = $column["largest_mass"] / (4 / 3 * PI * size)
-    # Mean radius by volume; the solid volume is nu times that of the enclosing ball.
-    mean[run] = ($column["nu"] * $column["R_enclosing"] ^ 3 / $column["n_grains"]) ^ (1 / 3)
+    # Mean radius by volume; the solid volume is nu_sphere times that of the enclosing ball.
+    mean[run] = ($column["nu_sphere"] * $column["R_enclosing"] ^ 3 / $column["n_grains"]) ^ (1 / 3)
 }
 
 function beyond(longer) { return $column["largest_fraction"] < 0.99 || $column["largest_a"] > longer * long[run] }
@@ -39,7 +39,7 @@ function beyond(longer) { return $column["largest_fraction"] < 0.99 || $column["
 !failed[run] && beyond(FAILS) { failed[run] = 1 }
 !yielded[run] {
     if ($column["largest_spin"] > yield[run]) yield[run] = $column["largest_spin"]
-    strength[run] = $column["nu"] * $column["R_enclosing"] ^ 3 / size * $column["Z"] * cohesion[run] / (4 * PI * mean[run] ^ 2)
+    strength[run] = $column["nu_sphere"] * $column["R_enclosing"] ^ 3 / size * ($column["Z_all"] + 2 * $column["n_pulling"] / $column["n_grains"]) * cohesion[run] / (4 * PI * mean[run] ^ 2)
 }
 !failed[run] && $column["largest_spin"] > failure[run] {
     failure[run] = $column["largest_spin"]
@@ -47,9 +47,9 @@ function beyond(longer) { return $column["largest_fraction"] < 0.99 || $column["
     density_then[run] = $column["largest_mass"] / (4 / 3 * PI * size)
 }
 yielded[run] && !failed[run] { between[run]++; angle[run] += $column["friction_angle"] }
-# Stresses are over the enclosing ball; here over the ellipsoid.
+# Stresses are over the region, the hull of the largest group; here over the ellipsoid.
 !failed[run] {
-    row = ++states[run]; share = $column["R_enclosing"] ^ 3 / size
+    row = ++states[run]; share = $column["region_volume"] / (4 / 3 * PI * size)
     spin[run, row] = $column["largest_spin"]; root[run, row] = $column["sqrt_J2"] * share; trace[run, row] = 3 * $column["pressure"] * share
 }
 
