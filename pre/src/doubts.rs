@@ -38,16 +38,13 @@ pub fn doubts(materials: &[Material], laws: &[Law], grains: &[Grains], walls: &[
             Wall::Cylinder { velocity, force, rotation, .. } => (velocity, &**force, std::slice::from_ref(rotation)),
             Wall::Box { velocity, .. } => (velocity, &[], &[]),
         };
-        let of_force = force.iter().enumerate().filter_map(|(axis, value)| Some(("force", axis, value.as_ref()?)));
-        let of = |name, values: &[Evolution]| {
-            values.iter().cloned().enumerate().map(move |(axis, value)| (name, axis, value)).collect::<Vec<_>>()
-        };
-        for (name, axis, value) in of("velocity", velocity).into_iter().chain(of("rotation", rotation)) {
-            function(report, &format!("walls.{k}.{name}.{axis}"), &value);
-        }
-        for (name, axis, value) in of_force {
+        let mut check = |name: &str, axis: usize, value: &Evolution| {
             function(report, &format!("walls.{k}.{name}.{axis}"), value);
-        }
+        };
+        velocity.iter().enumerate().for_each(|(axis, value)| check("velocity", axis, value));
+        rotation.iter().enumerate().for_each(|(axis, value)| check("rotation", axis, value));
+        let forces = force.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
+        forces.for_each(|(axis, value)| check("force", axis, value));
     }
 }
 

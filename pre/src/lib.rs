@@ -98,11 +98,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let first = args.get(1).and_then(|first| first.to_str()).unwrap_or_default();
     let commands = Arguments::command();
     let commands: Vec<&str> = commands.get_subcommands().map(|command| command.get_name()).collect();
-    if !commands.contains(&first) && !Path::new(first).exists() && !first.starts_with('-') {
-        if let Some(near) = nearest(first, &commands) {
-            complain(format_args!("cd-pre: {first}: is no file and no command; did you mean {near}?"));
-            return 2;
-        }
+    let unknown = !commands.contains(&first) && !first.starts_with('-') && !Path::new(first).exists();
+    if let Some(near) = nearest(first, &commands).filter(|_| unknown) {
+        complain(format_args!("cd-pre: {first}: is no file and no command; did you mean {near}?"));
+        return 2;
     }
     let arguments = match Arguments::try_parse_from(args) {
         Ok(arguments) => arguments,

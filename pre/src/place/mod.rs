@@ -190,10 +190,12 @@ fn expect_smaller(room: &Room, grains: &[Drawn]) -> Result<(), Misfit> {
         found: format!("the {which} grain, of radius {radius:?} m, is larger than {room}"),
         expected: "smaller grains or a larger envelope, lengths in m",
     };
-    match half {
-        half if smallest > half => Err(larger("smallest", smallest)),
-        half if largest > half => Err(larger("largest", largest)),
-        _ => Ok(()),
+    if smallest > half {
+        Err(larger("smallest", smallest))
+    } else if largest > half {
+        Err(larger("largest", largest))
+    } else {
+        Ok(())
     }
 }
 
