@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use rayon::prelude::*;
 
 use super::swept::{Moving, least_distance};
-use super::{MARGIN, Ways, found, meet, parts, periodic};
+use super::{MARGIN, Ways, found, joints, meet, parts, periodic};
 use crate::geometry::Narrow;
 use crate::integrate::Configuration;
 use crate::math::{MANY, Vec3};
@@ -45,7 +45,15 @@ pub fn late(
         // All points of a pair of which one closes.
         let closing: HashSet<_> = found.iter().filter(|contact| closes(contact, q_c, solved)).map(pair).collect();
         found.retain(|contact| closing.contains(&pair(contact)) && !known.contains(&pair(contact)));
-        return found;
+        if found.is_empty() {
+            return found;
+        }
+        // What is inside a flush joint only shows with the contacts that keep its body up.
+        let mut all = [listed, &found].concat();
+        all.sort_unstable_by_key(Contact::key);
+        let mut left = parts::without_inner_edges(scene, q_c, &ways, all);
+        left.retain(|contact| !known.contains(&pair(contact)));
+        return left;
     }
     let ball = |&i: &u32| {
         let (i, reach) = (i as usize, scene.bodies[i as usize].radius);
@@ -75,6 +83,15 @@ pub fn late(
             near && closes(&super::contact(scene, q_c, *pair, 0), q_c, solved)
         }));
     }
+    // What is inside a flush joint only shows with the contacts that keep its sphere up.
+    let is_plane = |body: u32| matches!(scene.bodies[body as usize].shape, Shape::Plane { .. });
+    let (mut of_planes, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|(pair, _)| is_plane(pair[1]));
+    if !of_planes.is_empty() {
+        let before = listed.iter().filter(|contact| is_plane(contact.antagonist));
+        of_planes.extend(before.map(|contact| ([contact.candidate, contact.antagonist], contact.law)));
+    }
+    let mut pairs = joints::without_inner_rims(scene, q_c, &ways, of_planes);
+    pairs.extend(others);
     pairs.sort_unstable();
     let found = pairs.into_iter().map(|(pair, law)| super::contact(scene, q_c, pair, law));
     found.filter(|contact| !known.contains(&pair(contact))).collect()

@@ -7,6 +7,7 @@
 //! [`late`] finds the pairs that the solved velocities close.
 
 pub mod broad;
+mod joints;
 mod late;
 pub mod narrow;
 mod neighbours;
@@ -39,7 +40,7 @@ pub fn contacts(scene: &Scene, q_c: &Configuration, free: [&[Vec3]; 2], known: &
         return parts::contacts(scene, q_c, &ways, scene.options.narrow_phase(), known);
     }
     let mut pairs = among_spheres(scene, q_c, &ways, known);
-    let mut of_planes = with_planes(scene, q_c, &ways);
+    let mut of_planes = joints::without_inner_rims(scene, q_c, &ways, with_planes(scene, q_c, &ways));
     if !of_planes.is_empty() {
         pairs.append(&mut of_planes);
         pairs.sort(); // runs in order, which it finds

@@ -8,7 +8,7 @@ use cd_formats::compute::NarrowPhase;
 use crate::activity;
 use crate::detect::neighbours::Things;
 use crate::detect::swept::Moving;
-use crate::detect::{MARGIN, Ways, narrow, periodic, swept};
+use crate::detect::{MARGIN, Ways, joints, narrow, periodic, swept};
 use crate::geometry::{
     Apart, Manifold, Memory, Narrow, Point, Posed, Range, Sight, Together, polyhedron_cylinder,
     polyhedron_hollow_cylinder, polyhedron_sphere,
@@ -20,11 +20,11 @@ use crate::scene::{Geometry, Part, Scene, See};
 use crate::state::{Contact, Known, Separation};
 
 /// Where a contactor is, and what of the scene each pair asks for: so that a pair reads little memory.
-struct Place<'a> {
-    centre: Vec3,
+pub(super) struct Place<'a> {
+    pub centre: Vec3,
     axes: Quat,
     /// How far a point of it can get in the step, m.
-    travel: f64,
+    pub travel: f64,
     /// Of the ball about it, with what it can travel and half of what is listed, m.
     reach: f64,
     /// Displacement of the centre in the step, m, and rotation, rad.
@@ -33,23 +33,23 @@ struct Place<'a> {
     /// Largest distance from the centre of what a rotation moves, m: 0 for a sphere.
     rim: f64,
     /// Of the ball about it, m.
-    radius: f64,
+    pub radius: f64,
     /// By how much the way of the centre, as the body turns, is not straight, m.
     bend: f64,
     /// How far its surface has moved in all, m.
     moved: f64,
     /// As cohesion knows it, 1/m.
     curvature: f64,
-    body: u32,
+    pub body: u32,
     /// Row and column in the visibility table.
-    class: u16,
+    pub class: u16,
     driven: bool,
     /// Place among the contactors of its body.
     rank: u16,
-    shape: Shape<'a>,
+    pub shape: Shape<'a>,
 }
 
-enum Shape<'a> {
+pub(super) enum Shape<'a> {
     Sphere { radius: f64 },
     Polyhedron(Posed<'a>),
     Cylinder { half_height: f64, radius: f64, hollow: bool },
@@ -91,6 +91,22 @@ impl Known {
     }
 }
 
+impl Known {
+    /// Forgets the direction in which two contactors met, so that the next step searches for it anew.
+    fn forget(&mut self, parts: &[u32; 2]) {
+        if let Ok(place) = self.order.binary_search_by_key(parts, |&k| self.pairs[k as usize].0) {
+            self.memories[self.order[place] as usize] = Memory::default();
+        }
+    }
+}
+
+/// Those of the contacts that are no inner ones.
+pub fn without_inner_edges(scene: &Scene, q_c: &Configuration, ways: &Ways, contacts: Vec<Contact>) -> Vec<Contact> {
+    let places: Vec<Place> =
+        scene.parts.par_iter().with_min_len(64).map(|part| place(scene, part, q_c, ways)).collect();
+    joints::without_inner_edges(scene, q_c, ways, &places, contacts).0
+}
+
 /// All listed contacts in the order of their keys.
 pub fn contacts(
     scene: &Scene,
@@ -114,7 +130,10 @@ pub fn contacts(
     let hands = || Hands { polyhedra: Together::new(width), ahead: Ahead::new(&places, width) };
     let found: Vec<Listed> =
         chunks.map_init(hands, |hands, chunk| look(scene, &places, nearby, narrow, hands, chunk)).collect();
-    sorted(&found, scene.bodies.len(), width)
+    let contacts = sorted(&found, scene.bodies.len(), width);
+    let (contacts, inner) = joints::without_inner_edges(scene, q_c, ways, &places, contacts);
+    inner.iter().for_each(|parts| known.forget(parts));
+    contacts
 }
 
 /// Contacts of pairs that come near each other by these displacements, of bodies of which at least one is `searched`.
@@ -208,15 +227,15 @@ fn look<'a>(
 
 /// Two contactors that may be near each other.
 #[derive(Clone, Copy)]
-struct Meeting<'a> {
+pub(super) struct Meeting<'a> {
     /// Number of the pair in its chunk.
     pair: usize,
-    a: &'a Place<'a>,
-    b: &'a Place<'a>,
+    pub a: &'a Place<'a>,
+    pub b: &'a Place<'a>,
     /// From the centre of `a` to that of `b`, m, and what of that is from `b` to its image.
-    c: Vec3,
+    pub c: Vec3,
     image: Vec3,
-    range: Range,
+    pub range: Range,
     law: u8,
     /// Gap up to which points are listed however the two move, m; infinite where all that are found are.
     always: f64,
@@ -225,7 +244,13 @@ struct Meeting<'a> {
 }
 
 impl<'a> Meeting<'a> {
-    fn new(scene: &Scene, places: &'a [Place<'a>], nearby: f64, pair: usize, (parts, see): &([u32; 2], See)) -> Self {
+    pub fn new(
+        scene: &Scene,
+        places: &'a [Place<'a>],
+        nearby: f64,
+        pair: usize,
+        (parts, see): &([u32; 2], See),
+    ) -> Self {
         let [a, b] = parts.map(|k| &places[k as usize]);
         let radius = 1.0 / (a.curvature + b.curvature);
         let law = &scene.laws[see.law as usize];
@@ -269,6 +294,26 @@ impl<'a> Meeting<'a> {
     fn moved(&self) -> f64 {
         self.a.moved + self.b.moved
     }
+
+    /// The points of a manifold up to the range, of which those on its area share it.
+    pub fn contacts<'m>(&'m self, manifold: &'m Manifold) -> impl Iterator<Item = Contact> + 'm {
+        let Meeting { a, b, range, .. } = self;
+        let up_to = self.listed_up_to(&manifold.normal);
+        let on_area = |point: &Point| point.gap <= range.area;
+        let share = manifold.area / manifold.points.iter().filter(|point| on_area(point)).count() as f64;
+        manifold.points.iter().filter(move |point| point.gap <= up_to).map(move |point| Contact {
+            candidate: a.body,
+            antagonist: b.body,
+            ranks: (a.rank, b.rank),
+            features: point.features,
+            point: a.centre + point.position,
+            image: self.image,
+            normal: manifold.normal,
+            gap: point.gap,
+            area: if on_area(point) { share } else { 0.0 },
+            law: self.law,
+        })
+    }
 }
 
 /// How far the surfaces of `a` and `b`, at `c` from it, come nearer in the step, m: `along` of their displacement against each
@@ -302,7 +347,7 @@ impl Listed {
 
     /// Adds what is seen of a pair: points up to its range, of which those on its area share it; keeps what is known of it.
     fn add(&mut self, meeting: &Meeting, sight: Sight, memories: &mut [Memory], separations: &mut [Separation]) {
-        let Meeting { pair, a, b, c, range, .. } = meeting;
+        let Meeting { pair, a, b, c, .. } = meeting;
         let manifold = match sight {
             Ok((memory, manifold)) => {
                 memories[*pair] = memory;
@@ -320,21 +365,7 @@ impl Listed {
         if self.runs.last().is_none_or(|(candidate, _)| *candidate != a.body) {
             self.runs.push((a.body, self.contacts.len()));
         }
-        let up_to = meeting.listed_up_to(&manifold.normal);
-        let on_area = |point: &Point| point.gap <= range.area;
-        let share = manifold.area / manifold.points.iter().filter(|point| on_area(point)).count() as f64;
-        self.contacts.extend(manifold.points.iter().filter(|point| point.gap <= up_to).map(|point| Contact {
-            candidate: a.body,
-            antagonist: b.body,
-            ranks: (a.rank, b.rank),
-            features: point.features,
-            point: a.centre + point.position,
-            image: meeting.image,
-            normal: manifold.normal,
-            gap: point.gap,
-            area: if on_area(point) { share } else { 0.0 },
-            law: meeting.law,
-        }));
+        self.contacts.extend(meeting.contacts(manifold));
     }
 
     /// The contacts from the beginning of a run to that of the next.

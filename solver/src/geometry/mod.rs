@@ -10,12 +10,14 @@
 //! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
 //! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | against other shapes |
+//! | `flush` | heights and contact along a given direction |
 //! | `outline` | the corners of the common part of two faces seen along the normal |
 //! | `triangles` | the same of faces of three corners, for several pairs at once |
 //! | `patch` | points of contact and area from these |
 
 mod cylinder;
 mod draft;
+mod flush;
 mod gjk;
 mod hollow_cylinder;
 mod outline;
@@ -27,6 +29,7 @@ mod sphere;
 mod triangles;
 
 pub use cylinder::polyhedron_cylinder;
+pub use flush::polyhedra_along;
 pub use hollow_cylinder::polyhedron_hollow_cylinder;
 pub use plate::polyhedron_plane;
 pub use polyhedron::{Polyhedron, Posed};

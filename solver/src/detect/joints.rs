@@ -1,0 +1,414 @@
+//! Flush joints: contacts with edges and sides that are inside a common surface of two contactors are no contacts.
+//!
+//! The direction of a contact is found pair by pair. Where a contactor A slides over two contactors B and C with flush
+//! surfaces, such as two plates side by side, the side of B that C covers, or its edge, would stop A. A contact of A and B
+//! is such an **inner contact** if A has a contact with a face of another contactor C, and the plane of that face parts A
+//! from B: A is above it, and B below. The contact with C keeps A above the plane during the whole step, so that A cannot
+//! meet anything of B but what is in the plane. A step up, or a wall on a floor, rises above the plane and stays a contact.
+//!
+//! An inner contact of polyhedra is replaced by the contact of A and B along the normal of the plane, if A is over B, and
+//! else left out. With spheres it is left out: a sphere that is over B has a contact with B's face.
+//!
+//! Known as ghost collisions or internal edges in game physics; see E. Catto, Box2D: ghost collisions (2020).
+
+use rayon::prelude::*;
+use smallvec::SmallVec;
+
+use crate::detect::parts::{Meeting, Place, Shape};
+use crate::detect::{Listed, Ways, found};
+use crate::geometry::{Posed, polyhedra_along};
+use crate::integrate::Configuration;
+use crate::math::{Quat, Vec3, group};
+use crate::scene::{Scene, Shape as BodyShape};
+use crate::state::Contact;
+
+/// Height over the radius of A's ball up to which surfaces are flush: above the overlaps that a sound solution leaves, and
+/// less than a third of the smallest step that must stop a body, 1e-4 of its size.
+const FLUSH: f64 = 3e-5;
+/// Relative error of numbers in files, which have eight digits.
+const DIGITS: f64 = 5e-8;
+/// 1 - cos of the angle to a face's normal up to which a contact keeps A above that face: 1e-3 rad, more than what lies on a
+/// face is tilted by its overlaps.
+const ON_FACE: f64 = 5e-7;
+/// 1 - cos of the angle up to which two contacts have one direction, 1e-4 rad: the side of a joint cannot slow A by more than
+/// 1e-8 of its speed.
+const PARALLEL: f64 = 5e-9;
+/// Sine of the angle between two faces beyond which they form no common surface.
+const BENT: f64 = 1e-2;
+/// Way over the size of A that B may rise in the step against C, by free velocities.
+const RISE: f64 = 1e-2;
+/// Pairs of contacts of one contactor that are all tried; of more only those near each other.
+const ALL: usize = 4096;
+
+/// A convex shape as the test needs it.
+enum Solid<'a> {
+    Sphere { radius: f64 },
+    Cuboid { axes: &'a Quat, half_lengths: &'a Vec3 },
+    Polyhedron(&'a Posed<'a>),
+}
+
+impl Solid<'_> {
+    /// Largest n·x, x from the centre, m.
+    fn height(&self, n: &Vec3) -> f64 {
+        match self {
+            Solid::Sphere { radius } => *radius,
+            Solid::Cuboid { axes, half_lengths } => axes.inverse_transform_vector(n).abs().dot(half_lengths),
+            Solid::Polyhedron(posed) => posed.height(n),
+        }
+    }
+
+    /// Normal of the face closest to `n` and the distance of its plane from the centre, m; none of a sphere.
+    fn face_along(&self, n: &Vec3) -> Option<(Vec3, f64)> {
+        match self {
+            Solid::Sphere { .. } => None,
+            Solid::Cuboid { axes, half_lengths } => {
+                let local = axes.inverse_transform_vector(n);
+                let axis = local.iamax();
+                let mut normal = Vec3::zeros();
+                normal[axis] = 1f64.copysign(local[axis]);
+                Some((*axes * normal, half_lengths[axis]))
+            }
+            Solid::Polyhedron(posed) => Some(posed.face_along(n)),
+        }
+    }
+}
+
+/// A contactor near A.
+struct Near<'a> {
+    solid: Solid<'a>,
+    /// Relative to A's, m.
+    centre: Vec3,
+    /// Velocity and angular velocity of its body at the step's end if nothing touched; the body's centre relative to A's.
+    v: Vec3,
+    w: Vec3,
+    body: Vec3,
+}
+
+impl Near<'_> {
+    fn velocity(&self, at: &Vec3) -> Vec3 {
+        self.v + self.w.cross(&(at - self.body))
+    }
+}
+
+/// Contactor A, m.
+struct Over<'a> {
+    solid: Solid<'a>,
+    centre: Vec3,
+    radius: f64,
+    /// Way in the step, m.
+    travel: f64,
+    /// s
+    ahead: f64,
+}
+
+/// A contact of A with one contactor; lengths from A's centre.
+#[derive(Clone, Copy)]
+struct Touch {
+    /// Which of the contacts, or pairs.
+    of: u32,
+    /// Whether A is the antagonist.
+    turned: bool,
+    /// From the other to A.
+    normal: Vec3,
+    /// On the other's surface, m.
+    at: Vec3,
+    /// Of the other contactor, m.
+    centre: Vec3,
+    /// Of a ball about `at` that holds the other contactor, m.
+    reach: f64,
+}
+
+/// The plane of a face of C, below A.
+#[derive(Clone, Copy)]
+struct Plane {
+    n: Vec3,
+    /// n·x on it, x from A's centre, m.
+    height: f64,
+    /// Of what the digits of files leave unknown of it, m.
+    digits: f64,
+}
+
+impl Over<'_> {
+    /// The plane of the face of C above which a contact with C keeps A; `gap` is the least of that contact, m.
+    fn plane(&self, touch: &Touch, c: &Near, gap: f64) -> Option<Plane> {
+        let (n, face) = c.solid.face_along(&touch.normal)?;
+        if n.dot(&touch.normal) < 1.0 - ON_FACE {
+            return None;
+        }
+        let height = n.dot(&c.centre) + face;
+        let digits = self.digits(&n, c, face);
+        let below = height + self.solid.height(&-n);
+        (below <= (-gap).max(0.0) + 2.0 * (FLUSH * self.radius + digits)).then_some(Plane { n, height, digits })
+    }
+
+    /// Whether a contact with B in direction `normal`, at points `at`, is an inner one below the plane of C.
+    fn is_inner(&self, plane: &Plane, c: &Near, b: &Near, normal: &Vec3, at: impl Iterator<Item = Vec3>) -> bool {
+        let Plane { n, height, digits } = plane;
+        if normal.dot(n) >= 1.0 - PARALLEL {
+            return false;
+        }
+        // Bounds of B's height where A can meet it: its whole, and the plane of its face, which it is nowhere above.
+        let whole = b.solid.height(n);
+        let mut top = n.dot(&b.centre) + whole;
+        let tolerance = FLUSH * self.radius + digits + self.digits(n, b, whole);
+        let at: SmallVec<[Vec3; 6]> = at.collect();
+        if top > height + tolerance
+            && let Some((face, offset)) = b.solid.face_along(n)
+        {
+            let bent = face.cross(n).norm();
+            if bent > BENT {
+                return false;
+            }
+            let above = |at: &Vec3| n.dot(at) + (offset - face.dot(&(at - b.centre))) / face.dot(n);
+            top = at.iter().map(above).fold(f64::NEG_INFINITY, f64::max) + bent * self.travel;
+        }
+        let rise = |at: &Vec3| self.ahead * (b.velocity(at) - c.velocity(at)).dot(n);
+        top <= height + tolerance && at.iter().all(|at| rise(at) <= RISE * self.radius)
+    }
+
+    /// What the digits of files leave unknown of the height of a face at `distance` from a contactor's centre, m.
+    fn digits(&self, n: &Vec3, near: &Near, distance: f64) -> f64 {
+        DIGITS * (n.dot(&(self.centre + near.centre)).abs() + distance.abs())
+    }
+}
+
+/// Whether the point of a contact, and the centre of the other contactor, are so low, seen from the surface that another
+/// contact touches, that it may be an inner one.
+#[inline(always)]
+fn may_be_inner(of: &Touch, by: &Touch) -> bool {
+    // As far as the direction of the contact may be from the normal of the face, and the surfaces from flush.
+    let is_low = |point: &Vec3| {
+        let between = point - by.at;
+        let above = by.normal.dot(&between) - FLUSH * (of.reach + by.reach);
+        above <= 0.0 || above * above <= 4.0 * ON_FACE * between.norm_squared()
+    };
+    is_low(&of.at) && is_low(&of.centre) && of.normal.dot(&by.normal) < 1.0 - PARALLEL
+}
+
+/// The inner contacts among those of A, each with the normal of a plane that hides it.
+///
+/// `plane`: that of the face that keeps A up in a contact; `test`: whether one contact is an inner one below the plane of
+/// another.
+fn inner(
+    touches: &[Touch],
+    plane: impl Fn(&Touch) -> Option<Plane>,
+    test: impl Fn(&Touch, &Touch, &Plane) -> bool,
+) -> SmallVec<[(Touch, Vec3); 2]> {
+    // Of each once it is needed.
+    let mut planes: SmallVec<[Option<Option<Plane>>; 16]> = SmallVec::from_elem(None, touches.len());
+    let mut found: SmallVec<[(u32, u32, usize, Vec3); 4]> = SmallVec::new();
+    let mut both = |i: usize, j: usize| {
+        for [i, j] in [[i, j], [j, i]] {
+            let (of, by) = (&touches[i], &touches[j]);
+            if may_be_inner(of, by)
+                && let Some(plane) = *planes[j].get_or_insert_with(|| plane(by))
+                && test(of, by, &plane)
+            {
+                found.push((of.of, by.of, i, plane.n));
+            }
+        }
+    };
+    // Most contacts of a wide flat body have one direction.
+    let same = |touch: &Touch| touch.normal.dot(&touches[0].normal) >= 1.0 - PARALLEL;
+    let others: SmallVec<[usize; 16]> = (0..touches.len()).filter(|&k| !same(&touches[k])).collect();
+    if others.len() * touches.len() <= ALL {
+        for &i in &others {
+            (0..touches.len()).filter(|&j| same(&touches[j]) || j < i).for_each(|j| both(i, j));
+        }
+    } else {
+        let low = |k: &usize| touches[*k].at.x - touches[*k].reach;
+        let mut order: Vec<usize> = (0..touches.len()).collect();
+        order.sort_by(|a, b| low(a).total_cmp(&low(b)));
+        for (place, &i) in order.iter().enumerate() {
+            let high = touches[i].at.x + touches[i].reach;
+            order[place + 1..].iter().take_while(|&j| low(j) <= high).for_each(|&j| both(i, j));
+        }
+    }
+    // What is an inner contact itself keeps nothing up.
+    let stays = |of: u32| found.iter().all(|(inner, ..)| *inner != of);
+    let mut inner: SmallVec<[(Touch, Vec3); 2]> = SmallVec::new();
+    for (of, by, i, n) in &found {
+        if stays(*by) && inner.iter().all(|(touch, _)| touch.of != *of) {
+            inner.push((touches[*i], *n));
+        }
+    }
+    inner
+}
+
+/// Contacts of spheres with plates, without those with rims between flush plates; in the order of spheres.
+pub(super) fn without_inner_rims(
+    scene: &Scene,
+    q_c: &Configuration,
+    ways: &Ways,
+    mut listed: Vec<Listed>,
+) -> Vec<Listed> {
+    if scene.planes.len() < 2 {
+        return listed;
+    }
+    listed.sort_unstable_by_key(|(pair, _)| *pair);
+    let mut left = Vec::with_capacity(listed.len());
+    for of_one in listed.chunk_by(|(a, _), (b, _)| a[0] == b[0]) {
+        if of_one.len() < 2 {
+            left.extend_from_slice(of_one);
+            continue;
+        }
+        let sphere = of_one[0].0[0] as usize;
+        let (x, radius) = (q_c.x[sphere], scene.bodies[sphere].radius);
+        let over =
+            Over { solid: Solid::Sphere { radius }, centre: x, radius, travel: ways.travel[sphere], ahead: ways.ahead };
+        let seen: SmallVec<[_; 8]> = of_one.iter().map(|(pair, _)| found(scene, q_c, *pair)).collect();
+        let touch = |(k, found): (usize, &super::narrow::Found)| {
+            let BodyShape::Plane { half_lengths } = &scene.bodies[of_one[k].0[1] as usize].shape else {
+                unreachable!("these are plates")
+            };
+            let at = found.point - x - found.normal * (0.5 * found.gap);
+            let plate = of_one[k].0[1] as usize;
+            let centre = q_c.x[plate] + scene.image(&x, &q_c.x[plate]) - x;
+            Touch { of: k as u32, turned: false, normal: found.normal, at, centre, reach: 2.0 * half_lengths.norm() }
+        };
+        let touches: SmallVec<[Touch; 8]> = seen.iter().enumerate().map(touch).collect();
+        let near = |touch: &Touch| {
+            let plate = of_one[touch.of as usize].0[1] as usize;
+            let BodyShape::Plane { half_lengths } = &scene.bodies[plate].shape else {
+                unreachable!("these are plates")
+            };
+            let solid = Solid::Cuboid { axes: &q_c.q[plate], half_lengths };
+            let (v, w) = (ways.v_free[plate], ways.w_free[plate]);
+            Near { solid, centre: touch.centre, v, w, body: touch.centre }
+        };
+        let plane = |by: &Touch| over.plane(by, &near(by), seen[by.of as usize].gap);
+        let test = |of: &Touch, by: &Touch, plane: &Plane| {
+            over.is_inner(plane, &near(by), &near(of), &of.normal, std::iter::once(of.at))
+        };
+        let inner = inner(&touches, plane, test);
+        let is_inner = |k: usize| inner.iter().any(|(touch, _)| touch.of as usize == k);
+        left.extend((0..of_one.len()).filter(|&k| !is_inner(k)).map(|k| of_one[k]));
+    }
+    left
+}
+
+/// Contacts of two contactors that follow each other.
+struct Run {
+    start: u32,
+    end: u32,
+    /// Candidate and antagonist.
+    parts: [u32; 2],
+}
+
+/// The contacts, in the order of their keys, without inner ones, and the candidates and antagonists of these.
+pub(super) fn without_inner_edges(
+    scene: &Scene,
+    q_c: &Configuration,
+    ways: &Ways,
+    places: &[Place],
+    contacts: Vec<Contact>,
+) -> (Vec<Contact>, Vec<[u32; 2]>) {
+    let posed = |part: u32| match &places[part as usize].shape {
+        Shape::Polyhedron(posed) | Shape::Plane { cuboid: posed, .. } => Some(posed),
+        Shape::Sphere { .. } | Shape::Cylinder { .. } => None,
+    };
+    if (0..places.len() as u32).filter(|&k| posed(k).is_some()).nth(1).is_none() {
+        return (contacts, Vec::new());
+    }
+    let runs = runs(scene, &contacts);
+    let nobody = places.len() as u32;
+    // Contact k from its candidate is 2k, from its antagonist 2k + 1; only those with polyhedra count.
+    let keys: Vec<u32> = runs
+        .iter()
+        .flat_map(|Run { parts: [a, b], .. }| [(a, b), (b, a)])
+        .map(|(own, other)| if posed(*other).is_some() { *own } else { nobody })
+        .collect();
+    let (order, starts) = group(&keys, places.len() + 1);
+    let of_part = |part: usize| {
+        let a = &places[part];
+        let touch = |&key: &u32| {
+            let (of, turned) = (key / 2, key % 2 == 1);
+            let run = &runs[of as usize];
+            let contact = &contacts[run.start as usize];
+            let other = &places[run.parts[usize::from(!turned)] as usize];
+            let (sign, point, image) = if turned {
+                (-1.0, contact.point - contact.image, -contact.image)
+            } else {
+                (1.0, contact.point, contact.image)
+            };
+            let normal = contact.normal * sign;
+            let at = point - a.centre - normal * (0.5 * contact.gap);
+            Touch { of, turned, normal, at, centre: other.centre + image - a.centre, reach: 2.0 * other.radius }
+        };
+        let touches: SmallVec<[Touch; 16]> =
+            order[starts[part] as usize..starts[part + 1] as usize].iter().map(touch).collect();
+        let solid = match &a.shape {
+            Shape::Sphere { radius } => Solid::Sphere { radius: *radius },
+            Shape::Polyhedron(posed) | Shape::Plane { cuboid: posed, .. } => Solid::Polyhedron(posed),
+            Shape::Cylinder { .. } => return SmallVec::new(),
+        };
+        let over = Over { solid, centre: a.centre, radius: a.radius, travel: a.travel, ahead: ways.ahead };
+        let near = |touch: &Touch| {
+            let run = &runs[touch.of as usize];
+            let other = run.parts[usize::from(!touch.turned)];
+            let (b, centre) = (&places[other as usize], touch.centre);
+            let i = b.body as usize;
+            let solid = Solid::Polyhedron(posed(other)?);
+            Some(Near { solid, centre, v: ways.v_free[i], w: ways.w_free[i], body: centre + q_c.x[i] - b.centre })
+        };
+        let points = |touch: &Touch| {
+            let run = &runs[touch.of as usize];
+            &contacts[run.start as usize..run.end as usize]
+        };
+        let plane = |by: &Touch| {
+            let gap = points(by).iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
+            over.plane(by, &near(by)?, gap)
+        };
+        let test = |of: &Touch, by: &Touch, plane: &Plane| {
+            let first = points(of)[0];
+            let at = |contact: &Contact| {
+                of.at + (contact.point - first.point) - of.normal * (0.5 * (contact.gap - first.gap))
+            };
+            let (Some(b), Some(c)) = (near(of), near(by)) else { return false };
+            over.is_inner(plane, &c, &b, &of.normal, points(of).iter().map(at))
+        };
+        inner(&touches, plane, test)
+    };
+    let several = |part: &usize| starts[part + 1] - starts[*part] > 1;
+    let mut inner: Vec<(Touch, Vec3)> =
+        (0..places.len()).into_par_iter().with_min_len(256).filter(several).flat_map_iter(of_part).collect();
+    if inner.is_empty() {
+        return (contacts, Vec::new());
+    }
+    // Both contactors of a contact may find it.
+    inner.sort_by_key(|(touch, _)| touch.of);
+    inner.dedup_by_key(|(touch, _)| touch.of);
+    let (mut left, mut from) = (Vec::with_capacity(contacts.len()), 0);
+    let mut pairs = Vec::with_capacity(inner.len());
+    for (touch, n) in inner {
+        let Run { start, end, parts } = runs[touch.of as usize];
+        left.extend_from_slice(&contacts[from..start as usize]);
+        from = end as usize;
+        pairs.push(parts);
+        let [Some(p), Some(q)] = parts.map(posed) else { continue };
+        let [a, b] = parts.map(|k| places[k as usize].class);
+        let Some(see) = scene.visibility.see(a, b) else { continue };
+        let meeting = Meeting::new(scene, places, ways.nearby, 0, &(parts, see));
+        let n = if touch.turned { -n } else { n };
+        if let Some(manifold) = polyhedra_along(p, q, &meeting.c, &n, meeting.range) {
+            left.extend(meeting.contacts(&manifold));
+        }
+    }
+    left.extend_from_slice(&contacts[from..]);
+    (left, pairs)
+}
+
+fn runs(scene: &Scene, contacts: &[Contact]) -> Vec<Run> {
+    let mut runs = Vec::with_capacity(contacts.len() / 2);
+    let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
+    let mut start = 0;
+    for of_one in contacts.chunk_by(|a, b| pair(a) == pair(b)) {
+        let end = start + of_one.len() as u32;
+        let first = &of_one[0];
+        let part = |body: u32, rank: u16| scene.part_starts[body as usize] + u32::from(rank);
+        let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
+        runs.push(Run { start, end, parts });
+        start = end;
+    }
+    runs
+}
