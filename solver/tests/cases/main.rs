@@ -13,6 +13,7 @@ mod faces;
 mod flight;
 mod gravity;
 mod invariants;
+mod joints;
 mod laws;
 mod limits;
 mod listing;
