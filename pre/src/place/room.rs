@@ -50,8 +50,10 @@ impl Envelope {
             &Envelope::Cylinder { half_height, radius } => Room::Cylinder { half_height, radius },
             Envelope::Model { file, scaled } => {
                 let read = model::surface(folder, file, scaled.unwrap_or(Scaled::Factor(1.0)))?;
-                if read.turned > 0 {
-                    told = format!("{file}: {} triangles turned to point outward", read.turned);
+                let turned = (read.turned > 0).then(|| format!("{} triangles turned to point outward", read.turned));
+                let changes: Vec<String> = turned.into_iter().chain(read.repairs).collect();
+                if !changes.is_empty() {
+                    told = format!("{file}: {}", changes.join(", "));
                 }
                 let inside = Inside::new(&read.surface).map_err(|found| {
                     Fault::new(&folder.join(file), None, "surface", found, "expected one with an inside")

@@ -26,9 +26,9 @@ const SHAVING: f64 = 1e-6;
 /// The surface of a file at its size. Errors: those of [`read::surface`].
 pub fn surface(folder: &Path, file: &str, scaled: Scaled) -> Result<Read, Faults> {
     let path = folder.join(file);
-    let Read { surface, turned } = read::surface(&path)?;
-    let factor = factor(&surface, scaled);
-    Ok(Read { surface: times(&path, &surface, factor)?, turned })
+    let read = read::surface(&path)?;
+    let factor = factor(&read.surface, scaled);
+    Ok(Read { surface: times(&path, &read.surface, factor)?, ..read })
 }
 
 /// How many times as large as in the file.
@@ -72,7 +72,7 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
     let read = read::surface(&path)?;
     let factor = factor(&read.surface, scaled);
     let whole = times(&path, &read.surface, factor)?;
-    let mut told = told(file, &whole, read.turned);
+    let mut told = told(file, &whole, &read);
     let solid = match contact {
         ContactSurface::Whole => {
             if !whole.is_convex(CONVEX) {
@@ -111,6 +111,9 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
                         let expected = "expected a piece of the model, in the same axes";
                         faults.push(Fault::new(&path, None, "surface", "it lies beside the model", expected));
                     }
+                    if !read.repairs.is_empty() {
+                        told += &format!(", {file}: {}", read.repairs.join(", "));
+                    }
                     pieces.extend(faults.gather(times(&path, &read.surface, factor)));
                 }
             }
@@ -124,10 +127,15 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
     Ok((solid, told))
 }
 
-fn told(file: &str, whole: &Surface, turned: usize) -> String {
+/// Counts, volume and repairs of a surface from a file, for the summary.
+fn told(file: &str, whole: &Surface, read: &Read) -> String {
     let (vertices, triangles) = (whole.vertices().len(), whole.triangles().len());
-    let turned = if turned == 0 { String::new() } else { format!(", {turned} of them turned to point outward") };
-    format!("{file}: {vertices} vertices, {triangles} triangles{turned}, {:.6e} m^3", whole.volume())
+    let turned = match read.turned {
+        0 => String::new(),
+        turned => format!(", {turned} of them turned to point outward"),
+    };
+    let size = format!("{file}: {vertices} vertices, {triangles} triangles{turned}, {:.6e} m^3", whole.volume());
+    if read.repairs.is_empty() { size } else { format!("{size} ({})", read.repairs.join(", ")) }
 }
 
 fn covered(whole: &Surface, pieces: &[Surface]) -> String {

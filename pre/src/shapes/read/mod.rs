@@ -1,0 +1,316 @@
+//! Closed surfaces from OBJ, STL and VTK files, repaired where that is safe, and checked.
+//!
+//! | module | |
+//! |---|---|
+//! | [`obj`] | Wavefront OBJ |
+//! | [`stl`] | STL, text and binary |
+//! | [`legacy`] | VTK legacy polygonal data |
+//! | [`vtp`] | VTK XML polygonal data, with [`inflate`] for zlib blocks |
+//! | [`repair`] | from polygons over points to a triangulation: weld, drop, flip |
+
+mod inflate;
+mod legacy;
+mod obj;
+mod repair;
+mod stl;
+mod vtp;
+
+use std::path::Path;
+
+use cd_formats::error::{Fault, Faults};
+use cd_formats::surface::Surface;
+
+/// Number of faults of one file that are printed one by one; a broken surface has thousands of the same kind.
+const PRINTED: usize = 5;
+
+/// A surface from a file, and what was changed to read it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Read {
+    pub surface: Surface,
+    /// Number of triangles that were turned to point outward with the others.
+    pub turned: usize,
+    /// What was ignored, dropped or welded, each in a phrase such as `dropped 1 degenerate triangle`.
+    pub repairs: Vec<String>,
+}
+
+/// Polygons over points, the common form of all kinds of files.
+#[derive(Debug, Default, PartialEq)]
+struct Mesh {
+    points: Vec<[f64; 3]>,
+    polygons: Vec<Vec<usize>>,
+    /// As in [`Read`].
+    notes: Vec<String>,
+}
+
+/// Why a file is rejected.
+#[derive(Debug, PartialEq)]
+struct Refusal {
+    line: Option<usize>,
+    found: String,
+    expected: String,
+}
+
+impl Refusal {
+    fn new(line: impl Into<Option<usize>>, found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Refusal { line: line.into(), found: found.into(), expected: expected.into() }
+    }
+}
+
+impl From<Refusal> for Vec<Refusal> {
+    fn from(refusal: Refusal) -> Self {
+        vec![refusal]
+    }
+}
+
+impl Mesh {
+    /// Adds a phrase with a count, unless the count is 0.
+    fn note(&mut self, verb: &str, count: usize, what: &str, rest: &str) {
+        if count > 0 {
+            self.notes.push(format!("{verb} {}{rest}", plural(count, what)));
+        }
+    }
+}
+
+/// Returns `1 triangle` or `2 triangles`.
+fn plural(count: usize, what: &str) -> String {
+    let plural = match (count, what) {
+        (1, _) => what.to_string(),
+        (_, "vertex") => "vertices".into(),
+        (_, "weight or colour") => "weights or colours".into(),
+        _ => format!("{what}s"),
+    };
+    format!("{count} {plural}")
+}
+
+/// Reads a closed surface.
+///
+/// The ending selects the kind: `.obj`; `.stl`, text or binary; `.vtk` and `.vtp`, legacy or XML, whichever the file
+/// is. Points at the same position are one vertex; polygons are cut into triangles from their first corner. Vertices
+/// are numbered in the order in which the polygons name them. Repairs are those of [`repair`]; all are listed in
+/// [`Read::repairs`].
+///
+/// Errors: a file that cannot be read, and every fault of the surface.
+pub fn surface(path: &Path) -> Result<Read, Faults> {
+    let bytes = std::fs::read(path).map_err(|error| Fault::io(path, "read", &error))?;
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let refused = |refusals: Vec<Refusal>| {
+        let mut faults = Faults::default();
+        for Refusal { line, found, expected } in refusals.iter().take(PRINTED) {
+            faults.push(Fault::new(path, *line, "file", found, format!("expected {expected}")));
+        }
+        if refusals.len() > PRINTED {
+            let more = format!("{} more faults", refusals.len() - PRINTED);
+            faults.push(Fault::new(path, None, "file", more, format!("expected {}", refusals[0].expected)));
+        }
+        faults
+    };
+    let mesh = mesh(&bytes, &ending).map_err(refused)?;
+    let (vertices, triangles, repairs) = repair::triangulated(mesh);
+    match Surface::new(&vertices, &triangles) {
+        Ok(surface) => {
+            let same = surface.triangles().iter().zip(&triangles).filter(|(a, b)| a == b).count();
+            // If all are turned, the surface was inside out, and coherent.
+            let turned = (triangles.len() - same).min(same);
+            Ok(Read { surface, turned, repairs })
+        }
+        Err(found) => {
+            let mut faults = Faults::default();
+            for fault in found.iter().take(PRINTED) {
+                let (found, expected) = fault.split_once("; ").unwrap_or((fault, "expected a closed surface"));
+                faults.push(Fault::new(path, None, "surface", found, expected));
+            }
+            if found.len() > PRINTED {
+                let more = format!("{} more faults", found.len() - PRINTED);
+                faults.push(Fault::new(path, None, "surface", more, "expected a closed surface in one piece"));
+            }
+            Err(faults)
+        }
+    }
+}
+
+fn mesh(bytes: &[u8], ending: &str) -> Result<Mesh, Vec<Refusal>> {
+    let kind = match ending {
+        "obj" => "a Wavefront OBJ file",
+        "stl" => "an STL file, text or binary",
+        "vtk" | "vtp" => "polygonal data of VTK, legacy or XML",
+        _ => return Err(Refusal::new(None, format!("the ending '{ending}'"), ".obj, .stl, .vtk or .vtp").into()),
+    };
+    let refuse = |found: &str| Err(Refusal::new(None, found, kind).into());
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    match bytes {
+        [] => return refuse("it is empty"),
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] if ending != "stl" => return refuse("text in UTF-16, not UTF-8 or ASCII"),
+        [0x1f, 0x8b, ..] => return refuse("compressed by gzip; uncompress it first"),
+        [b'P', b'K', 3, 4, ..] => return refuse("a zip archive; unpack it first"),
+        _ => {}
+    }
+    match ending {
+        "obj" => obj::read(&String::from_utf8_lossy(bytes)),
+        "stl" => stl::read(bytes),
+        _ if bytes.trim_ascii_start().starts_with(b"<") => vtp::read(bytes).map_err(Into::into),
+        _ => legacy::read(bytes).map_err(Into::into),
+    }
+}
+
+/// Reads a real number of a text file; Fortran's `1.0D+00` too.
+fn real(word: &str) -> Option<f64> {
+    word.parse().ok().or_else(|| word.replace(['d', 'D'], "e").parse().ok())
+}
+
+/// Numbers of a binary array of VTK, by the name of their type in legacy or XML files.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Number {
+    Signed(usize),
+    Unsigned(usize),
+    Float,
+    Double,
+}
+
+impl Number {
+    fn of(name: &str) -> Option<Number> {
+        Some(match name.to_ascii_lowercase().as_str() {
+            "char" | "int8" => Number::Signed(1),
+            "unsigned_char" | "uint8" => Number::Unsigned(1),
+            "short" | "int16" => Number::Signed(2),
+            "unsigned_short" | "uint16" => Number::Unsigned(2),
+            "int" | "int32" | "vtkidtype" | "vtktypeint32" => Number::Signed(4),
+            "unsigned_int" | "uint32" | "vtktypeuint32" => Number::Unsigned(4),
+            "long" | "int64" | "vtktypeint64" => Number::Signed(8),
+            "unsigned_long" | "uint64" | "vtktypeuint64" => Number::Unsigned(8),
+            "float" | "float32" => Number::Float,
+            "double" | "float64" => Number::Double,
+            _ => return None,
+        })
+    }
+
+    /// Bytes of one number.
+    fn size(self) -> usize {
+        match self {
+            Number::Signed(size) | Number::Unsigned(size) => size,
+            Number::Float => 4,
+            Number::Double => 8,
+        }
+    }
+
+    /// The numbers in `bytes`; what is left over at the end is ignored.
+    fn all(self, bytes: &[u8], big_endian: bool) -> Vec<f64> {
+        let of_one = |chunk: &[u8]| {
+            let mut word = [0; 8];
+            for (k, byte) in chunk.iter().enumerate() {
+                word[if big_endian { chunk.len() - 1 - k } else { k }] = *byte;
+            }
+            let bits = u64::from_le_bytes(word);
+            match self {
+                Number::Unsigned(_) => bits as f64,
+                Number::Signed(size) => {
+                    let unused = 64 - 8 * size as u32;
+                    (((bits << unused) as i64) >> unused) as f64
+                }
+                Number::Float => f64::from(f32::from_bits(bits as u32)),
+                Number::Double => f64::from_bits(bits),
+            }
+        };
+        bytes.chunks_exact(self.size()).map(of_one).collect()
+    }
+}
+
+/// One piece of polygonal data of VTK.
+#[derive(Debug, Default)]
+struct Piece {
+    coordinates: Vec<f64>,
+    polygons: Cells,
+    strips: Cells,
+    /// Number of points and lines that are cells of their own.
+    ignored: usize,
+}
+
+/// Corners of cells, one after the other, and where each cell ends.
+#[derive(Debug, Default)]
+struct Cells {
+    corners: Vec<f64>,
+    ends: Vec<f64>,
+}
+
+impl Cells {
+    /// From the lists of legacy files before version 5: a count, then as many corners, for each cell.
+    fn counted(numbers: &[f64], count: usize) -> Result<Cells, String> {
+        let mut cells = Cells::default();
+        let mut rest = numbers;
+        for k in 1..=count {
+            let Some((&corners, behind)) = rest.split_first() else {
+                return Err(format!("lists of corners that end at cell {k} of {count}"));
+            };
+            let fits = corners >= 0.0 && corners <= behind.len() as f64;
+            if !fits {
+                return Err(format!(
+                    "cell {k} of {count} with {corners} corners where {} numbers follow",
+                    behind.len()
+                ));
+            }
+            let (own, behind) = behind.split_at(corners as usize);
+            cells.corners.extend(own);
+            cells.ends.push(cells.corners.len() as f64);
+            rest = behind;
+        }
+        Ok(cells)
+    }
+
+    /// The corners of each cell, of `points` points.
+    fn lists(&self, points: usize) -> Result<Vec<Vec<usize>>, String> {
+        let (mut lists, mut begin) = (Vec::new(), 0);
+        // Lists of legacy files from version 5 on begin with the start of the first cell, 0.
+        let ends = self.ends.strip_prefix(&[0.0]).unwrap_or(&self.ends);
+        for (k, &end) in (1..).zip(ends) {
+            if !(end >= begin as f64 && end <= self.corners.len() as f64) {
+                return Err(format!("cell {k} ends at corner {end} of {}", self.corners.len()));
+            }
+            let corners = &self.corners[begin..end as usize];
+            if let Some(wrong) = corners.iter().find(|&&corner| !(corner >= 0.0 && corner < points as f64)) {
+                return Err(format!("cell {k} names point {wrong}, where points are 0 to {}", points as f64 - 1.0));
+            }
+            lists.push(corners.iter().map(|&corner| corner as usize).collect());
+            begin = end as usize;
+        }
+        if begin < self.corners.len() {
+            return Err(format!("{} corners, of which the cells use {begin}", self.corners.len()));
+        }
+        Ok(lists)
+    }
+}
+
+impl Piece {
+    /// Appends the piece to a mesh. Errors: lists that do not fit together.
+    fn add_to(&self, mesh: &mut Mesh) -> Result<(), String> {
+        if !self.coordinates.len().is_multiple_of(3) {
+            return Err(format!("{} coordinates, which are no multiple of 3", self.coordinates.len()));
+        }
+        let (first, points) = (mesh.points.len(), self.coordinates.len() / 3);
+        mesh.points.extend(self.coordinates.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
+        let moved = |list: Vec<usize>| -> Vec<usize> { list.into_iter().map(|k| first + k).collect() };
+        mesh.polygons.extend(self.polygons.lists(points)?.into_iter().map(moved));
+        for strip in self.strips.lists(points)?.into_iter().map(moved) {
+            // Every other triangle runs against the strip.
+            let turned = |(k, t): (usize, &[usize])| if k % 2 == 0 { t.to_vec() } else { vec![t[1], t[0], t[2]] };
+            mesh.polygons.extend(strip.windows(3).enumerate().map(turned));
+        }
+        mesh.note("ignored", self.ignored, "line or point element", "");
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn binary_numbers_of_all_kinds() {
+        let of = |name: &str, bytes: &[u8]| Number::of(name).unwrap().all(bytes, true);
+        assert_eq!(of("char", &[0xff, 2]), [-1.0, 2.0]);
+        assert_eq!(of("UInt8", &[0xff]), [255.0]);
+        assert_eq!(of("short", &[0xff, 0xfe]), [-2.0]);
+        assert_eq!(of("vtktypeint64", &[0, 0, 0, 0, 0, 0, 1, 2]), [258.0]);
+        assert_eq!(of("float", &1.5f32.to_be_bytes()), [1.5]);
+        assert_eq!(Number::of("Float64").unwrap().all(&(-2.5f64).to_le_bytes(), false), [-2.5]);
+        assert_eq!(Number::of("bit"), None);
+    }
+}

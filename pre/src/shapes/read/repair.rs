@@ -1,0 +1,260 @@
+//! From polygons to a closed triangulation, with the repairs that change no body: points at the same position are one,
+//! triangles without area are dropped, and points of an open surface that agree but for their last digits are welded.
+
+use nalgebra::Vector3;
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::{Mesh, plural};
+
+/// Distances up to which points of an open surface are welded, over the largest coordinate: the last digit of numbers in
+/// single precision, of seven, six and five digits.
+const WELD: [f64; 3] = [2e-7, 2e-6, 2e-5];
+/// The same over the extent: of a surface far from the origin the last digit may be as large as its details.
+const WELD_OF_EXTENT: f64 = 1e-3;
+/// Height of a triangle over its longest side below which it has no area; as [`cd_formats::surface::Surface`] has it.
+const FLAT: f64 = 1e-14;
+
+/// Vertices, triangles of their numbers, and phrases about the repairs.
+pub type Triangulated = (Vec<[f64; 3]>, Vec<[u32; 3]>, Vec<String>);
+
+/// Triangulates a mesh. Faults of the surface are left for [`cd_formats::surface::Surface::new`].
+pub fn triangulated(mesh: Mesh) -> Triangulated {
+    let Mesh { points, polygons, notes } = mesh;
+    let mut numbers: FxHashMap<[u64; 3], u32> = FxHashMap::default();
+    let (mut vertices, mut triangles): (Vec<[f64; 3]>, Vec<[u32; 3]>) = (Vec::new(), Vec::new());
+    for polygon in &polygons {
+        let corners = polygon.iter().map(|&point| {
+            let point = points[point].map(|x| x + 0.0); // one zero
+            *numbers.entry(point.map(f64::to_bits)).or_insert_with(|| {
+                vertices.push(point);
+                vertices.len() as u32 - 1
+            })
+        });
+        let corners: Vec<u32> = corners.collect();
+        match corners.as_slice() {
+            [] => {}
+            // A polygon of one or two corners is a triangle without area.
+            [a] => triangles.push([*a; 3]),
+            [a, b] => triangles.push([*a, *b, *b]),
+            [first, rest @ ..] => triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]])),
+        }
+    }
+    let exact = clean(&vertices, &triangles, notes.clone());
+    if closed(&exact.1) || vertices.iter().flatten().any(|x| !x.is_finite()) {
+        return exact;
+    }
+    let [largest, extent] = sizes(&vertices);
+    for share in WELD {
+        let distance = (share * largest).min(WELD_OF_EXTENT * extent);
+        let (number, left) = weld(&vertices, distance);
+        let count = vertices.len() - left;
+        let mut notes = notes.clone();
+        if count > 0 {
+            notes.push(format!("welded {} closer than {distance:.1e} m", plural(count, "vertex")));
+        }
+        let triangles: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| number[v as usize])).collect();
+        let welded = clean(&vertices, &triangles, notes);
+        if closed(&welded.1) {
+            return welded;
+        }
+    }
+    exact
+}
+
+/// Largest coordinate, and longest side of the box along the axes.
+fn sizes(vertices: &[[f64; 3]]) -> [f64; 2] {
+    let largest = vertices.iter().flatten().fold(0.0, |largest: f64, x| largest.max(x.abs()));
+    let side = |k: usize| {
+        let ends = vertices.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v[k]), b.max(v[k])]);
+        ends[1] - ends[0]
+    };
+    [largest, side(0).max(side(1)).max(side(2))]
+}
+
+/// The number of the vertex that stands for each, the first within `distance`; and how many are left.
+fn weld(vertices: &[[f64; 3]], distance: f64) -> (Vec<u32>, usize) {
+    let cell = |v: &[f64; 3]| v.map(|x| (x / distance).floor() as i64);
+    let mut cells: FxHashMap<[i64; 3], Vec<u32>> = FxHashMap::default();
+    let (mut numbers, mut left) = (Vec::with_capacity(vertices.len()), 0);
+    for (k, v) in (0..).zip(vertices) {
+        let own = cell(v);
+        let near = |other: &&u32| {
+            let other = vertices[**other as usize];
+            (0..3).map(|k| (other[k] - v[k]).powi(2)).sum::<f64>() <= distance * distance
+        };
+        let neighbours = (0..27i64).map(|k| [k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1]);
+        let found = neighbours
+            .filter_map(|step| cells.get(&[0, 1, 2].map(|k| own[k].saturating_add(step[k]))))
+            .flat_map(|known| known.iter().filter(near))
+            .min()
+            .copied();
+        numbers.push(found.unwrap_or(k));
+        if found.is_none() {
+            cells.entry(own).or_default().push(k);
+            left += 1;
+        }
+    }
+    (numbers, left)
+}
+
+/// Whether every edge belongs to two triangles.
+fn closed(triangles: &[[u32; 3]]) -> bool {
+    let mut edges: FxHashMap<[u32; 2], u32> = FxHashMap::default();
+    for [a, b] in triangles.iter().flat_map(sides) {
+        *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
+    }
+    !triangles.is_empty() && edges.values().all(|count| *count == 2)
+}
+
+fn sides([a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
+    [[*a, *b], [*b, *c], [*c, *a]]
+}
+
+/// Drops triangles without area and second copies of triangles, then vertices that are not used.
+fn clean(vertices: &[[f64; 3]], triangles: &[[u32; 3]], mut notes: Vec<String>) -> Triangulated {
+    let is_flat = |t: &[u32; 3]| apex(vertices, t).is_some();
+    let mut kept: Vec<[u32; 3]> = triangles.iter().copied().filter(|[a, b, c]| a != b && b != c && c != a).collect();
+    let (distinct, mut known) = (kept.len(), FxHashSet::default());
+    kept.retain(|t| {
+        let first = (0..3).min_by_key(|&k| t[k]).unwrap_or(0);
+        known.insert([t[first], t[(first + 1) % 3], t[(first + 2) % 3]])
+    });
+    let copies = distinct - kept.len();
+    let flat = kept.iter().filter(|t| is_flat(t)).count();
+    if flat > 0 {
+        let without: Vec<[u32; 3]> = kept.iter().copied().filter(|t| !is_flat(t)).collect();
+        kept = if closed(&without) { without } else { split(vertices, kept) };
+    }
+    let left = kept.iter().filter(|t| is_flat(t)).count();
+    let degenerate = triangles.len() - distinct + flat.saturating_sub(left);
+    let mut numbers: FxHashMap<u32, u32> = FxHashMap::default();
+    let mut used = Vec::new();
+    for corner in kept.iter_mut().flatten() {
+        let vertex = *corner;
+        *corner = *numbers.entry(vertex).or_insert_with(|| {
+            used.push(vertices[vertex as usize]);
+            used.len() as u32 - 1
+        });
+    }
+    if degenerate > 0 {
+        notes.push(format!("dropped {}", plural(degenerate, "degenerate triangle")));
+    }
+    if copies > 0 {
+        notes.push(format!("dropped {}", plural(copies, "duplicate triangle")));
+    }
+    (used, kept, notes)
+}
+
+/// Of a triangle without area, the position of the corner on its longest side.
+fn apex(vertices: &[[f64; 3]], t: &[u32; 3]) -> Option<usize> {
+    let [a, b, c] = t.map(|v| Vector3::from(vertices[v as usize]));
+    let lengths = [(c - b).norm(), (a - c).norm(), (b - a).norm()];
+    let longest = (0..3).max_by(|&i, &j| lengths[i].total_cmp(&lengths[j])).unwrap_or(0);
+    ((b - a).cross(&(c - a)).norm() <= FLAT * lengths[longest].powi(2)).then_some(longest)
+}
+
+/// Removes triangles without area that close the surface: the neighbour at the longest side is cut in two at the corner
+/// on it, so that the edges at this corner find their second triangle.
+fn split(vertices: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
+    // Neighbours without area may need several passes.
+    const PASSES: usize = 50;
+    for _ in 0..PASSES {
+        let mut with_edge: FxHashMap<[u32; 2], Vec<usize>> = FxHashMap::default();
+        for (k, t) in triangles.iter().enumerate() {
+            sides(t).iter().for_each(|[a, b]| with_edge.entry([*a.min(b), *a.max(b)]).or_default().push(k));
+        }
+        let mut touched = vec![false; triangles.len()];
+        let mut gone = vec![false; triangles.len()];
+        for k in 0..touched.len() {
+            let t = triangles[k];
+            let Some(at) = apex(vertices, &t).filter(|_| !touched[k]) else { continue };
+            let (m, a, b) = (t[at], t[(at + 1) % 3], t[(at + 2) % 3]);
+            let others: Vec<usize> =
+                with_edge[&[a.min(b), a.max(b)]].iter().copied().filter(|&other| other != k).collect();
+            match others[..] {
+                [] => {}
+                [other] if touched[other] => continue,
+                [other] if triangles[other].contains(&m) => (touched[other], gone[other]) = (true, true),
+                [other] => {
+                    let with = |old: u32| triangles[other].map(|v| if v == old { m } else { v });
+                    let halves = [with(a), with(b)];
+                    triangles[other] = halves[0];
+                    triangles.push(halves[1]);
+                    touched[other] = true;
+                }
+                _ => continue,
+            }
+            (touched[k], gone[k]) = (true, true);
+        }
+        if !gone.contains(&true) {
+            break;
+        }
+        gone.resize(triangles.len(), false);
+        let mut gone = gone.into_iter();
+        triangles.retain(|_| !gone.next().unwrap_or(false));
+    }
+    triangles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cd_formats::surface::Surface;
+
+    fn cube() -> Mesh {
+        let corner = |k: usize| [k & 1, k >> 1 & 1, k >> 2 & 1].map(|side| side as f64 - 0.5);
+        let polygons = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        Mesh { points: (0..8).map(corner).collect(), polygons: polygons.map(|p| p.to_vec()).into(), notes: Vec::new() }
+    }
+
+    /// Volume, m^3, and notes.
+    fn made(mesh: Mesh) -> (f64, String) {
+        let (vertices, triangles, notes) = triangulated(mesh);
+        (Surface::new(&vertices, &triangles).unwrap().volume(), notes.join(", "))
+    }
+
+    #[test]
+    fn degenerate_and_duplicate_triangles_are_dropped() {
+        for (more, note) in [
+            (vec![0, 1, 1], "dropped 1 degenerate triangle"),
+            (vec![0, 1], "dropped 1 degenerate triangle"),
+            (vec![0, 2, 3], "dropped 1 duplicate triangle"),
+            (vec![0, 0, 2, 3, 3], "dropped 2 degenerate triangles, dropped 1 duplicate triangle"),
+        ] {
+            let mut mesh = cube();
+            mesh.polygons.push(more);
+            assert_eq!(made(mesh), (1.0, note.to_string()));
+        }
+    }
+
+    /// A corner in the middle of an edge, of one of the two faces alone: a triangle without area closes the surface.
+    #[test]
+    fn a_triangle_without_area_that_closes_the_surface() {
+        let mut mesh = cube();
+        mesh.points.push([0.0, -0.5, -0.5]);
+        mesh.polygons[2] = vec![0, 8, 1, 5, 4];
+        mesh.polygons.push(vec![0, 1, 8]);
+        assert_eq!(made(mesh), (1.0, "dropped 2 degenerate triangles".to_string()));
+    }
+
+    #[test]
+    fn gaps_in_the_last_digit_are_welded_and_wider_ones_are_not() {
+        for (centre, gap, closes) in [(0.0, 3e-8, true), (0.0, 9e-6, true), (0.0, 1e-3, false), (1e3, 1e-4, true)] {
+            let mut mesh = cube();
+            mesh.points.iter_mut().flatten().for_each(|x| *x += centre);
+            let mut moved = mesh.points[7];
+            moved[0] += gap;
+            mesh.points.push(moved);
+            mesh.polygons[1] = vec![4, 5, 8, 6];
+            let (vertices, triangles, notes) = triangulated(mesh);
+            match Surface::new(&vertices, &triangles) {
+                Ok(surface) => {
+                    // The welded corner is off by the gap.
+                    assert!(closes && (surface.volume() - 1.0).abs() < 1e-4, "{gap}");
+                    assert!(notes.join("").starts_with("welded 1 vertex closer than "), "{notes:?}");
+                }
+                Err(_) => assert!(!closes && notes.is_empty(), "{gap}"),
+            }
+        }
+    }
+}

@@ -1,0 +1,349 @@
+//! VTK XML polygonal data: arrays as text, binary in place, or appended, plain or in zlib blocks.
+
+use super::{Cells, Mesh, Number, Piece, Refusal, inflate, real};
+
+const KIND: &str = "polygonal data of VTK, legacy or XML";
+const COMPLETE: &str = "a complete file";
+
+/// Reads a file.
+pub fn read(bytes: &[u8]) -> Result<Mesh, Refusal> {
+    let mut file = File::of(bytes)?;
+    let mut mesh = Mesh::default();
+    for piece in file.pieces()? {
+        piece.add_to(&mut mesh).map_err(|found| Refusal::new(None, found, KIND))?;
+    }
+    if mesh.polygons.is_empty() {
+        return Err(Refusal::new(None, "no polygons", "Polys or Strips"));
+    }
+    Ok(mesh)
+}
+
+/// A tag with the text up to the next one.
+struct Tag {
+    line: usize,
+    name: String,
+    attributes: Vec<(String, String)>,
+    kind: Kind,
+    content: String,
+}
+
+#[derive(PartialEq)]
+enum Kind {
+    Start,
+    End,
+    Empty,
+}
+
+impl Tag {
+    fn attribute(&self, name: &str) -> Option<&str> {
+        self.attributes.iter().find(|(known, _)| known == name).map(|(_, value)| value.as_str())
+    }
+
+    /// A number in an attribute, if it is there.
+    fn number(&self, name: &str) -> Result<Option<usize>, Refusal> {
+        let number = |value: &str| {
+            value.trim().parse().map_err(|_| Refusal::new(self.line, format!("{name}=\"{value}\""), "a number"))
+        };
+        self.attribute(name).map(number).transpose()
+    }
+}
+
+struct File<'a> {
+    tags: Vec<Tag>,
+    /// Behind the `_` of the appended data.
+    appended: &'a [u8],
+    /// Whether these are in base64.
+    encoded: bool,
+    big_endian: bool,
+    /// Bytes of a number in the head of a binary array.
+    head: usize,
+    compressed: bool,
+}
+
+impl<'a> File<'a> {
+    fn of(bytes: &'a [u8]) -> Result<Self, Refusal> {
+        // Raw data are no XML.
+        let appended = find(bytes, b"<AppendedData").unwrap_or(bytes.len());
+        let mut tags = tags(&String::from_utf8_lossy(&bytes[..appended]))?;
+        let mut file =
+            File { tags: Vec::new(), appended: &[], encoded: false, big_endian: false, head: 4, compressed: false };
+        if appended < bytes.len() {
+            let end = find(&bytes[appended..], b">").map(|end| appended + end + 1);
+            let begin = end.and_then(|end| Some(end + find(&bytes[end..], b"_")? + 1));
+            let (Some(end), Some(begin)) = (end, begin) else {
+                return Err(Refusal::new(None, "AppendedData without '_'", COMPLETE));
+            };
+            let of_tag = self::tags(&String::from_utf8_lossy(&bytes[appended..end]))?;
+            file.encoded = of_tag.iter().any(|tag| tag.attribute("encoding") == Some("base64"));
+            file.appended = &bytes[begin..];
+        }
+        tags.retain(|tag| tag.name != "?");
+        let Some(first) = tags.first().filter(|tag| tag.name == "VTKFile") else {
+            return Err(Refusal::new(None, "no tag VTKFile", KIND));
+        };
+        let kind = first.attribute("type").unwrap_or_default();
+        if kind != "PolyData" {
+            let expected = "PolyData; in ParaView: Extract Surface";
+            return Err(Refusal::new(first.line, format!("VTKFile of the type '{kind}'"), expected));
+        }
+        file.big_endian = first.attribute("byte_order") == Some("BigEndian");
+        file.head = if first.attribute("header_type") == Some("UInt64") { 8 } else { 4 };
+        file.compressed = match first.attribute("compressor") {
+            None | Some("") => false,
+            Some("vtkZLibDataCompressor") => true,
+            Some(other) => {
+                let expected = "vtkZLibDataCompressor or none; in ParaView: Compressor Type";
+                return Err(Refusal::new(first.line, format!("compressed by {other}"), expected));
+            }
+        };
+        file.tags = tags;
+        Ok(file)
+    }
+
+    fn pieces(&mut self) -> Result<Vec<Piece>, Refusal> {
+        let mut pieces: Vec<Piece> = Vec::new();
+        let mut open: Vec<&Tag> = Vec::new();
+        for tag in &self.tags {
+            let parent = open.last().map_or("", |tag| tag.name.as_str());
+            if tag.kind == Kind::End {
+                if parent != tag.name {
+                    return Err(Refusal::new(tag.line, format!("</{}> where <{parent}> is open", tag.name), KIND));
+                }
+                if tag.name == "Piece" {
+                    complete(&pieces, open[open.len() - 1])?;
+                }
+                open.pop();
+                continue;
+            }
+            match (tag.name.as_str(), parent) {
+                ("Piece", _) => {
+                    pieces.push(Piece::default());
+                    let ignored = [tag.number("NumberOfVerts")?, tag.number("NumberOfLines")?];
+                    pieces.iter_mut().next_back().into_iter().for_each(|piece| {
+                        piece.ignored = ignored.into_iter().flatten().fold(0, usize::saturating_add);
+                    });
+                    if tag.attribute("Source").is_some() {
+                        return Err(Refusal::new(tag.line, "a piece in another file", "pieces in this one"));
+                    }
+                }
+                ("DataArray", "Points" | "Polys" | "Strips") => {
+                    let Some(piece) = pieces.last_mut() else {
+                        return Err(Refusal::new(tag.line, "an array outside of a Piece", KIND));
+                    };
+                    let list: Option<&mut Vec<f64>> = match (parent, tag.attribute("Name")) {
+                        ("Points", _) => Some(&mut piece.coordinates),
+                        ("Polys", Some("connectivity")) => Some(&mut piece.polygons.corners),
+                        ("Polys", Some("offsets")) => Some(&mut piece.polygons.ends),
+                        ("Strips", Some("connectivity")) => Some(&mut piece.strips.corners),
+                        ("Strips", Some("offsets")) => Some(&mut piece.strips.ends),
+                        _ => None,
+                    };
+                    if let Some(list) = list {
+                        *list = self.array(tag)?;
+                    }
+                }
+                _ => {}
+            }
+            if tag.kind == Kind::Start {
+                open.push(tag);
+            }
+        }
+        let last = open.last().map_or("", |tag| tag.name.as_str());
+        if !(last.is_empty() || last == "VTKFile" && !self.appended.is_empty()) {
+            return Err(Refusal::new(None, format!("the end of the file within <{last}>"), COMPLETE));
+        }
+        Ok(pieces)
+    }
+
+    fn array(&self, tag: &Tag) -> Result<Vec<f64>, Refusal> {
+        let refuse = |found: String, expected: &str| Refusal::new(tag.line, found, expected);
+        let kind = tag.attribute("type").unwrap_or_default();
+        let number = Number::of(kind)
+            .ok_or_else(|| refuse(format!("numbers of the type '{kind}'"), "Float64, Int64 or alike"))?;
+        let bytes = match tag.attribute("format").unwrap_or("ascii") {
+            "ascii" => {
+                let number = |word| real(word).ok_or_else(|| refuse(format!("'{word}', which is no number"), KIND));
+                return tag.content.split_whitespace().map(number).collect();
+            }
+            "binary" => self.binary(&base64(tag.content.as_bytes())),
+            "appended" => {
+                let offset = tag.number("offset")?.unwrap_or(0);
+                let data = self.appended.get(offset..).unwrap_or_default();
+                if self.encoded { self.binary(&base64(data)) } else { self.binary(data) }
+            }
+            other => return Err(refuse(format!("format=\"{other}\""), "ascii, binary or appended")),
+        };
+        let name = tag.attribute("Name").unwrap_or("Points");
+        let bytes = bytes.map_err(|found| refuse(format!("array '{name}': {found}"), COMPLETE))?;
+        Ok(number.all(&bytes, self.big_endian))
+    }
+
+    /// The bytes of an array, behind its head: their number, or those of compressed blocks.
+    fn binary(&self, data: &[u8]) -> Result<Vec<u8>, String> {
+        let mut at = 0;
+        let number = if self.head == 8 { Number::Unsigned(8) } else { Number::Unsigned(4) };
+        let mut head = || {
+            let bytes = data.get(at..at + self.head).ok_or_else(|| "it has no head".to_string())?;
+            at += self.head;
+            Ok::<usize, String>(number.all(bytes, self.big_endian)[0] as usize)
+        };
+        let first = head()?;
+        if !self.compressed {
+            let rest = &data[at..];
+            let own = rest.get(..first);
+            return own.map(<[u8]>::to_vec).ok_or(format!("{first} bytes announced, {} there", rest.len()));
+        }
+        let (size, rest) = (head()?, head()?);
+        let mut lengths = Vec::new();
+        for _ in 0..first {
+            lengths.push(head()?);
+        }
+        let mut bytes = Vec::new();
+        for (k, length) in lengths.into_iter().enumerate() {
+            let most = if k + 1 == first && rest > 0 { rest } else { size };
+            let end = at.saturating_add(length);
+            let block = data.get(at..end).and_then(|block| inflate::zlib(block, most));
+            bytes.extend(block.ok_or(format!("block {} of {first} is no whole zlib stream", k + 1))?);
+            at = end;
+        }
+        Ok(bytes)
+    }
+}
+
+/// Whether a piece has what its tag announces.
+fn complete(pieces: &[Piece], tag: &Tag) -> Result<(), Refusal> {
+    let Some(piece) = pieces.last() else { return Ok(()) };
+    let cells = |cells: &Cells| cells.ends.strip_prefix(&[0.0]).unwrap_or(&cells.ends).len();
+    let counts = [
+        ("NumberOfPoints", piece.coordinates.len() / 3),
+        ("NumberOfPolys", cells(&piece.polygons)),
+        ("NumberOfStrips", cells(&piece.strips)),
+    ];
+    for (name, count) in counts {
+        if let Some(announced) = tag.number(name)?.filter(|announced| *announced != count) {
+            return Err(Refusal::new(tag.line, format!("{name}=\"{announced}\", and {count} there"), COMPLETE));
+        }
+    }
+    Ok(())
+}
+
+/// The tags of a file without comments and declarations.
+fn tags(text: &str) -> Result<Vec<Tag>, Refusal> {
+    let mut tags: Vec<Tag> = Vec::new();
+    let (mut at, mut line) = (0, 1);
+    while let Some(begin) = text[at..].find('<').map(|begin| at + begin) {
+        if let Some(tag) = tags.last_mut() {
+            tag.content += &text[at..begin];
+        }
+        line += text[at..begin].matches('\n').count();
+        let rest = &text[begin..];
+        let length = if let Some(comment) = rest.strip_prefix("<!--") {
+            comment.find("-->").map(|end| end + 7)
+        } else if rest.starts_with("<?") {
+            rest.find("?>").map(|end| end + 2)
+        } else {
+            end_of_tag(rest)
+        };
+        let Some(length) = length else {
+            return Err(Refusal::new(line, "the end of the file within a tag", COMPLETE));
+        };
+        let whole = &rest[..length];
+        if !whole.starts_with("<!") && !whole.starts_with("<?") {
+            let inner = &whole[1..length - 1];
+            let (inner, kind) = match (inner.strip_prefix('/'), inner.strip_suffix('/')) {
+                (Some(name), _) => (name, Kind::End),
+                (None, Some(inner)) => (inner, Kind::Empty),
+                (None, None) => (inner, Kind::Start),
+            };
+            let (name, attributes) = inner.split_once(char::is_whitespace).unwrap_or((inner, ""));
+            let (name, attributes) = (name.trim().to_string(), attributes_of(attributes));
+            tags.push(Tag { line, name, attributes, kind, content: String::new() });
+        }
+        line += whole.matches('\n').count();
+        at = begin + length;
+    }
+    Ok(tags)
+}
+
+/// Length of the tag at the start of a text, up to its `>` outside of quotes.
+fn end_of_tag(text: &str) -> Option<usize> {
+    let mut quote = None;
+    for (k, byte) in text.bytes().enumerate() {
+        match (quote, byte) {
+            (None, b'>') => return Some(k + 1),
+            (None, b'"' | b'\'') => quote = Some(byte),
+            (Some(open), _) if open == byte => quote = None,
+            _ => {}
+        }
+    }
+    None
+}
+
+fn attributes_of(mut text: &str) -> Vec<(String, String)> {
+    let mut all = Vec::new();
+    while let Some((name, rest)) = text.split_once('=') {
+        let rest = rest.trim_start();
+        let Some(quote) = rest.chars().next().filter(|c| matches!(c, '"' | '\'')) else { break };
+        let Some((value, behind)) = rest[1..].split_once(quote) else { break };
+        all.push((name.trim().to_string(), value.to_string()));
+        text = behind;
+    }
+    all
+}
+
+/// Decodes base64; the head of an array may be encoded apart from its data, so that padding is within.
+fn base64(text: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
+    let (mut held, mut count) = (0u32, 0);
+    for byte in text {
+        let value = match byte {
+            b'A'..=b'Z' => byte - b'A',
+            b'a'..=b'z' => byte - b'a' + 26,
+            b'0'..=b'9' => byte - b'0' + 52,
+            b'+' => 62,
+            b'/' => 63,
+            b'=' => {
+                // Of a group of two or three letters, one or two bytes.
+                let whole = [0, 0, 1, 2][count];
+                let group = held << (6 * (4 - count));
+                bytes.extend((0..whole).map(|k| (group >> (16 - 8 * k)) as u8));
+                (held, count) = (0, 0);
+                continue;
+            }
+            byte if byte.is_ascii_whitespace() => continue,
+            _ => break,
+        };
+        (held, count) = (held << 6 | u32::from(value), count + 1);
+        if count == 4 {
+            bytes.extend([16, 8, 0].map(|shift| (held >> shift) as u8));
+            (held, count) = (0, 0);
+        }
+    }
+    bytes
+}
+
+/// Where a word begins in a longer one.
+fn find(bytes: &[u8], word: &[u8]) -> Option<usize> {
+    bytes.windows(word.len()).position(|window| window == word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn padding_within_base64() {
+        assert_eq!(base64(b"YWI=YWJj\nYQ=="), b"ababca");
+        assert_eq!(base64(b"===YW"), b"");
+        assert_eq!(base64(b"YWJj</x>"), b"abc");
+    }
+
+    #[test]
+    fn tags_with_quotes_and_comments() {
+        let tags = tags("<?xml?><a x='1>2' y = \"3\"/><!-- <b> --><c>text</c>").unwrap();
+        let names: Vec<&str> = tags.iter().map(|tag| tag.name.as_str()).collect();
+        assert_eq!(names, ["a", "c", "c"]);
+        assert_eq!((tags[0].attribute("x"), tags[0].attribute("y")), (Some("1>2"), Some("3")));
+        assert_eq!(tags[1].content, "text");
+    }
+}
