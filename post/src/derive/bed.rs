@@ -330,10 +330,10 @@ pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face>
             let covers = |corners: &[u32], normal: &Vec3| {
                 let at = |k: usize| solid.vertices[corners[k] as usize];
                 let twice = (2..corners.len()).map(|k| (at(k - 1) - at(0)).cross(&(at(k) - at(0))));
-                // Of an even section of sides a and b the variances are a^2 / 12 and b^2 / 12.
+                // Of an even section of sides a and b the variances are a^2 / 12 and b^2 / 12; grains in a plane have none.
                 let cofactor =
                     spread.determinant() * spread.try_inverse().map_or(f64::NAN, |i| normal.dot(&(i * normal)));
-                !(0.5 * twice.sum::<Vec3>().norm() < 0.5 * 12.0 * cofactor.max(0.0).sqrt())
+                0.5 * twice.sum::<Vec3>().norm() >= 0.5 * 12.0 * cofactor.max(0.0).sqrt()
             };
             let face = |corners: &Vec<u32>| {
                 let [a, b, c] = [0, 1, 2].map(|k| solid.vertices[corners[k] as usize]);

@@ -1,5 +1,6 @@
 //! The free surface of grains that uniform gravity holds against walls, a heap or a bed: heights by columns, and slopes.
 
+use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use crate::derive::bed::borne;
@@ -273,16 +274,20 @@ impl Grid {
 
     /// The plane through all heights, which does not rise along a period; level where these lie on a line. None without heights.
     fn whole(&self, heights: &[f64]) -> Option<Whole> {
-        let known: Vec<([f64; 2], f64)> =
-            (0..heights.len()).filter(|&k| heights[k].is_finite()).map(|k| (self.middle(k), heights[k])).collect();
+        let at = |k: usize| {
+            let [x, y] = self.middle(k);
+            Vec3::new(x, y, heights[k])
+        };
+        let known: Vec<Vec3> = (0..heights.len()).filter(|&k| heights[k].is_finite()).map(at).collect();
         let count = known.len() as f64;
-        let mean = |of: &dyn Fn(&([f64; 2], f64)) -> f64| known.iter().map(of).sum::<f64>() / count;
-        let (middle, height) = ([mean(&|p| p.0[0]), mean(&|p| p.0[1])], mean(&|p| p.1));
-        let free = self.repeats.map(|repeats| if repeats { 0.0 } else { 1.0 });
-        let from = |p: &([f64; 2], f64), axis: usize| free[axis] * (p.0[axis] - middle[axis]);
-        let product = |a: usize, b: usize| mean(&|p| from(p, a) * from(p, b));
-        let with_height = |a: usize| mean(&|p| from(p, a) * (p.1 - height));
-        let (xx, yy, xy, xz, yz) = (product(0, 0), product(1, 1), product(0, 1), with_height(0), with_height(1));
+        let mean = known.iter().sum::<Vec3>() / count;
+        let (middle, height) = ([mean.x, mean.y], mean.z);
+        // Along a period nothing is fitted.
+        let free = Vec3::new(f64::from(u8::from(!self.repeats[0])), f64::from(u8::from(!self.repeats[1])), 1.0);
+        let offset = |p: &Vec3| (p - mean).component_mul(&free);
+        let spread = known.iter().map(|p| offset(p) * offset(p).transpose()).sum::<Matrix3<f64>>() / count;
+        let (xx, yy, xy) = (spread[(0, 0)], spread[(1, 1)], spread[(0, 1)]);
+        let (xz, yz) = (spread[(0, 2)], spread[(1, 2)]);
         let over = |value: f64, by: f64| if by > 0.0 { value / by } else { 0.0 };
         let determinant = xx * yy - xy * xy;
         let (gradient, variance) = if determinant > 1e-9 * xx * yy {

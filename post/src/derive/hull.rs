@@ -179,7 +179,9 @@ impl Hull<'_> {
         let inner = |[a, b]: &[usize; 2]| sides.contains(&[*b, *a]);
         let rim: Vec<[usize; 2]> =
             seen.iter().flat_map(|&f| edges(&self.faces[f].corners)).filter(|side| !inner(side)).collect();
-        seen.iter().rev().for_each(|&f| drop(self.faces.swap_remove(f)));
+        for &face in seen.iter().rev() {
+            self.faces.swap_remove(face);
+        }
         rim.into_iter().for_each(|[a, b]| self.add([a, b, k]));
     }
 }

@@ -763,8 +763,8 @@ mod tests {
         ];
         for count in 1..=4 {
             let mut scene = Scene::default();
-            for k in 0..count {
-                scene.grain(corners[k], 1.0);
+            for (k, x) in corners.iter().enumerate().take(count) {
+                scene.grain(*x, 1.0);
                 (0..k).for_each(|j| scene.push(k, j, 1.0));
             }
             let found = row(&scene);
