@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`bodies`] | `DATBOX/BODIES.DAT`: shapes, materials, reference positions |
 //! | [`surface`] | the closed surfaces in it: faults, mass properties |
+//! | [`faces`] | the faces and edges of a convex one; whether it is one |
 //! | [`mass`] | the mass properties of its contactors, one by one and together |
 //! | [`bulk_behav`] | `DATBOX/BULK_BEHAV.DAT`: densities, uniform gravity |
 //! | [`tact_behav`] | `DATBOX/TACT_BEHAV.DAT`: contact laws, which pair of colours follows which |
@@ -30,6 +31,7 @@ pub mod compute;
 pub mod dof;
 pub mod drv_dof;
 pub mod error;
+pub mod faces;
 pub mod fc3d;
 pub mod field;
 pub mod groups;

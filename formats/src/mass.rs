@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::bodies::{Body, Contactor, Shape};
+use crate::faces::Faces;
 use crate::surface::{MassProperties, Surface};
 
 impl Contactor {
@@ -62,6 +63,38 @@ pub struct Inert {
     pub radius: f64,
 }
 
+/// A body that can be computed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checked {
+    /// Faces of each polyhedron among the contactors, about its own centre of mass.
+    pub faces: Vec<Option<Faces>>,
+    /// Of each contactor, in the frame of the file, at density 1.
+    pub parts: Vec<MassProperties>,
+    /// Of all contactors together.
+    pub whole: MassProperties,
+    pub inert: Inert,
+}
+
+impl Checked {
+    /// Distance up to which the contactors of `body`, of which it was made, reach from the centre of mass, m: each by the
+    /// ball around it.
+    pub fn reach(&self, body: &Body) -> f64 {
+        let shift = Vector3::from(body.shift(&self.whole));
+        let parts = body.contactors.iter().zip(&self.faces).zip(&self.parts);
+        let reach = parts.map(|((contactor, faces), part)| {
+            let radius = match (&contactor.shape, faces) {
+                (_, Some(faces)) => faces.circumradius,
+                (Shape::Sphere { radius } | Shape::OffsetSphere { radius, .. }, _) => *radius,
+                (Shape::Plane { half_lengths }, _) => Vector3::from(*half_lengths).norm(),
+                (Shape::Cylinder { half_height, radius, .. }, _) => radius.hypot(*half_height),
+                (Shape::Polyhedron { .. } | Shape::Point { .. }, _) => 0.0,
+            };
+            (Vector3::from(part.centre) - shift).norm() + radius
+        });
+        reach.fold(0.0, f64::max)
+    }
+}
+
 /// Relative difference of moments that is rounding of the file: such a body needs no equation for its rotation.
 const EQUAL_MOMENTS: f64 = 1e-7;
 
@@ -69,6 +102,53 @@ const EQUAL_MOMENTS: f64 = 1e-7;
 const DIGITS: f64 = 1e-6;
 
 impl Body {
+    /// The body at a density (kg/m^3), if cd-solve can compute it; cd-pre asks before it writes one.
+    ///
+    /// Errors: what was found and what was expected.
+    pub fn checked(&self, density: f64) -> Result<Checked, (String, String)> {
+        let refuse = |fault: String| (format!("contactor POLYR: {fault}"), "expected a closed convex surface".into());
+        let (mut faces, mut parts) = (Vec::new(), Vec::new());
+        for contactor in &self.contactors {
+            let (of_contactor, part) = match &contactor.shape {
+                Shape::Polyhedron { vertices, triangles } => {
+                    let (faces, part) = Faces::of_contactor(vertices, triangles).map_err(refuse)?;
+                    (Some(faces), part)
+                }
+                Shape::Point { .. } => {
+                    let expected = "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC";
+                    return Err(("contactor PT3Dx".into(), expected.into()));
+                }
+                _ => (None, contactor.mass_properties().map_err(|faults| refuse(faults.join("; ")))?),
+            };
+            faces.push(of_contactor);
+            parts.push(part);
+        }
+        if let [Contactor { shape: Shape::Sphere { radius }, .. }] = self.contactors.as_slice() {
+            let avrd = self.equivalent_radius;
+            // The files hold 7 or 8 digits.
+            if avrd != 0.0 && (avrd - radius).abs() > 1e-6 * radius {
+                let expected =
+                    format!("expected 0 or the contactor's radius {radius}: a sphere's mass follows from its own size");
+                return Err((format!("avrd {avrd}"), expected));
+            }
+        }
+        let whole = MassProperties::together(&parts);
+        let inert = self.inert(&whole, density);
+        let Inert { mass, inertia, .. } = inert;
+        let sound = |x: f64| x.is_finite() && x > 0.0;
+        if !sound(mass) || !inertia.into_iter().all(sound) {
+            let found =
+                if sound(mass) { format!("principal inertia {inertia:?} kg m²") } else { format!("mass {mass} kg") };
+            return Err((found, "expected mass and inertia above 0 that a number can hold".into()));
+        }
+        let [i, j, k] = inertia;
+        if i + j < 0.999_999 * k || j + k < 0.999_999 * i || k + i < 0.999_999 * j {
+            let found = format!("principal inertia {i:e}, {j:e}, {k:e} kg m²");
+            return Err((found, "expected each to be at most the sum of the others, as every body has them".into()));
+        }
+        Ok(Checked { faces, parts, whole, inert })
+    }
+
     /// Of all contactors together. Errors: as of one of them.
     pub fn mass_properties(&self) -> Result<MassProperties, Vec<String>> {
         let of_each = self.contactors.iter().map(Contactor::mass_properties);

@@ -14,6 +14,7 @@
 //! | [`walls`] | plates and cylinders |
 //! | [`population`] | all bodies of a scene, and that none overlap |
 //! | [`mod@write`] | the files of DATBOX |
+//! | [`reread`] | whether cd-solve can read them |
 //! | [`from_outbox`] | a DATBOX from the results of a run |
 
 pub mod attraction;
@@ -24,6 +25,7 @@ pub mod motion;
 pub mod place;
 pub mod population;
 pub mod random;
+pub mod reread;
 pub mod scene;
 pub mod shapes;
 pub mod sizes;
@@ -146,6 +148,12 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     doubts::doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
     attraction::warnings(&scene, &population, &mut report);
     let mut files = write::files(&scene, &population);
+    let (driven, _) = write::drv_dof(&scene, &population);
+    let bytes = files.iter().map(|(name, text)| (name.as_str(), text.as_bytes()));
+    reread::check(datbox, bytes, &driven, &scene.compute, |body| population.path(body), &mut report);
+    if !report.faults.0.is_empty() {
+        return Err(report.faults);
+    }
     // Whether the scene lies near DATBOX is known when there is one.
     std::fs::create_dir_all(datbox).map_err(|error| Fault::io(datbox, "written", &error))?;
     let origin = Origin::of(source, original.as_bytes(), settings, datbox.parent().unwrap_or(Path::new("")));

@@ -3,6 +3,7 @@
 use std::cell::OnceCell;
 use std::path::Path;
 
+use cd_formats::bodies::Shape;
 use cd_formats::compute::Compute;
 use cd_formats::error::Faults;
 use cd_formats::report::Report;
@@ -35,6 +36,16 @@ pub struct Population {
     pub rooms: Vec<Option<Room>>,
     /// What is to be told of the file of each body of grains, empty without one.
     pub told: Vec<String>,
+}
+
+impl Population {
+    /// The path in the scene of the value that makes body `body`, from 0.
+    pub fn path(&self, body: usize) -> String {
+        match self.grains.get(body) {
+            Some(grain) => format!("grains.{}", grain.group),
+            None => format!("walls.{}", self.walls[body - self.grains.len()].wall),
+        }
+    }
 }
 
 /// One sphere or polyhedron; numbers have the digits of the files.
@@ -70,7 +81,7 @@ impl Grain {
     }
 
     /// The convex pieces of a polyhedron as they stand.
-    fn pieces(&self) -> Vec<Convex> {
+    pub(crate) fn pieces(&self) -> Vec<Convex> {
         let Some(polyhedron) = &self.polyhedron else { return Vec::new() };
         let turn = polyhedron.axes.transpose();
         let pieces = polyhedron.vertices().into_iter().zip(&polyhedron.solid.pieces);
@@ -131,10 +142,54 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
     let balls = population.grains.iter().map(|grain| (grain.position, grain.reach));
     check_extent(&scene.compute, balls, report);
     check_numbers(scene, &population, report);
+    check_drums(scene, &population, report);
+    check_level(scene, &population, report);
     if report.faults.0.is_empty() {
         check_overlaps(scene, &population, report);
     }
     population
+}
+
+/// A hollow cylinder pushes inwards alone: what meets it must be within.
+fn check_drums(scene: &Scene, population: &Population, report: &mut Report) {
+    for drum in &population.walls {
+        let Shape::Cylinder { half_height, radius, hollow: true } = drum.shape else { continue };
+        let meets = |colour: &str| {
+            scene.contacts.iter().any(|contact| {
+                let (a, b) = (contact.between.0.as_str(), contact.between.1.as_str());
+                contact.law.is_some() && ((a, b) == (colour, &drum.colour) || (b, a) == (colour, &drum.colour))
+            })
+        };
+        let outside = population.grains.iter().enumerate().find(|(_, grain)| {
+            let local = drum.axes * (grain.position - drum.centre);
+            let of_scene = &scene.grains[grain.group];
+            let out = local.z.abs() > half_height || local.xy().norm() > radius;
+            out && of_scene.driven.is_none() && meets(&of_scene.colour)
+        });
+        if let Some((k, grain)) = outside {
+            let found = format!("body {} is outside of wall {}, a hollow cylinder", k + 1, drum.wall + 1);
+            let expected = "grains that meet it within: it is closed, and pushes inwards alone";
+            report.fault(&format!("grains.{}.place", grain.group), found, expected);
+        }
+    }
+}
+
+/// Plates that span a period must not lean along it: their images would be stairs.
+fn check_level(scene: &Scene, population: &Population, report: &mut Report) {
+    let periods = [("xperiode", scene.compute.xperiode), ("yperiode", scene.compute.yperiode)];
+    for plate in &population.walls {
+        let Shape::Plane { half_lengths } = plate.shape else { continue };
+        for (axis, (name, period)) in periods.into_iter().enumerate() {
+            let width = 2.0 * plate.axes.column(axis).abs().dot(&Vector3::from(half_lengths));
+            let normal = plate.axes[(2, axis)];
+            // As cd-solve has it: the files hold 8 digits.
+            if period.is_some_and(|period| width >= period * (1.0 - 1e-6)) && normal.abs() > 1e-6 {
+                let found = format!("a plate as wide as {name} whose normal leans along it by {normal:.4}");
+                let expected = format!("{} 0 of the normal, as images make stairs; gravity may lean", ["x", "y"][axis]);
+                report.fault(&format!("walls.{}", plate.wall), found, expected);
+            }
+        }
+    }
 }
 
 fn in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed) -> Vec<Grain> {
@@ -206,10 +261,7 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut Report) {
         }
     };
     for (k, (body, state)) in write::bodies(scene, population).0.iter().zip(write::dof(population).bodies).enumerate() {
-        let path = match grains.get(k) {
-            Some(grain) => format!("grains.{}", grain.group),
-            None => format!("walls.{}", population.walls[k - grains.len()].wall),
-        };
+        let path = population.path(k);
         let density = scene.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
         let mass = density * sizes::volume(body.equivalent_radius);
         let sizes = [("radius", body.equivalent_radius), ("mass", mass)];

@@ -7,7 +7,7 @@
 //!
 //! | who | may import | never |
 //! |---|---|---|
-//! | bench: `laws`, `gravity`, `geometry`, `math` | `math` | shelf, rooms, formats |
+//! | bench: `laws`, `gravity`, `geometry`, `math` | `math`; `geometry` types of `formats::faces`, whose verdict on a shape cd-pre shares | shelf, rooms, other formats |
 //! | shelf: `scene`, `state` | benches, types of formats | rooms |
 //! | room: `integrate`, `detect`, `assemble`, `solve` | shelf, benches, types of rooms earlier in the step, types of options | functions of another room, other formats |
 //! | room: `read`, `write` | shelf, benches, formats, types of `step` | functions of another room |
@@ -66,6 +66,7 @@ fn allowed(who: &str, path: &str) -> bool {
     }
     match root {
         "cd_formats" if OUTSIDE.contains(&who) || DOORS.contains(&who) => true,
+        "cd_formats" if who == "geometry" => path.starts_with("cd_formats::faces::") && is_type(path),
         "cd_formats" => (SHELF.contains(&who) || ROOMS.contains(&who)) && is_shared_type(path),
         _ if what == who || OUTSIDE.contains(&who) => true,
         _ if BENCHES.contains(&who) => what == "math",

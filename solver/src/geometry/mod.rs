@@ -6,7 +6,6 @@
 //! | file | what |
 //! |---|---|
 //! | `polyhedron` | the shape: polygon faces, edges, neighbours; turned as its body is |
-//! | `draft` | faces and edges from a triangulated surface |
 //! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
 //! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | against other shapes |
@@ -16,7 +15,6 @@
 //! | `patch` | points of contact and area from these |
 
 mod cylinder;
-mod draft;
 mod flush;
 mod gjk;
 mod hollow_cylinder;

@@ -1,9 +1,9 @@
 //! A convex polyhedron in its body's frame, and the same turned as its body is.
 
 use bytemuck::{Pod, Zeroable};
+pub(super) use cd_formats::faces::{Edge, Faces, Number, Plane};
 use nalgebra::Matrix3;
 
-use super::draft::Draft;
 use crate::math::lanes::Width;
 use crate::math::{Quat, Vec3};
 
@@ -37,7 +37,7 @@ struct Hot {
     /// Where in `spokes` each vertex begins, and the last ends.
     spoke_starts: Section,
     spokes: Section,
-    /// As in [`Draft`].
+    /// As in [`Faces`].
     loops: Section,
     starts: Section,
 }
@@ -51,19 +51,19 @@ struct Line([u64; 8]);
 type Section = [u32; 2];
 
 impl Hot {
-    fn new(draft: &Draft) -> Self {
-        let column = draft.vertices.len().next_multiple_of(PAD);
+    fn new(faces: &Faces) -> Self {
+        let column = faces.vertices.len().next_multiple_of(PAD);
         let mut bytes = Vec::new();
         for axis in 0..3 {
-            let padded = draft.vertices.iter().chain(std::iter::repeat(&draft.vertices[0]));
+            let padded = faces.vertices.iter().chain(std::iter::repeat(&faces.vertices[0]));
             padded.take(column).for_each(|v| bytes.extend(v[axis].to_ne_bytes()));
         }
         // Kinds from large to small, so that each begins at a multiple of its size.
-        let planes = append(&mut bytes, &draft.planes);
-        let edges = append(&mut bytes, &draft.edges);
-        let starts = append(&mut bytes, &draft.starts);
-        let mut spokes = vec![Vec::new(); draft.vertices.len()];
-        for (edge, Edge { ends: [from, to], .. }) in (0..).zip(&draft.edges) {
+        let planes = append(&mut bytes, &faces.planes);
+        let edges = append(&mut bytes, &faces.edges);
+        let starts = append(&mut bytes, &faces.starts);
+        let mut spokes = vec![Vec::new(); faces.vertices.len()];
+        for (edge, Edge { ends: [from, to], .. }) in (0..).zip(&faces.edges) {
             spokes[usize::from(*from)].push(Spoke { edge, to: *to });
             spokes[usize::from(*to)].push(Spoke { edge, to: *from });
         }
@@ -73,7 +73,7 @@ impl Hot {
         }
         let spoke_starts = append(&mut bytes, &spoke_starts);
         let spokes = append(&mut bytes, &spokes.concat());
-        let loops = append(&mut bytes, &draft.loops);
+        let loops = append(&mut bytes, &faces.loops);
         let mut lines = vec![Line::zeroed(); bytes.len().div_ceil(size_of::<Line>())];
         bytemuck::cast_slice_mut(&mut lines)[..bytes.len()].copy_from_slice(&bytes);
         Hot { lines, column, planes, edges, starts, spoke_starts, spokes, loops }
@@ -91,26 +91,6 @@ fn append<T: Pod>(bytes: &mut Vec<u8>, rows: &[T]) -> Section {
     [start, start + rows.len()].map(|k| k as u32)
 }
 
-/// Which vertex, edge or face.
-pub(super) type Number = u16;
-
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub(super) struct Plane {
-    /// Unit, outward.
-    pub normal: Vec3,
-    /// Largest n·x over the body, m.
-    pub offset: f64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub(super) struct Edge {
-    /// Ends, so that the first face has them in this order: e points along n0 × n1.
-    pub ends: [Number; 2],
-    pub faces: [Number; 2],
-}
-
 /// An edge seen from one of its ends.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -120,24 +100,38 @@ pub(super) struct Spoke {
     pub to: Number,
 }
 
+impl From<Faces> for Polyhedron {
+    fn from(faces: Faces) -> Self {
+        let hot = Hot::new(&faces);
+        let Faces { vertices, planes, edges, circumradius, .. } = faces;
+        let mut normals = Vec::new();
+        for axis in 0..3 {
+            let padded = planes.iter().map(|plane| plane.normal[axis]).chain(std::iter::repeat(0.0));
+            normals.extend(padded.take(planes.len().next_multiple_of(PAD)));
+        }
+        let arc_pad = edges.len().next_multiple_of(PAD);
+        let mut arcs = vec![0.0; 7 * arc_pad];
+        for (e, edge) in edges.iter().enumerate() {
+            let [n0, n1] = edge.faces.map(|f| planes[f as usize].normal);
+            let half = (0.5 * (1.0 + n0.dot(&n1))).max(0.0).sqrt();
+            let row = [n0.x, n0.y, n0.z, n1.x, n1.y, n1.z, half];
+            row.iter().enumerate().for_each(|(column, x)| arcs[column * arc_pad + e] = *x);
+        }
+        let inradius = planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);
+        Polyhedron { hot, vertices, normals, arcs, arc_pad, inradius, circumradius }
+    }
+}
+
 impl Polyhedron {
     /// Distance from a face's plane, over the size, up to which triangles belong to it.
     pub const FLATNESS: f64 = 1e-10;
-    /// The same for vertices that were rounded to seven or eight digits.
-    pub const FLATNESS_OF_FILES: f64 = 1e-6;
 
     /// The polyhedron of a closed, outward triangulated surface about the body's centre of mass, m.
     ///
     /// Triangles in one plane become one face, and vertices that are then no corners are left out. Errors: what makes
     /// it no convex polyhedron.
     pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Result<Self, String> {
-        Self::with_flatness(vertices, triangles, Self::FLATNESS)
-    }
-
-    /// The same with another tolerance of planes, over the size: [`Self::FLATNESS_OF_FILES`] where the vertices come
-    /// from text.
-    pub fn with_flatness(vertices: &[Vec3], triangles: &[[u32; 3]], flatness: f64) -> Result<Self, String> {
-        Ok(Self::of(Draft::new(vertices, triangles, flatness)?))
+        Ok(Self::from(Faces::new(vertices, triangles, Self::FLATNESS)?))
     }
 
     /// A cuboid of these half lengths, m, along the body's axes.
@@ -160,31 +154,11 @@ impl Polyhedron {
             n
         };
         let vertices = (0..8).map(corner).collect();
-        let mut draft = Draft::bare(vertices, half_lengths.norm());
-        corners.chunks(4).for_each(|corners| draft.add_loop(corners.iter().copied()));
-        draft.planes = (0..6).map(|f| Plane { normal: normal(f), offset: half_lengths[f / 2] }).collect();
-        draft.add_edges().expect("a cuboid closes");
-        Self::of(draft)
-    }
-
-    fn of(draft: Draft) -> Self {
-        let hot = Hot::new(&draft);
-        let Draft { vertices, planes, edges, circumradius, .. } = draft;
-        let mut normals = Vec::new();
-        for axis in 0..3 {
-            let padded = planes.iter().map(|plane| plane.normal[axis]).chain(std::iter::repeat(0.0));
-            normals.extend(padded.take(planes.len().next_multiple_of(PAD)));
-        }
-        let arc_pad = edges.len().next_multiple_of(PAD);
-        let mut arcs = vec![0.0; 7 * arc_pad];
-        for (e, edge) in edges.iter().enumerate() {
-            let [n0, n1] = edge.faces.map(|f| planes[f as usize].normal);
-            let half = (0.5 * (1.0 + n0.dot(&n1))).max(0.0).sqrt();
-            let row = [n0.x, n0.y, n0.z, n1.x, n1.y, n1.z, half];
-            row.iter().enumerate().for_each(|(column, x)| arcs[column * arc_pad + e] = *x);
-        }
-        let inradius = planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);
-        Polyhedron { hot, vertices, normals, arcs, arc_pad, inradius, circumradius }
+        let mut faces = Faces::bare(vertices, half_lengths.norm());
+        corners.chunks(4).for_each(|corners| faces.add_loop(corners.iter().copied()));
+        faces.planes = (0..6).map(|f| Plane { normal: normal(f), offset: half_lengths[f / 2] }).collect();
+        faces.add_edges().expect("a cuboid closes");
+        Self::from(faces)
     }
 
     /// The same turned by `q`, body to world.

@@ -2,8 +2,9 @@
 
 use cd_formats::bodies::{self, Contactor, LocalFrame};
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::mass::Inert;
-use cd_formats::surface::{MassProperties, Surface};
+use cd_formats::faces::Faces;
+use cd_formats::mass::{Checked, Inert};
+use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use crate::geometry::Polyhedron;
@@ -24,15 +25,13 @@ pub struct Made {
 /// What stands there and what was expected.
 pub type Refusal = (String, String);
 
-/// A contactor with what its mass would be at density 1.
+/// A contactor in the frame of its body.
 struct Piece {
     geometry: Geometry,
     /// In the frame of the file.
     centre: Vec3,
     axes: Quat,
     radius: f64,
-    /// In the frame of the file.
-    mass: MassProperties,
     colour: u16,
 }
 
@@ -51,22 +50,14 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
             "expected more than 0".into(),
         ));
     }
-    let mut pieces = record.contactors.iter().map(|c| piece(c, colours)).collect::<Result<Vec<_>, _>>()?;
-    let lone = pieces.len() == 1;
-    let avrd = record.equivalent_radius;
-    if let (true, Geometry::Sphere { radius }) = (lone, &pieces[0].geometry) {
-        // The files hold 7 or 8 digits.
-        if avrd != 0.0 && (avrd - radius).abs() > 1e-6 * radius {
-            let expected =
-                format!("expected 0 or the contactor's radius {radius}: a sphere's mass follows from its own size");
-            return Err((format!("avrd {avrd}"), expected));
-        }
-    }
+    let Checked { faces, parts, whole: own, inert } = record.checked(density)?;
+    let lone = record.contactors.len() == 1;
+    let solids = record.contactors.iter().zip(faces).zip(parts);
+    let mut pieces: Vec<Piece> =
+        solids.map(|((contactor, faces), mass)| piece(contactor, faces, mass, colours)).collect();
     let simple = lone && !matches!(pieces[0].geometry, Geometry::Polyhedron(_));
 
     // Where the centre of mass is, in the frame of the file.
-    let of_pieces: Vec<MassProperties> = pieces.iter().map(|piece| piece.mass).collect();
-    let own = MassProperties::together(&of_pieces);
     let off_centre = matches!(record.contactors[0].shape, bodies::Shape::OffsetSphere { .. });
     let shift = Vec3::from(record.shift(&own));
     pieces.iter_mut().for_each(|piece| piece.centre -= shift);
@@ -76,18 +67,7 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
         Some(inertia) if inertia != [0.0; 3] => Quat::identity(),
         _ => principal(&own),
     };
-    let Inert { mass, inertia, radius } = record.inert(&own, density);
-    let sound = |x: f64| x.is_finite() && x > 0.0;
-    if !sound(mass) || !inertia.into_iter().all(sound) {
-        let found =
-            if sound(mass) { format!("principal inertia {inertia:?} kg m²") } else { format!("mass {mass} kg") };
-        return Err((found, "expected mass and inertia above 0 that a number can hold".into()));
-    }
-    let [i, j, k] = inertia;
-    if i + j < 0.999_999 * k || j + k < 0.999_999 * i || k + i < 0.999_999 * j {
-        let found = format!("principal inertia {i:e}, {j:e}, {k:e} kg m²");
-        return Err((found, "expected each to be at most the sum of the others, as every body has them".into()));
-    }
+    let Inert { mass, inertia, radius } = inert;
 
     let shape = match &pieces[0].geometry {
         Geometry::Sphere { radius } if lone && !off_centre => Shape::Sphere { radius: *radius },
@@ -118,7 +98,8 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
     Ok(Made { body, parts: pieces.into_iter().enumerate().map(part).collect(), shift, axes })
 }
 
-fn piece(contactor: &Contactor, colours: &mut Vec<String>) -> Result<Piece, Refusal> {
+/// `faces` are those of a polyhedron, `mass` that at density 1 in the frame of the file.
+fn piece(contactor: &Contactor, faces: Option<Faces>, mass: MassProperties, colours: &mut Vec<String>) -> Piece {
     let colour = colours.iter().position(|c| *c == contactor.colour).unwrap_or_else(|| {
         colours.push(contactor.colour.clone());
         colours.len() - 1
@@ -132,7 +113,11 @@ fn piece(contactor: &Contactor, colours: &mut Vec<String>) -> Result<Piece, Refu
         }
         None => (Vec3::zeros(), Quat::identity()),
     };
-    let refuse = |fault: String| (format!("contactor POLYR: {fault}"), "expected a closed convex surface".into());
+    if let Some(faces) = faces {
+        let shape = Polyhedron::from(faces);
+        let (centre, radius) = (Vec3::from(mass.centre), shape.circumradius());
+        return Piece { geometry: Geometry::Polyhedron(shape), centre, axes, radius, colour };
+    }
     let (geometry, centre, radius) = match &contactor.shape {
         bodies::Shape::Sphere { radius } => (Geometry::Sphere { radius: *radius }, centre, *radius),
         bodies::Shape::OffsetSphere { radius, offset } => {
@@ -147,22 +132,9 @@ fn piece(contactor: &Contactor, colours: &mut Vec<String>) -> Result<Piece, Refu
             let (half_height, radius, hollow) = (*half_height, *radius, *hollow);
             (Geometry::Cylinder { half_height, radius, hollow }, centre, radius.hypot(half_height))
         }
-        bodies::Shape::Polyhedron { vertices, triangles } => {
-            let surface = Surface::new(vertices, triangles).map_err(|faults| refuse(faults.join("; ")))?;
-            let mass = surface.mass_properties();
-            let centre = Vec3::from(mass.centre);
-            let local: Vec<Vec3> = surface.vertices().iter().map(|v| Vec3::from(*v) - centre).collect();
-            let shape = Polyhedron::with_flatness(&local, surface.triangles(), Polyhedron::FLATNESS_OF_FILES)
-                .map_err(refuse)?;
-            let radius = shape.circumradius();
-            return Ok(Piece { geometry: Geometry::Polyhedron(shape), centre, axes, radius, mass, colour });
-        }
-        bodies::Shape::Point { .. } => {
-            return Err(("contactor PT3Dx".into(), "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC".into()));
-        }
+        bodies::Shape::Polyhedron { .. } | bodies::Shape::Point { .. } => unreachable!("checked has faces or an error"),
     };
-    let mass = contactor.mass_properties().map_err(|faults| refuse(faults.join("; ")))?;
-    Ok(Piece { geometry, centre, axes, radius, mass, colour })
+    Piece { geometry, centre, axes, radius, colour }
 }
 
 /// Principal axes, of ascending moments.

@@ -1,12 +1,43 @@
-//! From a triangulated surface to the faces of a polyhedron.
+//! From a triangulated surface to the faces of a convex polyhedron: whether a POLYR can be computed. cd-solve computes with
+//! the result, cd-pre asks for it before it writes a shape.
 
 use std::collections::BTreeMap;
 
-use super::polyhedron::{Edge, Number, Plane};
-use crate::math::Vec3;
+use bytemuck::{Pod, Zeroable};
+use nalgebra::Vector3;
 
-/// Vertices, faces and edges as they are found.
-pub(super) struct Draft {
+use crate::surface::{MassProperties, Surface};
+
+type Vec3 = Vector3<f64>;
+
+/// Which vertex, edge or face.
+pub type Number = u16;
+
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Plane {
+    /// Unit, outward.
+    pub normal: Vector3<f64>,
+    /// Largest n·x over the body, m.
+    pub offset: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Edge {
+    /// Ends, so that the first face has them in this order: e points along n0 × n1.
+    pub ends: [Number; 2],
+    pub faces: [Number; 2],
+}
+
+/// Distance from a face's plane, over the size, up to which triangles belong to it: of vertices rounded to seven digits.
+pub const FLATNESS_OF_FILES: f64 = 1e-6;
+/// The same, tried one after the other, for bodies of which that makes no polyhedron: needles, whose sides it takes for one.
+const FINER: [f64; 2] = [1e-8, 1e-10];
+
+/// Vertices, faces and edges of a convex polyhedron.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Faces {
     pub vertices: Vec<Vec3>,
     pub planes: Vec<Plane>,
     pub edges: Vec<Edge>,
@@ -17,8 +48,31 @@ pub(super) struct Draft {
     pub circumradius: f64,
 }
 
-impl Draft {
-    /// Of a closed, outward triangulated surface, see [`super::Polyhedron::with_flatness`].
+impl Faces {
+    /// The faces of a POLYR of BODIES.DAT about its own centre of mass, and its mass properties in the frame of the file.
+    ///
+    /// Errors: what is wrong with the surface, or why it is no convex polyhedron.
+    ///
+    /// ```
+    /// # use cd_formats::faces::Faces;
+    /// let vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    /// let (faces, mass) = Faces::of_contactor(&vertices, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap();
+    /// assert_eq!((faces.planes.len(), faces.edges.len(), mass.centre), (4, 6, [0.25; 3]));
+    /// ```
+    pub fn of_contactor(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<(Faces, MassProperties), String> {
+        let surface = Surface::new(vertices, triangles).map_err(|faults| faults.join("; "))?;
+        let mass = surface.mass_properties();
+        let centre = Vec3::from(mass.centre);
+        let local: Vec<Vec3> = surface.vertices().iter().map(|v| Vec3::from(*v) - centre).collect();
+        let attempt = |flatness: f64| Faces::new(&local, surface.triangles(), flatness);
+        let finer = |found| FINER.iter().find_map(|flatness| attempt(*flatness).ok()).ok_or(found);
+        Ok((attempt(FLATNESS_OF_FILES).or_else(finer)?, mass))
+    }
+
+    /// Of a closed, outward triangulated surface about the body's centre of mass, m. Triangles whose vertices lie within
+    /// `flatness` times the size of a plane become one face, and vertices that are then no corners are left out.
+    ///
+    /// Errors: what makes it no convex polyhedron.
     pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]], flatness: f64) -> Result<Self, String> {
         let circumradius = vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
         if !circumradius.is_finite() || triangles.iter().flatten().any(|&v| v as usize >= vertices.len()) {
@@ -38,17 +92,17 @@ impl Draft {
             *number = kept.len() as Number;
             kept.push(vertices[v]);
         }
-        let mut draft = Draft::bare(kept, circumradius);
+        let mut faces = Faces::bare(kept, circumradius);
         for corners in &loops {
-            draft.add_loop(corners.iter().map(|&v| number[v as usize]));
-            draft.add_plane(flatness)?;
+            faces.add_loop(corners.iter().map(|&v| number[v as usize]));
+            faces.add_plane(flatness)?;
         }
-        draft.add_edges()?;
-        Ok(draft)
+        faces.add_edges()?;
+        Ok(faces)
     }
 
     pub fn bare(vertices: Vec<Vec3>, circumradius: f64) -> Self {
-        Draft { vertices, planes: Vec::new(), edges: Vec::new(), loops: Vec::new(), starts: vec![0], circumradius }
+        Faces { vertices, planes: Vec::new(), edges: Vec::new(), loops: Vec::new(), starts: vec![0], circumradius }
     }
 
     /// A face with these corners; its edges come later.
@@ -249,7 +303,7 @@ mod tests {
                 triangles.push([0, 2 + j, 2 + next]);
                 triangles.push([1, 2 + south + next, 2 + south + j]);
             }
-            Draft::new(&vertices, &triangles, 1e-10)
+            Faces::new(&vertices, &triangles, 1e-10)
         };
         assert_eq!(globe(9, 12).unwrap().edges.len(), 12 * (9 + 10));
         assert_eq!(globe(180, 182).err(), Some(format!("it has {} edges; 65535 are the most", 182 * (180 + 181))));

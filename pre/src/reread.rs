@@ -1,0 +1,72 @@
+//! The bodies of DATBOX with the digits that are written: what cd-solve would reject is rejected here.
+
+use std::path::Path;
+
+use cd_formats::bodies::Bodies;
+use cd_formats::bulk_behav::BulkBehav;
+use cd_formats::compute::Compute;
+use cd_formats::dof::Dof;
+use cd_formats::drv_dof::{DrivenKind, DrvDof};
+use cd_formats::error::Faults;
+use cd_formats::report::Report;
+use cd_formats::scan::Text;
+use cd_formats::tact_behav::TactBehav;
+
+/// Reads the files (name and bytes) of the folder `datbox` and checks each body by the functions by which cd-solve does;
+/// `driven` are the rows of DRV_DOF.DAT, whose tables may not be written yet.
+///
+/// A fault of body k (from 0) is that of the value at the path `name(k)` of the scene, the first of each value with a
+/// count of the others; faults of the files themselves name these.
+pub fn check<'a>(
+    datbox: &Path,
+    files: impl Iterator<Item = (&'a str, &'a [u8])>,
+    driven: &DrvDof,
+    options: &Compute,
+    name: impl Fn(usize) -> String,
+    report: &mut Report,
+) {
+    let (mut bodies, mut bulk) = (None, None);
+    let faults: &mut Faults = &mut report.faults;
+    for (file, bytes) in files {
+        let (path, text) = (datbox.join(file), Text::new(bytes));
+        match file {
+            "BODIES.DAT" => bodies = faults.gather(Bodies::parse(&path, &text)),
+            "BULK_BEHAV.DAT" => bulk = faults.gather(BulkBehav::parse(&path, &text)),
+            "TACT_BEHAV.DAT" => drop(faults.gather(TactBehav::parse(&path, &text))),
+            "DOF.INI" => drop(faults.gather(Dof::parse(&path, &text))),
+            _ => {}
+        }
+    }
+    let (Some(bodies), Some(bulk)) = (bodies, bulk) else { return };
+    let mut imposed = vec![false; bodies.0.len()];
+    for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
+        imposed.get_mut(row.body).into_iter().for_each(|imposed| *imposed = true);
+    }
+    let periods = [options.xperiode, options.yperiode];
+    // Path, body, found, expected, and how many more.
+    let mut found: Vec<(String, usize, String, String, usize)> = Vec::new();
+    for (k, body) in bodies.0.iter().enumerate() {
+        let density = bulk.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
+        let fault = match body.checked(density) {
+            Err(fault) => fault,
+            Ok(checked) => {
+                // Of what is larger not only the nearest image would be met.
+                let extent = 2.0 * checked.reach(body);
+                let short = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period);
+                let Some(period) = short else { continue };
+                let found = format!("up to {extent} m long in a scene that repeats after {period} m");
+                (found, "expected less than half of that".into())
+            }
+        };
+        let path = name(k);
+        match found.iter_mut().find(|(known, ..)| *known == path) {
+            Some((.., more)) => *more += 1,
+            None => found.push((path, k, fault.0, fault.1, 0)),
+        }
+    }
+    for (path, k, fault, expected, more) in found {
+        let more = if more > 0 { format!(" (and {more} more like it)") } else { String::new() };
+        let found = format!("body {} as written in BODIES.DAT{more}: {fault}", k + 1);
+        report.fault(&path, found, expected.trim_start_matches("expected "));
+    }
+}
