@@ -45,40 +45,46 @@ impl WallBody {
         overlap(&self.shape, &(self.axes * (centre - self.centre)), radius)
     }
 
-    /// How deep convex pieces reach into it, m, it being moved by `shift`, m; at most `allowed` as soon as that is certain.
+    /// How deep convex pieces reach into it, m, see [`overlap_of`], it being moved by `shift`, m.
     pub fn overlap_of(&self, pieces: &[Convex], shift: &Vector3<f64>, allowed: f64) -> f64 {
-        let centre = self.centre + shift;
-        match self.shape {
-            Shape::Plane { half_lengths } => {
-                deepest(pieces, &[Convex::cuboid(centre, &self.axes, &half_lengths.into())], allowed)
-            }
-            Shape::Cylinder { half_height, radius, hollow } => {
-                let into = |piece: &Convex| {
-                    if hollow {
-                        // The inside is convex: no point is farther out than some vertex.
-                        let vertices = piece.vertices().map(|v| self.axes * (v - centre));
-                        vertices.map(|v| beyond(&v, half_height, radius)).fold(f64::NEG_INFINITY, f64::max)
-                    } else {
-                        piece.overlap_of_cylinder(&centre, &self.axes, [half_height, radius], allowed)
-                    }
-                };
-                pieces.iter().map(into).fold(0.0, f64::max)
-            }
-            _ => 0.0,
-        }
+        overlap_of(&self.shape, &(self.centre + shift), &self.axes, pieces, allowed)
     }
 }
 
-/// How deep a ball reaches into a plate or cylinder, m, its centre in the wall's own axes, m; negative when apart. A centre within
-/// a solid one counts as at its surface; what is not near the inside of a hollow one is apart from it.
+/// How deep convex pieces reach into a plate or cylinder with the axes `axes` (rows), m; at most `allowed` as soon as that
+/// is certain.
+pub fn overlap_of(wall: &Shape, centre: &Vector3<f64>, axes: &Matrix3<f64>, pieces: &[Convex], allowed: f64) -> f64 {
+    match *wall {
+        Shape::Plane { half_lengths } => {
+            deepest(pieces, &[Convex::cuboid(*centre, axes, &half_lengths.into())], allowed)
+        }
+        Shape::Cylinder { half_height, radius, hollow } => {
+            let into = |piece: &Convex| {
+                if hollow {
+                    // The inside is convex: no point is farther out than some vertex.
+                    let vertices = piece.vertices().map(|v| axes * (v - centre));
+                    vertices.map(|v| beyond(&v, half_height, radius)).fold(f64::NEG_INFINITY, f64::max)
+                } else {
+                    piece.overlap_of_cylinder(centre, axes, [half_height, radius], allowed)
+                }
+            };
+            pieces.iter().map(into).fold(0.0, f64::max)
+        }
+        _ => 0.0,
+    }
+}
+
+/// How deep a ball reaches into a plate or cylinder, m, its centre in the wall's own axes, m; negative when apart. A centre
+/// within a solid one counts by the nearest face; what is not near the inside of a hollow one is apart from it.
 pub fn overlap(wall: &Shape, centre: &Vector3<f64>, radius: f64) -> f64 {
     match *wall {
         Shape::Plane { half_lengths } => {
-            radius - (centre.abs() - Vector3::from(half_lengths)).sup(&Vector3::zeros()).norm()
+            let beyond = centre.abs() - Vector3::from(half_lengths);
+            radius - beyond.sup(&Vector3::zeros()).norm() - beyond.max().min(0.0)
         }
         Shape::Cylinder { half_height, radius: wide, hollow: false } => {
             let outside = Vector2::new(centre.xy().norm() - wide, centre.z.abs() - half_height);
-            radius - outside.sup(&Vector2::zeros()).norm()
+            radius - outside.sup(&Vector2::zeros()).norm() - outside.max().min(0.0)
         }
         Shape::Cylinder { half_height, radius: wide, hollow: true }
             if centre.norm() - radius < wide.hypot(half_height) =>
@@ -277,9 +283,9 @@ mod tests {
         assert_eq!(drum.motion[5], Evolution::Constant(0.5));
         // How deep in the solid one and in the hollow one; the last is at neither, past the rim.
         for (x, r, solid, hollow) in [
-            ([1.0, 2.0, 3.0], 1.0, 1.0, -1.0),
+            ([1.0, 2.0, 3.0], 1.0, 3.0, -1.0),
             ([4.5, 2.0, 3.0], 1.0, 0.5, 1.5),
-            ([1.0, 3.5, 3.0], 0.75, 0.75, 0.25),
+            ([1.0, 3.5, 3.0], 0.75, 1.25, 0.25),
             ([5.0, 5.0, 3.0], 0.5, 0.5 - 2f64.sqrt(), f64::NEG_INFINITY),
         ] {
             let found = [cylinder(false), drum.clone()].map(|wall| wall.overlap(&x.into(), r));

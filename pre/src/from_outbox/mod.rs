@@ -3,6 +3,7 @@
 //! | module | |
 //! |---|---|
 //! | [`digits`] | numbers that the columns of DATBOX do not hold |
+//! | [`overlaps`] | how deep bodies of different origin are in each other |
 //! | [`options`] | what a run was computed with, by its snapshot |
 //! | [`source`] | a case with one of its snapshots; the bodies that are kept, moved |
 //! | [`tables`] | materials, laws and visibility of several cases in one |
@@ -11,6 +12,7 @@
 
 pub mod digits;
 pub mod options;
+mod overlaps;
 pub mod source;
 pub mod tables;
 
@@ -18,7 +20,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic::{self, is_there};
-use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bodies::Bodies;
 use cd_formats::compute::{ABOUT_A_PERIOD, Compute};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{Driven, DrvDof, Evolution, table_text};
@@ -27,15 +29,14 @@ use cd_formats::places;
 use cd_formats::report::Report;
 use cd_formats::snapshot::{Ledger, START, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
 use crate::check::three;
-use crate::place::cells::Cells;
-use crate::population::{Population, check_extent, images, populate};
+use crate::population::{Population, populate};
+use crate::reread;
 use crate::scene::{self, Contact, Grains, Law, Material, Rotation, Scene};
 use crate::write;
-use source::{Part, Source, quaternion};
+use source::{Part, Source};
 use tables::Tables;
 
 /// Where each body comes from, beside the files of DATBOX.
@@ -76,6 +77,8 @@ pub struct Taken {
     pub keep: Keep,
     /// Whether bodies with imposed motion are taken too.
     pub walls: bool,
+    /// Bodies with imposed motion for which the opposite of `walls` holds.
+    pub walls_except: Vec<Which>,
     /// New colour of the free bodies.
     pub colour: Option<String>,
     /// What of the motion is taken away first.
@@ -97,6 +100,7 @@ impl Default for Taken {
             snapshot: None,
             keep: Keep::All,
             walls: true,
+            walls_except: Vec::new(),
             colour: None,
             stop: Stop::Nothing,
             turn: Rotation::default(),
@@ -105,6 +109,17 @@ impl Default for Taken {
             spin: [0.0; 3],
         }
     }
+}
+
+/// Bodies with imposed motion, of one run.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub enum Which {
+    /// The n-th of them, from 1: of a scene's walls, plates and cylinders in order.
+    Wall(usize),
+    /// The body of this number, from 1, among all.
+    Body(usize),
+    /// Those with a contactor of this colour.
+    Colour(String),
 }
 
 /// Which free bodies are kept.
@@ -210,7 +225,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     }
     let new = New::of(&changes, &parts, &options, folder, &mut report);
     let records = records(&parts, &new);
-    check_overlaps(&changes, &parts, &new, &records, &options, &mut report);
+    overlaps::check(&changes, &parts, &new.population, &records, &options, &mut report);
     if let Some(compute) = &changes.compute {
         let start = if changes.keep_time { sources[0].snapshot.meta.time } else { 0.0 };
         crate::check::check_event_times(&mut report, &compute.events, start);
@@ -233,6 +248,17 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let datbox = dir.join("DATBOX");
     let driven = driven(&parts, &new);
     let files = files(&changes, &parts, &new, &records, &tables, &driven, &options);
+    let mut owner: Vec<usize> = Vec::new();
+    parts.iter().enumerate().for_each(|(k, part)| owner.extend(std::iter::repeat_n(k, part.rows.len())));
+    let name = |body: usize| match owner.get(body) {
+        Some(part) => format!("bodies.{part}"),
+        None => new.population.path(body - owner.len()),
+    };
+    let bytes = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
+    reread::check(&datbox, bytes, &driven, &options, name, &mut report);
+    if !report.faults.0.is_empty() {
+        return Err(report.faults);
+    }
     atomic::write_all(files.iter().map(|(name, bytes)| (datbox.join(name), bytes.as_slice())))?;
     crate::warn(&report.warnings);
     let mut summary = String::new();
@@ -332,134 +358,6 @@ fn records(parts: &[Part], new: &New) -> Bodies {
     Bodies(parts.iter().flat_map(|part| part.records.iter().cloned()).chain(new).collect())
 }
 
-/// A plate or cylinder where it stands.
-struct Wall<'a> {
-    body: usize,
-    shape: &'a Shape,
-    centre: Vector3<f64>,
-    turn: UnitQuaternion<f64>,
-}
-
-impl Wall<'_> {
-    /// How deep a ball reaches into it, m.
-    fn overlap(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
-        crate::walls::overlap(self.shape, &(self.turn.inverse() * (centre - self.centre)), radius)
-    }
-}
-
-/// The plates and cylinders of a part, its bodies numbered from `first` on.
-fn walls<'a>(part: &'a Part, first: usize) -> impl Iterator<Item = Wall<'a>> {
-    let of_body = move |(k, record): (usize, &'a Body)| {
-        let (x, q) = (Vector3::from(part.state.bodies.body_x[k]), quaternion(part.state.bodies.body_q[k]));
-        let chosen = record.contactors.iter().filter(|contactor| is_wall(&contactor.shape));
-        chosen.map(move |contactor| {
-            let (mut centre, mut turn) = (x, q);
-            // The centre and the axes of a lone one are those of its body.
-            if record.contactors.len() > 1 {
-                let frame = contactor.local_frame.as_ref();
-                let offset = frame.map_or(Vector3::zeros(), |frame| frame.offset.into());
-                let columns = frame.map_or(Matrix3::identity(), |f| Matrix3::from_columns(&f.axes.map(Vector3::from)));
-                let own = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
-                centre += q * (offset - part.source.shifts[part.rows[k]]);
-                turn *= UnitQuaternion::from_rotation_matrix(&own);
-            }
-            Wall { body: first + k, shape: &contactor.shape, centre, turn }
-        })
-    };
-    part.records.iter().enumerate().flat_map(of_body)
-}
-
-fn is_wall(shape: &Shape) -> bool {
-    matches!(shape, Shape::Plane { .. } | Shape::Cylinder { .. })
-}
-
-/// Bodies of different parts, and their images in a scene that repeats, may touch but not overlap; a body that is no
-/// sphere, plate or cylinder counts as the ball about it. The new ones among themselves have been checked.
-fn check_overlaps(
-    changes: &Changes,
-    parts: &[Part],
-    new: &New,
-    records: &Bodies,
-    options: &Compute,
-    report: &mut Report,
-) {
-    const TOUCHING: f64 = 1e-6;
-    let mut owner = Vec::new();
-    for (k, part) in parts.iter().enumerate() {
-        owner.extend(std::iter::repeat_n(k, part.rows.len()));
-    }
-    let old = owner.len();
-    owner.resize(records.0.len(), parts.len());
-    let name = |body: usize| match body.checked_sub(old) {
-        None => format!("bodies.{}", owner[body]),
-        Some(body) => match new.population.grains.get(body) {
-            Some(grain) => format!("grains.{}", grain.group),
-            None => format!("walls.{}", new.population.walls[body - new.population.grains.len()].wall),
-        },
-    };
-    let known = parts.iter().flat_map(|part| part.state.bodies.body_x.iter().copied());
-    let centres: Vec<Vector3<f64>> =
-        known.chain(records.0[old..].iter().map(|body| body.position)).map(Vector3::from).collect();
-    let radius = |(body, centre): (&Body, &Vector3<f64>)| {
-        let shift = centre - Vector3::from(body.position);
-        let from_centre = |point: &[f64; 3]| (Vector3::from(*point) - shift).norm();
-        let reach = |contactor: &Contactor| match &contactor.shape {
-            Shape::Sphere { radius } => *radius,
-            Shape::OffsetSphere { radius, offset } => from_centre(offset) + radius,
-            Shape::Polyhedron { vertices, .. } => vertices.iter().map(from_centre).fold(0.0, f64::max),
-            _ => body.equivalent_radius,
-        };
-        body.contactors.iter().filter(|contactor| !is_wall(&contactor.shape)).map(reach).reduce(f64::max)
-    };
-    let of_each = records.0.iter().zip(&centres).map(radius).enumerate();
-    let mut balls: Vec<(usize, f64)> = of_each.filter_map(|(k, radius)| Some((k, radius?))).collect();
-    balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    let mut deepest: Option<(f64, usize, usize)> = None;
-    let mut meet = |overlap: f64, a: usize, b: usize, radius: f64| {
-        if owner[a] != owner[b] && overlap > TOUCHING * radius && deepest.is_none_or(|(known, ..)| overlap > known) {
-            deepest = Some((overlap, a.min(b), a.max(b)));
-        }
-    };
-    let mut first = 0;
-    for (k, (part, taken)) in parts.iter().zip(&changes.bodies).enumerate() {
-        let known = &part.source.options;
-        if taken.turn.angle != 0.0 || (known.xperiode, known.yperiode) != (options.xperiode, options.yperiode) {
-            let own = balls.iter().filter(|(body, _)| owner[*body] == k).map(|&(body, radius)| (centres[body], radius));
-            check_extent(options, own, report);
-        }
-        for wall in walls(part, first) {
-            for &(k, radius) in &balls {
-                for shift in images(options, &(centres[k] - wall.centre)) {
-                    meet(wall.overlap(&(centres[k] - shift), radius), k, wall.body, radius);
-                }
-            }
-        }
-        first += part.rows.len();
-    }
-    let walls = new.population.walls.iter().enumerate();
-    for (number, wall) in walls.map(|(number, wall)| (old + new.population.grains.len() + number, wall)) {
-        for &(k, radius) in &balls {
-            for shift in images(options, &(centres[k] - wall.centre)) {
-                meet(wall.overlap(&(centres[k] - shift), radius), k, number, radius);
-            }
-        }
-    }
-    let mut cells = Cells::new(balls.first().map_or(1.0, |ball| ball.1));
-    for &(k, radius) in &balls {
-        // In the one cell about the origin: what is near lies there or in one beside it.
-        let here = centres[k] - images(options, &centres[k])[0];
-        for shift in images(options, &Vector3::zeros()) {
-            cells.overlaps(&(here + shift), radius, |number, overlap| meet(overlap, k, balls[number].0, radius));
-        }
-        cells.add(here, radius);
-    }
-    if let Some((overlap, a, b)) = deepest {
-        let found = format!("new bodies {} and {} overlap by {overlap:.3e} m, the deepest of all", a + 1, b + 1);
-        let expected = "bodies of different origin that touch at most; polyhedra count as the balls around them";
-        report.fault(&name(b), found, expected);
-    }
-}
-
 fn files(
     changes: &Changes,
     parts: &[Part],
@@ -552,31 +450,4 @@ fn driven(parts: &[Part], new: &New) -> DrvDof {
     }
     all.sort_by_key(|row| row.body);
     DrvDof(all)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn balls_in_drums_and_beside_pillars() {
-        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -1.1, 0.7));
-        let centre = Vector3::new(5.0, -2.0, 1.0);
-        let overlap = |hollow: bool, local: [f64; 3]| {
-            let shape = Shape::Cylinder { half_height: 4.0, radius: 3.0, hollow };
-            Wall { body: 0, shape: &shape, centre, turn }.overlap(&(centre + turn * Vector3::from(local)), 0.5)
-        };
-        for (hollow, local, expected) in [
-            (true, [0.0, 2.0, 1.0], -0.5),
-            (true, [2.4, 1.8, 0.0], 0.5),
-            (true, [0.0, 1.0, -3.75], 0.25),
-            (true, [0.0, 9.0, 0.0], f64::NEG_INFINITY),
-            (false, [0.0, 3.25, 1.0], 0.25),
-            (false, [0.0, 3.3, 4.4], 0.0), // 3-4-5 from the rim
-            (false, [0.0, 1.0, 5.0], -0.5),
-        ] {
-            let found = overlap(hollow, local);
-            assert!(found == expected || (found - expected).abs() < 1e-14, "{hollow} {local:?}: {found}");
-        }
-    }
 }

@@ -18,7 +18,7 @@ use cd_formats::unchanged::Computed;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 use super::options::{done, of_run};
-use super::{Keep, Stop, Taken};
+use super::{Keep, Stop, Taken, Which};
 use crate::place::rotation;
 use crate::scene::Material;
 
@@ -170,8 +170,15 @@ impl Source {
             Keep::Largest => Some(self.largest()),
             Keep::Below(height) => Some(self.below(height)),
         };
+        let excepted = self.excepted(&taken.walls_except)?;
         let rows: Vec<usize> = (0..bodies.body_id.len())
-            .filter(|&row| if is_driven(row) { taken.walls } else { largest.as_ref().is_none_or(|kept| kept[row]) })
+            .filter(|&row| {
+                if is_driven(row) {
+                    taken.walls != excepted[row]
+                } else {
+                    largest.as_ref().is_none_or(|kept| kept[row])
+                }
+            })
             .collect();
         let free: Vec<usize> = (0..rows.len()).filter(|&k| !is_driven(rows[k])).collect();
         if free.is_empty() {
@@ -217,6 +224,44 @@ impl Source {
         };
         let records = rows.iter().zip(&state.bodies.body_x).map(record).collect();
         Ok(Part { source: self, rows, records, state })
+    }
+
+    /// Whether each row is one of these bodies with imposed motion. Errors: a choice that finds none.
+    fn excepted(&self, which: &[Which]) -> Result<Vec<bool>, (String, String)> {
+        let driven = &self.snapshot.bodies.body_driven;
+        let walls: Vec<usize> = (0..driven.len()).filter(|&row| driven[row] != 0).collect();
+        let colours = |row: usize| self.bodies.0[row].contactors.iter().map(|contactor| contactor.colour.as_str());
+        let mut excepted = vec![false; driven.len()];
+        for which in which {
+            let (found, chosen): (String, Vec<usize>) = match which {
+                Which::Wall(n) => {
+                    (format!("Wall({n})"), n.checked_sub(1).and_then(|n| walls.get(n)).copied().into_iter().collect())
+                }
+                Which::Body(n) => (format!("Body({n})"), walls.iter().copied().filter(|row| row + 1 == *n).collect()),
+                Which::Colour(name) => {
+                    let wears = |row: &usize| colours(*row).any(|colour| colour == name);
+                    (format!("Colour(\"{name}\")"), walls.iter().copied().filter(wears).collect())
+                }
+            };
+            if chosen.is_empty() {
+                let mut known: Vec<&str> = walls.iter().flat_map(|&row| colours(row)).collect();
+                known.sort_unstable();
+                known.dedup();
+                let expected = match (walls.first(), walls.last()) {
+                    (Some(first), Some(last)) => format!(
+                        "one of {} bodies with imposed motion, numbers {} to {}, colours {}",
+                        walls.len(),
+                        first + 1,
+                        last + 1,
+                        known.join(", ")
+                    ),
+                    _ => "none: the run has no bodies with imposed motion".into(),
+                };
+                return Err((found, expected));
+            }
+            chosen.into_iter().for_each(|row| excepted[row] = true);
+        }
+        Ok(excepted)
     }
 
     /// The rows of bodies whose sphere of equal volume lies below a height along z.

@@ -1,0 +1,315 @@
+//! How deep bodies of different origin are in each other, by their shapes, and what of it the runs had left.
+
+use std::cell::OnceCell;
+
+use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::compute::Compute;
+use cd_formats::report::Report;
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+
+use super::Changes;
+use super::source::{Part, Source, quaternion};
+use crate::place::cells::Cells;
+use crate::population::{Population, check_extent, images};
+use crate::shapes::overlap::{Convex, deepest};
+use crate::walls::{self, WallBody};
+
+type Vec3 = Vector3<f64>;
+
+/// Overlap over the smaller radius that counts as touching: what 8 digits leave of a contact computed by hand.
+const TOUCHING: f64 = 1e-6;
+/// Share by which an overlap may exceed what the runs had left: a wall that is put back has 8 digits.
+const ROUNDING: f64 = 1e-3;
+
+/// A plate or cylinder where it is; rows of `axes` are its own axes.
+struct Wall {
+    shape: Shape,
+    centre: Vec3,
+    axes: Matrix3<f64>,
+}
+
+/// The contactors of a body where they are.
+#[derive(Default)]
+struct Solid {
+    balls: Vec<(Vec3, f64)>,
+    pieces: Vec<Convex>,
+    walls: Vec<Wall>,
+}
+
+impl Solid {
+    /// Of a body of BODIES.DAT with its centre of mass at `x`, `shift` from its position in the file, turned by `q`.
+    fn of(body: &Body, shift: &Vec3, x: &Vec3, q: &UnitQuaternion<f64>) -> Solid {
+        let mut solid = Solid::default();
+        let lone = body.contactors.len() == 1;
+        let own = own_axes(body);
+        // From the frame of the file to the fixed one.
+        let at = |point: Vec3| x + q * (own.transpose() * (point - shift));
+        for Contactor { shape, local_frame, .. } in &body.contactors {
+            let frame = local_frame.as_ref();
+            let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());
+            match shape {
+                Shape::Sphere { radius } => solid.balls.push((if lone { *x } else { at(offset) }, *radius)),
+                Shape::OffsetSphere { radius, offset } => solid.balls.push((at(Vec3::from(*offset)), *radius)),
+                Shape::Polyhedron { vertices, triangles } => {
+                    let vertices = vertices.iter().map(|v| at(Vec3::from(*v)) - x).collect();
+                    solid.pieces.push(Convex::new(*x, vertices, triangles));
+                }
+                Shape::Plane { .. } | Shape::Cylinder { .. } => {
+                    let columns = frame.map_or(Matrix3::identity(), |f| Matrix3::from_columns(&f.axes.map(Vec3::from)));
+                    let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
+                    let turn = turn.into_inner();
+                    let q = q.to_rotation_matrix().into_inner();
+                    // The centre and the axes of a lone one are those of its body.
+                    let (centre, axes) = if lone { (*x, q) } else { (at(offset), q * own.transpose() * turn) };
+                    solid.walls.push(Wall { shape: shape.clone(), centre, axes: axes.transpose() });
+                }
+                Shape::Point { .. } => {}
+            }
+        }
+        solid
+    }
+
+    fn of_wall(wall: &WallBody) -> Solid {
+        let wall = Wall { shape: wall.shape.clone(), centre: wall.centre, axes: wall.axes };
+        Solid { walls: vec![wall], ..Solid::default() }
+    }
+
+    /// How deep another solid, moved by -`shift`, reaches into this one, m; negative or 0 when apart, and at most `allowed`
+    /// as soon as that is certain. Walls do not meet walls.
+    fn overlap(&self, other: &Solid, shift: &Vec3, allowed: f64) -> f64 {
+        let moved = |pieces: &[Convex]| -> Vec<Convex> {
+            let mut pieces = pieces.to_vec();
+            pieces.iter_mut().for_each(|piece| piece.centre -= shift);
+            pieces
+        };
+        let others = moved(&other.pieces);
+        let mut most = deepest(&self.pieces, &others, allowed);
+        for (centre, radius) in &self.balls {
+            for (of_other, radius_of_other) in &other.balls {
+                most = most.max(radius + radius_of_other - (centre - of_other + shift).norm());
+            }
+            most = others.iter().map(|piece| piece.overlap_of_ball(centre, *radius)).fold(most, f64::max);
+            let into =
+                |wall: &Wall| walls::overlap(&wall.shape, &(wall.axes * (centre + shift - wall.centre)), *radius);
+            most = other.walls.iter().map(into).fold(most, f64::max);
+        }
+        for (centre, radius) in &other.balls {
+            let centre = centre - shift;
+            most = self.pieces.iter().map(|piece| piece.overlap_of_ball(&centre, *radius)).fold(most, f64::max);
+            let into = |wall: &Wall| walls::overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), *radius);
+            most = self.walls.iter().map(into).fold(most, f64::max);
+        }
+        for wall in &self.walls {
+            most = most.max(walls::overlap_of(&wall.shape, &wall.centre, &wall.axes, &others, allowed));
+        }
+        for wall in &other.walls {
+            let centre = wall.centre - shift;
+            most = most.max(walls::overlap_of(&wall.shape, &centre, &wall.axes, &self.pieces, allowed));
+        }
+        most
+    }
+}
+
+/// The axes of a body in the frame of its file, as columns: the fixed ones where its inertia is given, and of a lone wall or
+/// sphere; else its principal ones, as cd-solve has it.
+fn own_axes(body: &Body) -> Matrix3<f64> {
+    let simple = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, Shape::Polyhedron { .. }));
+    if simple || body.inertia.is_some_and(|inertia| inertia != [0.0; 3]) {
+        return Matrix3::identity();
+    }
+    let axes =
+        body.mass_properties().map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |own| own.principal().1);
+    Matrix3::from_fn(|i, j| axes[j][i])
+}
+
+/// Deepest overlap of two bodies in contact that a run has left, m, whichever of them are taken.
+fn left(source: &Source, options: &Compute) -> f64 {
+    let bodies = &source.snapshot.bodies;
+    let made: Vec<OnceCell<Solid>> = (0..source.bodies.0.len()).map(|_| OnceCell::new()).collect();
+    let x = |k: usize| Vec3::from(bodies.body_x[k]);
+    let solid = |k: usize| {
+        made[k].get_or_init(|| Solid::of(&source.bodies.0[k], &source.shifts[k], &x(k), &quaternion(bodies.body_q[k])))
+    };
+    let mut pairs: Vec<[usize; 2]> =
+        source.snapshot.contacts.contact_body.iter().map(|pair| pair.map(|body| body as usize)).collect();
+    pairs.dedup();
+    let mut most = 0.0;
+    for [a, b] in pairs {
+        for shift in images(options, &(x(b) - x(a))) {
+            most = f64::max(most, solid(a).overlap(solid(b), &shift, most));
+        }
+    }
+    most
+}
+
+/// Bodies of different parts, and their images in a scene that repeats, may touch, and overlap no deeper than the runs had
+/// left bodies in each other. The new ones among themselves have been checked.
+pub fn check(
+    changes: &Changes,
+    parts: &[Part],
+    new: &Population,
+    records: &Bodies,
+    options: &Compute,
+    report: &mut Report,
+) {
+    let mut owner = Vec::new();
+    let mut solids: Vec<Box<dyn Fn() -> Solid + '_>> = Vec::new();
+    let mut centres = Vec::new();
+    for (k, part) in parts.iter().enumerate() {
+        owner.extend(std::iter::repeat_n(k, part.rows.len()));
+        for (row, body) in part.records.iter().enumerate() {
+            let bodies = &part.state.bodies;
+            let (x, q) = (Vec3::from(bodies.body_x[row]), quaternion(bodies.body_q[row]));
+            let shift = part.source.shifts[part.rows[row]];
+            centres.push(x);
+            solids.push(Box::new(move || Solid::of(body, &shift, &x, &q)));
+        }
+    }
+    let old = owner.len();
+    owner.resize(records.0.len(), parts.len());
+    for grain in &new.grains {
+        centres.push(grain.position);
+        solids.push(Box::new(|| match grain.polyhedron {
+            Some(_) => Solid { pieces: grain.pieces(), ..Solid::default() },
+            None => Solid { balls: vec![(grain.position, grain.radius)], ..Solid::default() },
+        }));
+    }
+    for wall in &new.walls {
+        centres.push(wall.centre);
+        solids.push(Box::new(|| Solid::of_wall(wall)));
+    }
+    let made: Vec<OnceCell<Solid>> = (0..records.0.len()).map(|_| OnceCell::new()).collect();
+    let solid = |k: usize| made[k].get_or_init(|| solids[k]());
+
+    let reach = |(body, centre): (&Body, &Vec3)| {
+        let shift = centre - Vec3::from(body.position);
+        let from_centre = |point: &[f64; 3]| (Vec3::from(*point) - shift).norm();
+        let reach = |contactor: &Contactor| match &contactor.shape {
+            Shape::Sphere { radius } => *radius,
+            Shape::OffsetSphere { radius, offset } => from_centre(offset) + radius,
+            Shape::Polyhedron { vertices, .. } => vertices.iter().map(from_centre).fold(0.0, f64::max),
+            _ => body.equivalent_radius,
+        };
+        let is_wall = |shape: &Shape| matches!(shape, Shape::Plane { .. } | Shape::Cylinder { .. });
+        body.contactors.iter().filter(|contactor| !is_wall(&contactor.shape)).map(reach).reduce(f64::max)
+    };
+    let of_each = records.0.iter().zip(&centres).map(reach).enumerate();
+    let mut balls: Vec<(usize, f64)> = of_each.filter_map(|(k, radius)| Some((k, radius?))).collect();
+    balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    for (k, (part, taken)) in parts.iter().zip(&changes.bodies).enumerate() {
+        let known = &part.source.options;
+        if taken.turn.angle != 0.0 || (known.xperiode, known.yperiode) != (options.xperiode, options.yperiode) {
+            let own = balls.iter().filter(|(body, _)| owner[*body] == k).map(|&(body, radius)| (centres[body], radius));
+            check_extent(options, own, report);
+        }
+    }
+
+    // Overlap, m, and the two bodies.
+    let mut found: Vec<(f64, usize, usize)> = Vec::new();
+    let mut meet = |a: usize, b: usize, shift: &Vec3, radius: f64| {
+        if owner[a] != owner[b] {
+            let overlap = solid(a).overlap(solid(b), shift, TOUCHING * radius);
+            if overlap > TOUCHING * radius {
+                found.push((overlap, a.min(b), a.max(b)));
+            }
+        }
+    };
+    let with_walls = (0..records.0.len()).filter(|&k| {
+        records.0[k].contactors.iter().any(|c| matches!(c.shape, Shape::Plane { .. } | Shape::Cylinder { .. }))
+    });
+    for wall in with_walls {
+        for &(k, radius) in balls.iter().filter(|(k, _)| owner[*k] != owner[wall]) {
+            for shift in images(options, &(centres[k] - centres[wall])) {
+                let centre = centres[k] - shift;
+                let near =
+                    |wall: &Wall| walls::overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), radius) > 0.0;
+                if solid(wall).walls.iter().any(near) {
+                    meet(wall, k, &shift, radius);
+                }
+            }
+        }
+    }
+    let mut cells = Cells::new(balls.first().map_or(1.0, |ball| ball.1));
+    for &(k, radius) in &balls {
+        // In the one cell about the origin: what is near lies there or in one next to it.
+        let own = images(options, &centres[k])[0];
+        let here = centres[k] - own;
+        for shift in images(options, &Vec3::zeros()) {
+            cells.overlaps(&(here + shift), radius, |number, _| {
+                let other = balls[number].0;
+                let between = images(options, &centres[other])[0] - own + shift;
+                meet(k, other, &between, radius);
+            });
+        }
+        cells.add(here, radius);
+    }
+    if found.is_empty() {
+        return;
+    }
+    // Of a part alone, the deepest of its run counts; of two, the deeper.
+    let left: Vec<f64> = parts.iter().map(|part| left(part.source, &part.source.options)).chain([0.0]).collect();
+    let of_pair = |a: usize, b: usize| left[owner[a]].max(left[owner[b]]);
+    found.retain(|&(overlap, a, b)| overlap > (1.0 + ROUNDING) * of_pair(a, b));
+    found.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
+    found.dedup_by_key(|(_, a, b)| (*a, *b));
+    if let Some(&(overlap, a, b)) = found.first() {
+        let name = match b.checked_sub(old) {
+            None => format!("bodies.{}", owner[b]),
+            Some(body) => new.path(body),
+        };
+        let origin = |k: usize| match k.checked_sub(old) {
+            None => {
+                let first = owner.partition_point(|&part| part < owner[k]);
+                format!("{} of {}", parts[owner[k]].rows[k - first] + 1, parts[owner[k]].source.case.display())
+            }
+            Some(body) => match body.checked_sub(new.grains.len()) {
+                None => format!("grain {} of the changes", body + 1),
+                Some(wall) => format!("wall {} of the changes", new.walls[wall].wall + 1),
+            },
+        };
+        let count = if found.len() == 1 { String::new() } else { format!(", the deepest of {}", found.len()) };
+        let found =
+            format!("bodies {} ({}) and {} ({}) overlap by {overlap:.3e} m{count}", a + 1, origin(a), b + 1, origin(b));
+        let expected = match of_pair(a, b) {
+            0.0 => "bodies of different origin that touch at most".into(),
+            left => format!(
+                "bodies of different origin that touch, or overlap by at most the {left:.3e} m that the run had left"
+            ),
+        };
+        report.fault(&name, found, expected);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn balls_in_drums_and_next_to_pillars() {
+        let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.3, -1.1, 0.7));
+        let centre = Vec3::new(5.0, -2.0, 1.0);
+        let overlap = |hollow: bool, local: [f64; 3]| {
+            let shape = Shape::Cylinder { half_height: 4.0, radius: 3.0, hollow };
+            let wall = Wall { shape, centre, axes: turn.to_rotation_matrix().into_inner().transpose() };
+            let wall = Solid { walls: vec![wall], ..Solid::default() };
+            let shift = Vec3::new(10.0, 0.0, 0.0);
+            let ball = Solid { balls: vec![(centre + turn * Vec3::from(local) + shift, 0.5)], ..Solid::default() };
+            let found = wall.overlap(&ball, &shift, 0.0);
+            assert!((found - ball.overlap(&wall, &-shift, 0.0)).abs() < 1e-13, "{local:?}");
+            found
+        };
+        for (hollow, local, expected) in [
+            (true, [0.0, 2.0, 1.0], 0.0),
+            (true, [2.4, 1.8, 0.0], 0.5),
+            (true, [0.0, 1.0, -3.75], 0.25),
+            (true, [0.0, 9.0, 0.0], 0.0),
+            (false, [0.0, 3.25, 1.0], 0.25),
+            (false, [0.0, 2.25, 1.0], 1.25),
+            (false, [0.0, 3.3, 4.4], 0.0), // 3-4-5 from the rim
+            (false, [0.0, 1.0, 5.0], 0.0),
+        ] {
+            let found = overlap(hollow, local);
+            assert!((found - expected).abs() < 1e-14, "{hollow} {local:?}: {found}");
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! `cd-pre from-outbox` on boxes full of grains: walls are taken out, put back and replaced, runs are mixed.
+
+use std::fs;
+use std::path::Path;
+
+use cd_formats::bodies::Bodies;
+use cd_tests::case::{Case, from_outbox};
+
+/// Grains that have settled in a box with a lid; `shape` and `tol` of the run.
+fn filled(shape: &str, tol: &str) -> Case {
+    Case::of(&format!(
+        r#"(
+        seed: 3,
+        gravity: (0.0, 0.0, -9.81),
+        materials: [(name: "ROCKx", density: 2700.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+        contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "WALLx"), law: "iqsc0")],
+        grains: [(material: "ROCKx", colour: "BLUEx", shape: {shape}, sizes: Single(0.1), number: 30,
+            place: JitteredLattice(envelope: Box(lengths: (0.9, 0.9, 1.9))))],
+        walls: [Box(material: "ROCKx", colour: "WALLx", centre: (0, 0, 0), lengths: (1, 1, 2), half_thickness: 0.05, lid: true)],
+        compute: (dt: 2e-3, steps: 400, output_every: 400, tol: {tol}),
+    )"#
+    ))
+    .solved(&["--threads", "1"])
+}
+
+/// The case made from the last snapshot of another, and its number of bodies.
+fn next(from: &Case, changes: &str) -> (Case, usize) {
+    let case = Case::empty();
+    assert_eq!(from_outbox(from.path(), case.path(), changes), 0, "{changes}");
+    let count = Bodies::read(&case.datbox("BODIES.DAT")).unwrap().0.len();
+    (case, count)
+}
+
+/// The message with which a change is refused.
+fn refused(from: &Case, changes: &str) -> String {
+    let case = Case::empty();
+    let file = case.path().join("changes.ron");
+    fs::write(&file, changes).unwrap();
+    let faults = cd_pre::from_outbox::write_datbox(from.path(), Some(&file), &[], case.path()).unwrap_err();
+    assert!(!case.path().join("DATBOX").exists());
+    faults.to_string()
+}
+
+/// A plate of the box as the scene made it: floor, -x, x, -y, y, lid.
+fn plate(from: &Case, wall: usize, shift: f64) -> String {
+    let body = &Bodies::read(&from.datbox("BODIES.DAT")).unwrap().0[29 + wall];
+    let cd_formats::bodies::Shape::Plane { half_lengths: [a, b, c] } = body.contactors[0].shape else { panic!() };
+    let [x, y, z] = body.position;
+    let (normal, first) = [
+        ("(0, 0, 1)", "(1, 0, 0)"),
+        ("(1, 0, 0)", "(0, 1, 0)"),
+        ("(-1, 0, 0)", "(0, 1, 0)"),
+        ("(0, 1, 0)", "(0, 0, 1)"),
+        ("(0, -1, 0)", "(0, 0, 1)"),
+        ("(0, 0, -1)", "(1, 0, 0)"),
+    ][wall - 1];
+    format!(
+        "Plate(material: \"ROCKx\", colour: \"WALLx\", centre: ({x:?}, {y:?}, {:?}), normal: {normal}, first_axis: {first}, \
+         half_lengths: ({a:?}, {b:?}, {c:?}))",
+        z + shift
+    )
+}
+
+#[test]
+fn walls_come_and_go_one_by_one() {
+    // A loose tolerance leaves overlaps far above a millionth of the radius.
+    for (shape, tol) in
+        [("Sphere", "1e-2"), ("Random(vertices: (8, 12), ratios: (1.0, 0.8, 0.7), angularity: 0.2)", "1e-3")]
+    {
+        let run = filled(shape, tol);
+        let (open, count) = next(&run, "(bodies: [(walls_except: [Wall(6)])])");
+        assert_eq!(count, 35, "{shape}: the lid alone is gone");
+        let open = open.solved(&["--steps", "20", "--threads", "1"]);
+        let (closed, count) = next(&open, &format!("(walls: [{}])", plate(&run, 6, 0.0)));
+        assert_eq!(count, 36, "{shape}: the lid is back");
+        closed.solved(&["--steps", "2", "--threads", "1"]);
+        // Floor and lid are kept by number, the sides put back where they were, against what leans on them.
+        let sides: Vec<String> = (2..6).map(|wall| plate(&run, wall, 0.0)).collect();
+        let kept =
+            format!("bodies: [(walls: false, walls_except: [Body(31), Wall(6)])], walls: [{}]", sides.join(", "));
+        assert_eq!(next(&run, &format!("({kept})")).1, 36, "{shape}");
+        // All of them, and the floor in its own place again.
+        let all: Vec<String> = (1..7).map(|wall| plate(&run, wall, 0.0)).collect();
+        assert_eq!(next(&run, &format!("(bodies: [(walls: false)], walls: [{}])", all.join(", "))).1, 36, "{shape}");
+        assert_eq!(next(&run, "(bodies: [(walls_except: [Colour(\"WALLx\")])])").1, 30, "{shape}");
+        // Into a larger box; into one that is too small.
+        let boxed = |lengths: &str, z: f64| {
+            format!(
+                "(bodies: [(walls: false)], walls: [Box(material: \"ROCKx\", colour: \"WALLx\", centre: (0, 0, {z}), lengths: {lengths}, half_thickness: 0.05)])"
+            )
+        };
+        next(&run, &boxed("(3, 3, 3)", 0.45)).0.solved(&["--steps", "2", "--threads", "1"]);
+        let found = refused(&run, &boxed("(0.95, 1, 2)", 0.0));
+        assert!(found.contains("overlap by") && found.contains("of the changes)"), "{found}");
+        // A floor 1 mm higher is deeper than what the run had left.
+        let found = refused(&run, &format!("(bodies: [(walls_except: [Wall(1)])], walls: [{}])", plate(&run, 1, 1e-2)));
+        assert!(found.contains("that the run had left") && found.contains("wall 1 of the changes"), "{found}");
+    }
+}
+
+#[test]
+fn walls_that_are_not_there_are_named() {
+    let run = filled("Sphere", "1e-2");
+    for (which, found) in
+        [("Wall(7)", "Wall(7)"), ("Body(3)", "Body(3)"), ("Colour(\"LIDxx\")", "Colour(\\\"LIDxx\\\")")]
+    {
+        let text = refused(&run, &format!("(bodies: [(walls_except: [{which}])])"));
+        let expected = "expected one of 6 bodies with imposed motion, numbers 31 to 36, colours WALLx";
+        assert!(text.contains(expected) && text.contains(&found.replace('\\', "")), "{text}");
+    }
+}
+
+/// Rocks next to each other whose surrounding balls overlap.
+#[test]
+fn two_runs_are_mixed_by_their_shapes() {
+    let cube = |x: f64| {
+        Case::of(&format!(
+            r#"(
+            materials: [(name: "ROCKx", density: 2700.0)],
+            laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+            contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0")],
+            grains: [(material: "ROCKx", colour: "BLUEx", shape: Box(lengths: (1, 1, 1)),
+                place: List(positions: [({x:?}, 0, 0)]), standing: Same((axis: (0, 0, 1), angle: 0)))],
+            compute: (dt: 1e-3, steps: 1),
+        )"#
+        ))
+        .solved(&["--threads", "1"])
+    };
+    let (left, right) = (cube(0.0), cube(1.01));
+    let other = |case: &Path, more: &str| format!("(bodies: [(), (case: {:?}{more})])", case.display().to_string());
+    assert_eq!(next(&left, &other(right.path(), "")).1, 2);
+    let found = refused(&left, &other(right.path(), ", centre: (0.9, 0, 0)"));
+    assert!(found.contains("overlap by 1.000e-1 m"), "{found}");
+    let ball = |x: f64| {
+        format!(
+            "(grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.5), place: List(positions: [({x:?}, 0, 0)]))])"
+        )
+    };
+    assert_eq!(next(&left, &ball(1.0)).1, 2);
+    assert!(refused(&left, &ball(0.99)).contains("overlap by 1.000e-2 m"));
+}
