@@ -142,10 +142,12 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
     let balls = population.grains.iter().map(|grain| (grain.position, grain.reach));
     check_extent(&scene.compute, balls, report);
     check_numbers(scene, &population, report);
-    check_drums(scene, &population, report);
     check_level(scene, &population, report);
     if report.faults.0.is_empty() {
         check_overlaps(scene, &population, report);
+    }
+    if report.faults.0.is_empty() {
+        check_drums(scene, &population, report);
     }
     population
 }

@@ -212,7 +212,7 @@ fn every_fault_of_a_file_is_told() {
         ("beyond.vtk", "file: cell 1 names point 99, where points are 0 to 7; expected polygonal data of VTK"),
         ("torn.vtk", "numbers announced"),
         ("torn.vtp", "expected a complete file"),
-        ("ends.vtp", "cell 4 ends at corner 1200 of 24; expected polygonal data of VTK"),
+        ("ends.vtp", "cell 3 ends at corner 1200 of 24; expected polygonal data of VTK"),
         ("appended.vtp", "file: array 'Points': it has no head; expected a complete file"),
         ("empty.obj", "it is empty"),
         ("empty.stl", "expected"),

@@ -3,7 +3,7 @@
 //! | module | |
 //! |---|---|
 //! | [`digits`] | numbers that the columns of DATBOX do not hold |
-//! | [`overlaps`] | how deep bodies of different origin are in each other |
+//! | `overlaps` | how deep bodies of different origin are in each other |
 //! | [`options`] | what a run was computed with, by its snapshot |
 //! | [`source`] | a case with one of its snapshots; the bodies that are kept, moved |
 //! | [`tables`] | materials, laws and visibility of several cases in one |

@@ -2,11 +2,11 @@
 //!
 //! | module | |
 //! |---|---|
-//! | [`obj`] | Wavefront OBJ |
-//! | [`stl`] | STL, text and binary |
-//! | [`legacy`] | VTK legacy polygonal data |
-//! | [`vtp`] | VTK XML polygonal data, with [`inflate`] for zlib blocks |
-//! | [`repair`] | from polygons over points to a triangulation: weld, drop, flip |
+//! | `obj` | Wavefront OBJ |
+//! | `stl` | STL, text and binary |
+//! | `legacy` | VTK legacy polygonal data |
+//! | `vtp` | VTK XML polygonal data, with `inflate` for zlib blocks |
+//! | `repair` | from polygons over points to a triangulation: weld, drop, flip |
 
 mod inflate;
 mod legacy;
@@ -86,7 +86,7 @@ fn plural(count: usize, what: &str) -> String {
 ///
 /// The ending selects the kind: `.obj`; `.stl`, text or binary; `.vtk` and `.vtp`, legacy or XML, whichever the file
 /// is. Points at the same position are one vertex; polygons are cut into triangles from their first corner. Vertices
-/// are numbered in the order in which the polygons name them. Repairs are those of [`repair`]; all are listed in
+/// are numbered in the order in which the polygons name them. Repairs are those of `repair`; all are listed in
 /// [`Read::repairs`].
 ///
 /// Errors: a file that cannot be read, and every fault of the surface.

@@ -235,6 +235,11 @@ mod tests {
         mesh.polygons[2] = vec![0, 8, 1, 5, 4];
         mesh.polygons.push(vec![0, 1, 8]);
         assert_eq!(made(mesh), (1.0, "dropped 2 degenerate triangles".to_string()));
+        let mut mesh = cube();
+        mesh.points.push([0.0, -0.5, -0.5]);
+        mesh.polygons[2] = vec![8, 1, 5, 4, 0];
+        mesh.polygons.push(vec![0, 1, 8]);
+        assert_eq!(made(mesh), (1.0, "dropped 1 degenerate triangle".to_string()));
     }
 
     #[test]
