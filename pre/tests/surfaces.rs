@@ -222,7 +222,7 @@ fn torn_and_damaged_files_end_in_words() {
         let folder = tempfile::tempdir().unwrap();
         let copy = folder.path().join(name);
         let mut state = 1u64;
-        for k in 0..200 {
+        for k in 0..60 {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             let at = (state >> 33) as usize % bytes.len();
             let mut bytes = bytes.clone();
