@@ -35,7 +35,7 @@ const ON_FACE: f64 = 5e-7;
 const PARALLEL: f64 = 5e-9;
 /// Sine of the angle between two faces beyond which they form no common surface.
 const BENT: f64 = 1e-2;
-/// Way over the size of A that B may rise in the step against C, by free velocities.
+/// Displacement over the radius of the ball about A by which B may rise against C in the step, by free velocities.
 const RISE: f64 = 1e-2;
 /// Pairs of contacts of one contactor that are all tried; of more only those near each other.
 const ALL: usize = 4096;
@@ -95,7 +95,7 @@ struct Over<'a> {
     solid: Solid<'a>,
     centre: Vec3,
     radius: f64,
-    /// Way in the step, m.
+    /// Largest displacement in the step, m.
     travel: f64,
     /// s
     ahead: f64,
