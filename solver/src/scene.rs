@@ -196,9 +196,6 @@ pub const EVENT_SLACK: f64 = 1e-3;
 /// move, if their speeds are enough: what contacts push may close it. In a step suited to the motion bodies go as far.
 pub const NEARBY: f64 = 0.1;
 
-/// So many times `tol` moves what rests.
-const STILL: f64 = 3.0;
-
 /// Fewer bodies than these attract each other anew at every step.
 const FEW_BODIES: usize = 100;
 
@@ -267,12 +264,6 @@ impl Scene {
     pub fn time_at(&self, step: u64) -> f64 {
         let (first, time) = self.from;
         time + step.saturating_sub(first) as f64 * self.options.dt
-    }
-
-    /// Whether a contact moves at `speed` (m/s) by more than an unfinished solution leaves: three times `tol` of the
-    /// speed that its impulse `alone` would make, m/s.
-    pub fn moves(&self, speed: f64, alone: f64) -> bool {
-        speed > STILL * self.options.tol() * alone.abs()
     }
 
     /// Whether an imposed velocity or force depends on time.

@@ -344,9 +344,7 @@ impl Setting<'_> {
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i as usize);
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
-        // What the last step has left of velocity, though its impulses would stop it, is no sliding.
-        let slid = |old: &SolvedContact| scene.moves(old.velocity.yz().norm(), w_n * old.impulse.x);
-        let slid_before = previous.is_some_and(|old| old.status == Status::Slide && slid(old));
+        let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
         // Of a contact that begins it is not known what it will carry.
         let stays = hold.bond.is_some() || hold.within || previous.is_some_and(|old| old.impulse != Vec3::zeros());
         let as_one = hold.bond.is_some() && law.bonds_are_rigid();

@@ -5,6 +5,7 @@ use std::ops::Add;
 use rayon::prelude::*;
 
 use super::PART;
+use super::motion::Motion;
 use crate::assemble::{self, Free, Record, System, relative_velocity};
 use crate::integrate::Configuration;
 use crate::math::{MANY, Vec3, to_local, to_world};
@@ -40,13 +41,14 @@ pub fn end_of_contacts(
     free: &Free,
     system: &System,
     solution: &Solution,
+    motion: Option<&Motion>,
 ) -> Solved {
     let (v, w) = velocities(solution, free);
     let mut ends = std::mem::take(&mut state.contacts);
     ends.resize(contacts.len(), SolvedContact::default());
     let driven: Vec<bool> = scene.bodies.iter().map(|body| body.driven).collect();
     let deep = DEEP * scene.smallest_radius;
-    let end = End { scene, state, q_c, system, solution, v: &v, w: &w, driven: &driven, deep };
+    let end = End { scene, state, q_c, system, solution, motion, v: &v, w: &w, driven: &driven, deep };
     // In parts that the number of rows alone decides.
     let parts = ends.par_chunks_mut(PART).zip(contacts.par_chunks(PART)).enumerate();
     let parts: Vec<(Given, Vec<Exchange>)> =
@@ -63,6 +65,8 @@ struct End<'a> {
     q_c: &'a Configuration,
     system: &'a System,
     solution: &'a Solution,
+    /// Where contacts lose something once they move.
+    motion: Option<&'a Motion>,
     /// At the step's end, m/s and rad/s.
     v: &'a [Vec3],
     w: &'a [Vec3],
@@ -119,7 +123,8 @@ impl End<'_> {
             let (row, r) = (&system.rows[k], &solution.impulses[k]);
             let moment = rolls.next_if(|(roll, _)| roll.row as usize == k).map(|(_, m)| m);
             *end = self.of_one(k, contact, moment);
-            let depth = (-contact.gap).max(0.0);
+            // What both bodies are driven to is no penetration of the contact's.
+            let depth = if row.acts { (-contact.gap).max(0.0) } else { 0.0 };
             given.penetration_largest = given.penetration_largest.max(depth);
             given.penetration_sum += depth;
             if depth > self.deep {
@@ -142,29 +147,24 @@ impl End<'_> {
 
     /// Contact `k`, on which a moment (N m s, world frame) acts that resists rolling, if there is one.
     fn of_one(&self, k: usize, contact: &Contact, moment: Option<&Vec3>) -> SolvedContact {
-        let &End { scene, state, q_c, system, solution, v, w, .. } = self;
+        let &End { state, q_c, system, solution, v, w, .. } = self;
         let (row, r) = (&system.rows[k], &solution.impulses[k]);
         let frame = contact.frame();
         let local = to_local(&frame, r);
+        let law = &state.laws[contact.law as usize];
+        let motion = self.motion.filter(|_| law.loses());
+        let (opens, slides) = motion.map_or((false, false), |motion| {
+            motion.at(row, &system.velocity(k, &solution.records))
+        });
         // On the cone's side to rounding.
         let bound = row.friction * local.x * (1.0 - 1e-12);
+        let at_limit = if motion.is_some() && row.friction > 0.0 { slides } else { local.yz().norm() >= bound };
         let status = match local.x > 0.0 {
             false => Status::NoContact,
-            true if local.yz().norm() >= bound => Status::Slide,
+            true if at_limit => Status::Slide,
             true => Status::Stick,
         };
-        let law = &state.laws[contact.law as usize];
-        // Points of one face share its load as sweeps happen to find it: one that gives its all where nothing moves holds.
-        let moved = || {
-            let u = system.velocity(k, &solution.records);
-            let opening = row.normal.dot(&u);
-            let alone = row.w_n * row.impulse_shift;
-            (opening > 0.0 && scene.moves(opening, alone), scene.moves((u - row.normal * opening).norm(), alone))
-        };
-        let bond = row.bond.filter(|_| {
-            let (opens, slides) = moved();
-            law.keeps_bond(contact.gap, status == Status::NoContact && opens, status == Status::Slide && slides)
-        });
+        let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, opens, slides));
         let [a, b] = row.bodies.map(|body| w[body as usize]);
         let spinning = system.friction_lever(k) * row.normal.dot(&(a - b));
         SolvedContact {
@@ -182,6 +182,9 @@ impl End<'_> {
         let &End { state, q_c, system, v, w, driven, .. } = self;
         let row = &system.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
+        if driven[contact.candidate as usize] && driven[contact.antagonist as usize] {
+            return 0.0; // no part of what the ledger counts
+        }
         let mean = 0.5 * (velocity + row.u_before);
         let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
         let force = r + contact.normal * row.impulse_shift;

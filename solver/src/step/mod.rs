@@ -2,6 +2,7 @@
 
 mod ends;
 mod ledger;
+mod motion;
 
 use std::time::{Duration, Instant};
 
@@ -12,6 +13,7 @@ pub use self::ledger::{Motion, StepReport, WorstContact};
 
 use self::ends::end_of_contacts;
 use self::ledger::book;
+use self::motion::decided;
 use crate::activity::{self, Stage};
 use crate::assemble;
 use crate::detect::{self, Missed};
@@ -64,7 +66,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> Option<StepR
     lap.stop(&mut clock.detection);
     let task = task(scene, state, units);
     let mut sweeps = 0;
-    let (system, mut solution) = loop {
+    let (mut system, mut solution) = loop {
         let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
         lap.stop(&mut clock.assembly);
         activity::enter(Stage::Solve, contacts.len());
@@ -86,9 +88,10 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> Option<StepR
         contacts.sort_unstable_by_key(Contact::key);
     };
     solution.sweeps = sweeps;
+    let motion = decided(scene, &state.laws, &contacts, q_c.h, &mut system, task, &mut solution);
     solve::learn(&mut state.fallback, task, state.step, units, &solution);
     lap.stop(&mut clock.solve);
-    let solved = end_of_contacts(scene, state, &q_c, &contacts, &free, &system, &solution);
+    let solved = end_of_contacts(scene, state, &q_c, &contacts, &free, &system, &solution, motion.as_ref());
     let given_up = task.gives_up() && !solution.converged;
     let mut report = StepReport { missed, given_up, ..book(scene, state, &q_c, &free, &system, &solution, &solved) };
     if !happened.shakes.is_empty() {
@@ -153,7 +156,7 @@ fn task(scene: &Scene, state: &State, units: u64) -> Task {
     // No later step makes good what a shock has given or taken.
     let shock = if state.laws.iter().any(Law::rebounds) { SHARPEST } else { 1.0 };
     // Nor what it has broken or set off.
-    let lost = if state.laws.iter().any(Law::loses) { SHARPER } else { 1.0 };
+    let lost = if state.laws.iter().any(Law::loses) { SHARPER.min(DECISIVE / tol) } else { 1.0 };
     // What a residual leaves in velocities goes with what the step would change them by alone, and that with its length.
     let long = 1.0 / units as f64;
     let aim = tol * shock.min(lost).min(sharpening(options.penetration_tol(), state.ledger.penetration_left)).min(long);
@@ -169,6 +172,9 @@ const SHARPEST: f64 = 1e-2;
 
 /// By how much it is where contacts can lose something for good.
 const SHARPER: f64 = 0.1;
+
+/// The largest residual with which anything is lost for good: a load of 0.9 or 1.1 of a limit is then on its side of it.
+const DECISIVE: f64 = 1e-3;
 
 /// By how much a step is to be solved further than `tol`, <= 1.
 ///

@@ -4,6 +4,7 @@
 mod absence;
 mod adaptive;
 mod bonds;
+mod breaking;
 mod case;
 mod clusters;
 mod elliptic;

@@ -1,0 +1,186 @@
+//! Bonds break in the step in which their load is more than their strength, whatever else is large or small.
+
+use std::f64::consts::PI;
+
+use cd_formats::snapshot::STATUS_SLIDE;
+
+use crate::case::{Case, Figures, equal};
+
+const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// Tangential cohesion, Pa.
+const SHEAR: f64 = 32.0;
+
+/// What loads the bond of a body on a floor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Load {
+    Shear,
+    Tension,
+    /// Shear beside half of the normal cohesion, as pressure or as traction.
+    Pressed,
+    Drawn,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Setting {
+    /// A cube of edge 1, whose face is bonded, or a ball of radius 1/2.
+    cube: bool,
+    load: Load,
+    /// c_n/c_t
+    ratio: f64,
+    dt: f64,
+    tol: f64,
+}
+
+/// Bonds after each of some steps under a share of the strength.
+fn bonds({ cube, load, ratio, dt, tol }: Setting, share: f64, steps: u64) -> Vec<f64> {
+    let mut case = Case::new();
+    let normal = ratio * SHEAR;
+    case.law_of_all("IQS_MOHR_DS_CLB", &[normal, SHEAR, 0.2, 0.3]);
+    let (area, mass) = if cube { (1.0, 1.0) } else { (PI / 4.0, PI / 6.0) };
+    // Of what draws a ball along its bond takes 2/7.
+    let along = if cube { 1.0 } else { 3.5 };
+    let traction = match load {
+        Load::Shear => 0.0,
+        Load::Tension => share * normal,
+        Load::Pressed => -0.5 * normal,
+        Load::Drawn => 0.5 * normal,
+    };
+    let shear = if load == Load::Tension { 0.0 } else { share * (SHEAR - traction / ratio) };
+    case.gravity = [along * shear * area / mass, 0.0, traction * area / mass];
+    let size = 1e9; // of the plate: in a second the body may be far
+    case.plate([size, size, 0.5], [0.0, 0.0, -0.5], AXES);
+    match cube {
+        true => case.block([0.5; 3], [0.0, 0.0, 0.5], AXES),
+        false => case.sphere(0.5, [0.0, 0.0, 0.5]),
+    };
+    (case.options.dt, case.options.tol) = (dt, Some(tol));
+    case.run(steps);
+    case.column("bonds")
+}
+
+/// Every combination of which no two differ in one thing alone would miss a scale that hides behind another.
+fn settings(load: Load) -> impl Iterator<Item = Setting> {
+    let ratios = [1.0, 10.0, 1e2, 1e3, 1e4];
+    let times = [1e-4, 1e-2, 1.0];
+    let tolerances = [1e-1, 1e-2, 1e-6];
+    let all = move |cube: bool| {
+        ratios.into_iter().flat_map(move |ratio| {
+            times.into_iter().flat_map(move |dt| {
+                tolerances.into_iter().map(move |tol| Setting { cube, load, ratio, dt, tol })
+            })
+        })
+    };
+    [false, true].into_iter().flat_map(all)
+}
+
+#[track_caller]
+fn check(load: Load) {
+    for setting in settings(load) {
+        assert_eq!(bonds(setting, 1.11, 1), [0.0], "{setting:?}");
+        let count = if setting.cube { 4.0 } else { 1.0 };
+        assert_eq!(bonds(setting, 0.9, 10), [count; 10], "{setting:?}");
+    }
+}
+
+#[test]
+fn in_shear() {
+    check(Load::Shear);
+}
+
+#[test]
+fn in_tension() {
+    check(Load::Tension);
+}
+
+#[test]
+fn in_shear_under_pressure() {
+    check(Load::Pressed);
+}
+
+#[test]
+fn in_shear_under_traction() {
+    check(Load::Drawn);
+}
+
+/// Slid away from the start, the cube has moved by ½ g t² less what the bond took in the first step.
+#[test]
+fn a_cube_that_is_drawn_off_falls_freely_from_the_first_step_on() {
+    const G: f64 = 9.81;
+    for ratio in [10.0, 1e3] {
+        let mut case = Case::new();
+        let shear = G / 1.11;
+        case.law_of_all("IQS_MOHR_DS_CLB", &[ratio * shear, shear, 0.5, 0.5]);
+        case.gravity = [G, 0.0, 0.0];
+        case.floor();
+        let cube = case.block([0.5; 3], [0.0, 0.0, 0.5], AXES);
+        let h = 1e-2;
+        (case.options.dt, case.options.tol) = (h, None);
+        let end = case.run(50);
+        // Half a step of gravity with and 49.5 without the bond, as the theta-scheme sums them.
+        let first = (G - shear) * h;
+        let expected = first * 0.5 * h + (1..50).map(|k| (first + G * h * (f64::from(k) - 0.5)) * h).sum::<f64>();
+        // Without gravity across the floor the corners push by what the solver leaves.
+        equal(end.x(cube).x, expected, 2e-3 * expected);
+    }
+}
+
+/// A plate on many balls is heavy against each of them: the bonds of the balls on the floor carry it together.
+#[test]
+fn under_what_is_heavy_against_the_bonded() {
+    let bonds = |share: f64| {
+        let mut case = Case::new();
+        case.law_of_all("IQS_MOHR_DS_CLB", &[1e3 * SHEAR, SHEAR, 0.2, 0.3]);
+        case.materials[0].density = 1e-3;
+        case.floor();
+        for k in 0..9 {
+            case.sphere(0.5, [f64::from(k % 3) * 4.0, f64::from(k / 3) * 4.0, 0.5]);
+        }
+        let top = case.block([5.0, 5.0, 0.5], [4.0, 4.0, 1.5], AXES);
+        // The block moves by a, the balls grip on both sides, move by a/2 and turn by a/2 over their radius: T1 + T2 = m a/2 and
+        // T1 - T2 = 0.4 m a/2 with T1 at the block.
+        let ball = 1e-3 * PI / 6.0;
+        let (heavy, upper) = (1e-3 * 100.0, 0.35 * ball);
+        let radius = 1.0 / (2.0 + (100.0 * 0.75 / PI).cbrt().recip());
+        let a = share * SHEAR * PI * radius * radius / upper;
+        case.pull(top, 0, a * (heavy + 9.0 * upper));
+        (case.options.dt, case.options.tol) = (1e-6, None);
+        case.run(1);
+        case.column("bonds")[0]
+    };
+    assert_eq!(bonds(0.9), 18.0);
+    assert!(bonds(1.11) < 18.0);
+}
+
+/// Little friction is reached, and left for the dynamic one, in the first step in which the load is more than it holds.
+#[test]
+fn static_friction_ends_in_the_step_in_which_it_is_too_little() {
+    for friction in [1e-3, 0.05, 0.5] {
+        for tol in [1e-1, 1e-2, 1e-6] {
+            for cube in [false, true] {
+                let run = |share: f64| {
+                    let mut case = Case::new();
+                    case.law_of_all("IQS_DS_CLB", &[0.5 * friction, friction]);
+                    let along = if cube { 1.0 } else { 3.5 };
+                    case.gravity = [along * share * friction, 0.0, -1.0];
+                    case.floor();
+                    let body = match cube {
+                        true => case.block([0.5; 3], [0.0, 0.0, 0.5], AXES),
+                        false => case.sphere(0.5, [0.0, 0.0, 0.5]),
+                    };
+                    (case.options.dt, case.options.tol) = (1e-3, Some(tol));
+                    let states = case.states(2, 1);
+                    let slides = states[1].contacts.contact_status.iter().all(|status| *status == STATUS_SLIDE);
+                    let friction: f64 = states[2].contacts.contact_force.iter().map(|f| f[1].hypot(f[2])).sum();
+                    (slides, friction / states[2].mass(body))
+                };
+                let (slides, force) = run(1.11);
+                assert!(slides, "{friction} {tol} {cube}");
+                equal(force / (0.5 * friction), 1.0, 0.02);
+                let (slides, force) = run(0.9);
+                assert!(!slides, "{friction} {tol} {cube}");
+                equal(force / (0.9 * friction), 1.0, 0.05);
+            }
+        }
+    }
+}
