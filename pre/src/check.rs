@@ -84,11 +84,7 @@ pub(crate) fn check_moments<'a>(
 pub(crate) fn driven_in_part<'a>(grains: &'a [Grains], walls: &'a [Wall]) -> impl Iterator<Item = String> + use<'a> {
     let some = |driven: &[Option<Evolution>; 3]| driven.iter().any(Option::is_none);
     let of_grains = (0..).zip(grains).filter(move |(_, grains)| grains.driven.as_ref().is_some_and(some));
-    let pushed = |wall: &Wall| match wall {
-        Wall::Plate { force, .. } | Wall::Cylinder { force, .. } => force.iter().any(Option::is_some),
-        Wall::Box { .. } => false,
-    };
-    let of_walls = (0..).zip(walls).filter(move |(_, wall)| pushed(wall));
+    let of_walls = (0..).zip(walls).filter(move |(_, wall)| wall.is_pushed());
     of_grains.map(|(k, _)| format!("grains.{k}.driven")).chain(of_walls.map(|(k, _)| format!("walls.{k}.force")))
 }
 
@@ -635,11 +631,12 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
             }
         }
     }
-    // Bodies whose motion is imposed are walls, which do not meet.
+    // Bodies whose motion is all imposed do not meet.
     let imposed = |colour: &str| {
         let all = |driven: &[Option<Evolution>; 3]| driven.iter().all(Option::is_some);
         let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
-        worn.all(|grains| grains.driven.as_ref().is_some_and(all))
+        let mut walls = scene.walls.iter().filter(|wall| wall.colour() == colour);
+        worn.all(|grains| grains.driven.as_ref().is_some_and(all)) && !walls.any(Wall::is_pushed)
     };
     // One body does not meet itself, whatever pieces it has.
     let alone = |colour: &str| {
@@ -685,6 +682,14 @@ impl Wall {
     pub fn colour(&self) -> &str {
         match self {
             Wall::Plate { colour, .. } | Wall::Box { colour, .. } | Wall::Cylinder { colour, .. } => colour,
+        }
+    }
+
+    /// Whether a force moves it along some axis.
+    pub fn is_pushed(&self) -> bool {
+        match self {
+            Wall::Plate { force, .. } | Wall::Cylinder { force, .. } => force.iter().any(Option::is_some),
+            Wall::Box { .. } => false,
         }
     }
 

@@ -87,7 +87,12 @@ pub struct Body {
 impl Body {
     /// 1/kg; 0 for a body whose motion is all imposed.
     pub fn inverse_mass(&self) -> f64 {
-        if self.driven && !self.is_driven_in_part() { 0.0 } else { 1.0 / self.mass }
+        if self.is_imposed() { 0.0 } else { 1.0 / self.mass }
+    }
+
+    /// Whether all of its motion is imposed.
+    pub fn is_imposed(&self) -> bool {
+        self.driven && !self.is_driven_in_part()
     }
 
     /// Whether some components of the velocity are imposed, and others are not.

@@ -141,7 +141,22 @@ impl Full {
         }
         (w_n, 0.5 * (trace - w_n))
     }
+
+    /// Whether an impulse along the normal of a row can move one of its bodies. It turns all that are not driven.
+    fn can_act(&self, row: &Row, bodies: &[Body]) -> bool {
+        self.held.is_empty()
+            || row.bodies.iter().any(|&i| {
+                let body = &bodies[i as usize];
+                let along = self.pushed(i as usize).dot(&row.normal.component_mul(&row.normal));
+                !body.driven || (!body.is_imposed() && along > MOVABLE)
+            })
+    }
 }
+
+/// Two bodies that are both driven in part have a contact that acts where one of them moves freely along a direction whose square of
+/// the cosine with the normal is more than this: within 1e-3 rad of the plane of the imposed components the normal
+/// is one of these but for rounding, and an impulse along it would throw the body along the free axis.
+const MOVABLE: f64 = 1e-6;
 
 /// Velocity of the candidate against the antagonist at the contact point, world frame, m/s.
 pub fn relative_velocity(contact: &Contact, x: &[Vec3], v: &[Vec3], w: &[Vec3]) -> Vec3 {
@@ -237,6 +252,9 @@ pub fn contact_problem(
     if let Some(full) = &full {
         rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
             (row.w_n, row.w_t) = full.diagonal(k, row, &records);
+            if !full.can_act(row, &scene.bodies) {
+                *row = Row { acts: false, can_close: false, impulse_shift: 0.0, start: Vec3::zeros(), bond: None, ..*row };
+            }
         });
         for roll in &mut rolls {
             let [a, b] = rows[roll.row as usize].bodies.map(|body| full.inverse_inertia[body as usize]);
@@ -418,6 +436,9 @@ impl Setting<'_> {
     fn roll(&self, k: usize, contact: &Contact, previous: Option<&SolvedContact>) -> Option<Roll> {
         let Rolling { rolling, spinning } = self.state.laws[contact.law as usize].rolling()?;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        if self.scene.bodies[a].driven && self.scene.bodies[b].driven {
+            return None; // both turn as imposed
+        }
         let scale = self.q_c.h / self.state.h;
         Some(Roll {
             row: k as u32,

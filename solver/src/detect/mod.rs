@@ -152,7 +152,7 @@ fn among_spheres(scene: &Scene, q_c: &Configuration, ways: &Ways, known: &mut Kn
 /// Two of the spheres and how they see each other; none if they do not, or cannot push.
 fn meet(scene: &Scene, pair: [u32; 2]) -> Option<([u32; 2], See)> {
     let [a, b] = pair.map(|k| &scene.bodies[scene.spheres[k as usize] as usize]);
-    Some((pair, scene.visibility.see(a.class, b.class)?)).filter(|_| !(a.driven && b.driven))
+    Some((pair, scene.visibility.see(a.class, b.class)?)).filter(|_| !(a.is_imposed() && b.is_imposed()))
 }
 
 fn with_planes(scene: &Scene, q_c: &Configuration, ways: &Ways) -> Vec<Listed> {

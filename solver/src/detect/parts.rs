@@ -43,7 +43,8 @@ pub(super) struct Place<'a> {
     pub body: u32,
     /// Row and column in the visibility table.
     pub class: u16,
-    driven: bool,
+    /// Whether all of its body's motion is imposed.
+    imposed: bool,
     /// Place among the contactors of its body.
     rank: u16,
     pub shape: Shape<'a>,
@@ -455,7 +456,7 @@ fn place<'a>(scene: &Scene, part: &'a Part, q_c: &Configuration, ways: &Ways) ->
         curvature: scene.curvature_of(part),
         body: part.body,
         class: part.class,
-        driven: scene.bodies[i].driven,
+        imposed: scene.bodies[i].is_imposed(),
         rank: part.rank,
         shape: match &part.geometry {
             Geometry::Sphere { radius } => Shape::Sphere { radius: *radius },
@@ -473,7 +474,7 @@ fn place<'a>(scene: &Scene, part: &'a Part, q_c: &Configuration, ways: &Ways) ->
 /// The two contactors, the candidate first, and how they see each other; none if they do not, or cannot push.
 fn meet(scene: &Scene, places: &[Place], [i, j]: [u32; 2]) -> Option<([u32; 2], See)> {
     let [a, b] = [i, j].map(|k| &places[k as usize]);
-    if a.body == b.body || (a.driven && b.driven) {
+    if a.body == b.body || (a.imposed && b.imposed) {
         return None;
     }
     let see = scene.visibility.see(a.class, b.class)?;
@@ -560,7 +561,7 @@ fn touch<'a>(
         (Shape::Polyhedron(p), Shape::Cylinder { half_height, radius, hollow: false }) => {
             polyhedron_cylinder(p, &c, &b.axes, [*half_height, *radius], range).into_iter().collect()
         }
-        // Cylinders and plates are walls, which do not meet.
+        // Rows between cylinders and plates of which one moves freely along some axis are rejected.
         _ => SmallVec::new(),
     };
     let nearest = found.iter().min_by(|a, b| a.gap().total_cmp(&b.gap()));

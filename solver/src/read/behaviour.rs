@@ -136,6 +136,17 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
             );
             faults.push(Fault::new(&file, Some(row.line), object, found, expected));
         }
+        let is_wall = |class: usize| ![0, 2].contains(&(class / colours));
+        if let Some([pushed, other]) = pushed_walls(scene, [a, b]).filter(|_| is_wall(a) && is_wall(b)) {
+            let found = format!("body {}, which moves freely along some axis, and body {}", pushed + 1, other + 1);
+            let object = format!(
+                "{} {} and {} {}",
+                row.candidate.contactor, row.candidate.colour, row.antagonist.contactor, row.antagonist.colour
+            );
+            let expected = "expected no such row: contacts of plates and cylinders with each other are not computed; \
+                            one of the two may be a POLYR";
+            faults.push(Fault::new(&file, Some(row.line), object, found, expected));
+        }
         table[a * classes + b] = Some(see);
         table[b * classes + a] = Some(see);
     }
@@ -149,6 +160,17 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
     check_periods(&file, tact, scene, faults);
     let text = std::fs::read_to_string(&file).unwrap_or_default();
     scene.notes.extend(unseen(scene, &TactBehav::without_law(&text)));
+}
+
+/// Two bodies with contactors of these classes of which the first is driven in part, if there are such.
+fn pushed_walls(scene: &Scene, [a, b]: [usize; 2]) -> Option<[u32; 2]> {
+    let of_class = |class: usize| scene.parts.iter().filter(move |part| usize::from(part.class) == class);
+    let is_pushed = |part: &&Part| scene.bodies[part.body as usize].is_driven_in_part();
+    [[a, b], [b, a]].into_iter().find_map(|[first, second]| {
+        let pushed = of_class(first).find(is_pushed)?.body;
+        let other = of_class(second).find(|part| part.body != pushed)?.body;
+        Some([pushed, other])
+    })
 }
 
 /// Refuses attraction that reaches farther than to the nearest image.
@@ -176,7 +198,7 @@ struct Members {
     count: usize,
     /// The last of them.
     last: Option<u32>,
-    /// Whether one of them is on a free body.
+    /// Whether one of them is on a body that moves freely, all or in part.
     free: bool,
 }
 
@@ -190,7 +212,7 @@ fn unseen(scene: &Scene, meant: &[[String; 2]]) -> Option<String> {
         // Pieces of one body do not meet.
         members.count += usize::from(members.last != Some(number));
         members.last = Some(number);
-        members.free |= !body.driven;
+        members.free |= !body.is_imposed();
     };
     if scene.is_general() {
         scene.parts.iter().for_each(|part| count(part.class, part.body, &scene.bodies[part.body as usize]));

@@ -7,6 +7,7 @@ mod bonds;
 mod breaking;
 mod case;
 mod clusters;
+mod driven_in_part;
 mod elliptic;
 mod envelope;
 mod extremes;

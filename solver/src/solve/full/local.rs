@@ -18,7 +18,7 @@ pub struct Block<V> {
     /// kg
     pub inverse_nn: V,
     pub c: [V; 2],
-    /// s1, s2, 1/kg, > 0; and their inverses, kg.
+    /// s1, s2, 1/kg, at least [`HELD`] of w_nn; and their inverses, kg.
     pub s: [V; 2],
     pub inverse_s: [V; 2],
     pub friction: V,
@@ -127,6 +127,10 @@ pub struct Axes<V> {
     pub s: [V; 2],
 }
 
+/// Share of w_nn that stands for 0 among s1 and s2: rounding of imposed velocities, 1e-16 of them, makes no friction then, and
+/// bodies of any shape that one can move have more, 1/m of (1 + m l²/J)/m.
+const HELD: f64 = 1e-10;
+
 /// The axes of a block on a normal.
 #[inline(always)]
 pub fn axes<L: Arithmetic>(l: L, w: Symmetric<L::V>, normal: [L::V; 3]) -> Axes<L::V> {
@@ -149,10 +153,13 @@ pub fn axes<L: Arithmetic>(l: L, w: Symmetric<L::V>, normal: [L::V; 3]) -> Axes<
     let cos = l.select_greater(zero, halved, l.abs(least), most);
     let sin = l.select_greater(zero, halved, most_of_off, least);
     let (cos, sin) = (l.select_greater(radius, zero, cos, one), l.select_greater(radius, zero, sin, zero));
-    // The smaller one without cancellation: no eigenvalue is below the inverse masses, which W has along every axis.
+    // The smaller one without cancellation. No eigenvalue is below the inverse masses that W has along every axis, but where both
+    // bodies are driven in part: along what neither can move, W is 0.
+    let least = l.mul(l.splat(HELD), w_nn);
     let larger = l.add(mean, radius);
+    let larger = l.select_greater(larger, least, larger, least);
     let smaller = l.div(minus(l, [first, second], [off, off]), larger);
-    let smaller = l.select_greater(smaller, l.splat(f64::MIN_POSITIVE), smaller, l.splat(f64::MIN_POSITIVE));
+    let smaller = l.select_greater(smaller, least, smaller, least);
     let along = triple!(k => l.mul_add(t1[k], cos, l.mul(t2[k], sin)));
     let across = triple!(k => minus(l, [t2[k], cos], [t1[k], sin]));
     let c = [l.mul_add(c[0], cos, l.mul(c[1], sin)), minus(l, [c[1], cos], [c[0], sin])];
