@@ -30,4 +30,5 @@ mod rotation;
 mod same_bits;
 mod solvers;
 mod statics;
+mod symmetry;
 mod walls;

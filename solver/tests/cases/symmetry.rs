@@ -1,0 +1,98 @@
+//! Mirror-symmetric scenes: what has one solution stays symmetric, and what has none is reported in every step.
+
+use cd_formats::drv_dof::Evolution;
+use cd_formats::snapshot::Snapshot;
+
+use crate::case::{Case, Figures, Vec3, near};
+
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// Two plates around |x| < `half` that move apart at `speed` (m/s) each, and a floor.
+fn abutments(case: &mut Case, half: f64, speed: f64) {
+    case.floor();
+    for side in [-1.0, 1.0] {
+        let plate = case.plate([64.0, 64.0, 0.5], [side * (half + 0.5), 0.0, 0.0], [Y, Z, X]);
+        case.drive_along(plate, 0, Evolution::constant(side * speed));
+    }
+}
+
+/// A wall of blocks of 1 x 1/2 x 1/2 in running bond, `length` blocks long; each block comes with its mirror image.
+fn wall(friction: f64, courses: usize, length: usize, speed: f64) -> (Case, Vec<[usize; 2]>) {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[friction]);
+    case.gravity = [0.0, 0.0, -8.0];
+    let half = 0.5 * length as f64;
+    abutments(&mut case, half, speed);
+    let mut pairs = Vec::new();
+    for course in 0..courses {
+        let z = 0.5 * course as f64 + 0.25;
+        // Ends of the blocks of a course from left to right: every other one begins with half a block.
+        let begin = if course % 2 == 0 { 0.0 } else { 0.5 };
+        let cuts = (0..=length).map(|k| k as f64 + begin - half).filter(|x| *x < half);
+        let mut ends: Vec<f64> = std::iter::once(-half).chain(cuts).chain([half]).collect();
+        ends.dedup();
+        let mut block = |[a, b]: [f64; 2]| case.block([0.5 * (b - a), 0.25, 0.25], [0.5 * (a + b), 0.0, z], [X, Y, Z]);
+        let of_course: Vec<usize> = ends.windows(2).map(|ends| block([ends[0], ends[1]])).collect();
+        pairs.extend(of_course.iter().zip(of_course.iter().rev()).map(|(a, b)| [*a, *b]));
+    }
+    (case, pairs)
+}
+
+#[track_caller]
+fn is_symmetric(state: &Snapshot, pairs: &[[usize; 2]], bound: f64) {
+    for &[a, b] in pairs {
+        let [v, w] = [state.v(b), state.w(b)];
+        near(state.v(a), Vec3::new(-v.x, v.y, v.z), bound);
+        near(state.w(a), Vec3::new(w.x, -w.y, -w.z), bound);
+    }
+}
+
+/// Nothing of it moves; where it rests its load is shared in many ways, and none of them turns a block.
+#[test]
+fn a_wall_stands_where_its_abutments_recede() {
+    for friction in [0.0, 0.3, 0.8] {
+        let (mut case, pairs) = wall(friction, 4, 4, 0.05);
+        (case.options.dt, case.options.tol) = (1e-3, Some(1e-8));
+        for state in &case.states(40, 10)[1..] {
+            // 1e-8 of the speed of a step of free fall, 8e-3 m/s, and what twenty faces on each other make of it.
+            is_symmetric(state, &pairs, 1e-8);
+            pairs.iter().for_each(|[a, _]| near(state.v(*a), [0.0; 3], 1e-8));
+        }
+        assert!(case.column("converged").iter().all(|converged| *converged == 1.0), "{friction}");
+    }
+}
+
+/// Without friction velocities are unique: the balls of a triangle push those below them apart.
+#[test]
+fn a_heap_that_spreads_is_symmetric() {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.0]);
+    case.gravity = [0.0, 0.0, -8.0];
+    abutments(&mut case, 2.0, 0.5);
+    let mut pairs = Vec::new();
+    for row in 0..4 {
+        let count = 4 - row;
+        let x = |k: usize| k as f64 - 0.5 * (count - 1) as f64;
+        let z = 0.5 + row as f64 * 0.75f64.sqrt();
+        let balls: Vec<usize> = (0..count).map(|k| case.sphere(0.5, [x(k), 0.0, z])).collect();
+        pairs.extend(balls.iter().zip(balls.iter().rev()).map(|(a, b)| [*a, *b]));
+    }
+    let states = case.states(200, 50);
+    // Each step is solved to 1e-12 of what it changes, 8e-3 m/s; 200 of them, and gaps that follow from them.
+    states.iter().for_each(|state| is_symmetric(state, &pairs, 1e-9));
+    let fallen = states[0].x(pairs[9][0]).z - states[4].x(pairs[9][0]).z;
+    assert!(fallen > 1e-3, "{fallen}");
+}
+
+/// Rigid blocks between plates that close on them have nowhere to go.
+#[test]
+fn steps_without_a_solution_are_counted() {
+    let (mut case, _) = wall(0.3, 1, 4, -0.02);
+    (case.options.dt, case.options.tol, case.options.max_sweeps) = (1e-3, Some(1e-2), Some(200));
+    let end = case.run(5);
+    assert_eq!(case.column("converged"), [0.0; 5]);
+    assert!(case.column("residual").iter().all(|residual| *residual > 1e-2));
+    assert_eq!(end.meta.ledger.steps_unconverged, 5);
+}
