@@ -18,10 +18,17 @@ fn hold(case: &mut Case, body: usize, free: &[usize]) {
     }
 }
 
-/// On a floor whose upper face is z = 0, in gravity.
-fn on_floor(kind: &str, parameters: &[f64]) -> Case {
+/// Far away there is one that moves freely, as a run needs one.
+fn case_of(kind: &str, parameters: &[f64]) -> Case {
     let mut case = Case::new();
     case.law_of_all(kind, parameters);
+    case.sphere(0.5, [500.0, 0.0, 500.0]);
+    case
+}
+
+/// On a floor whose upper face is z = 0, in gravity.
+fn on_floor(kind: &str, parameters: &[f64]) -> Case {
+    let mut case = case_of(kind, parameters);
     case.gravity = [0.0, 0.0, -G];
     case.floor();
     case
@@ -64,7 +71,7 @@ fn two_bodies_that_are_free_along_one_axis_lie_on_each_other() {
         let above = case.sphere(0.5, [4.0, 0.0, 2.0]);
         hold(&mut case, above, &[2]);
         let end = case.run(100);
-        for (body, z) in [(1, 0.5), (2, 1.5), (above, 2.0)] {
+        for (body, z) in [(2, 0.5), (3, 1.5), (above, 2.0)] {
             equal(end.x(body).z, z, 1e-10);
         }
     }
@@ -73,8 +80,7 @@ fn two_bodies_that_are_free_along_one_axis_lie_on_each_other() {
 /// A ball on a vertical rail beside the middle of another: along the normal it moves with the cosine of 60°, and stops where it is.
 #[test]
 fn a_rail_that_leans_on_a_ball_takes_what_its_axis_does_not() {
-    let mut case = Case::new();
-    case.law_of_all("IQS_CLB", &[0.0]);
+    let mut case = case_of("IQS_CLB", &[0.0]);
     case.gravity = [0.0, 0.0, -G];
     let held = case.sphere(0.5, [0.0; 3]);
     case.drive(held, [0.0; 6].map(Evolution::constant));
@@ -92,7 +98,7 @@ fn friction_on_a_driven_floor_slows_what_may_move_along_it() {
     // The floor moves along x at 1 m/s. What is free along x follows it, what is held along x takes the force and rests.
     for (free, follows) in [(&[0, 2][..], true), (&[2], false), (&[1, 2], false)] {
         let mut case = on_floor("IQS_CLB", &[0.25]);
-        case.drive_along(0, 0, Evolution::constant(1.0));
+        case.drive_along(1, 0, Evolution::constant(1.0));
         let body = case.sphere(0.5, [0.0, 0.0, 0.5]);
         hold(&mut case, body, free);
         let end = case.run(100);
@@ -107,8 +113,7 @@ fn friction_on_a_driven_floor_slows_what_may_move_along_it() {
 
 #[test]
 fn restitution_throws_back_what_falls_on_a_held_ball() {
-    let mut case = Case::new();
-    case.law("RST_CLB", &[0.5, 0.0, 0.0]);
+    let mut case = case_of("RST_CLB", &[0.5, 0.0, 0.0]);
     let held = case.sphere(0.5, [0.0; 3]);
     case.drive(held, [0.0; 6].map(Evolution::constant));
     let ball = case.sphere(0.5, [0.0, 0.0, 1.0 - 1e-4]);
@@ -121,22 +126,22 @@ fn restitution_throws_back_what_falls_on_a_held_ball() {
 #[test]
 fn what_is_held_along_the_normal_does_not_push() {
     for law in ["IQS_CLB", "GAP_SGR_CLB", "IQS_DS_ROLL_CLB", "IQS_MOHR_DS_CLB"] {
-        let mut case = Case::new();
         let parameters = [32.0, 16.0, 0.125, 0.25];
         let parameters = match law {
             "IQS_MOHR_DS_CLB" => &parameters[..],
             "IQS_DS_ROLL_CLB" => &[0.3, 0.3, 0.1, 0.1],
             _ => &[0.3],
         };
-        case.law_of_all(law, parameters);
+        let mut case = case_of(law, parameters);
         case.gravity = [0.0, 0.0, -G];
         // Next to each other along x, one of them on a rail along z, and driven into the other along x.
         let held = case.sphere(0.5, [0.0; 3]);
         case.drive(held, [0.0; 6].map(Evolution::constant));
         let ball = case.sphere(0.5, [0.99, 0.0, 0.0]);
         hold(&mut case, ball, &[2]);
-        let end = case.run(20);
-        near(end.v(ball), [0.0, 0.0, -G * 20.0 * case.options.dt], 1e-12);
+        // It falls by 0.4 mm, which turns the normal by less than what counts as held.
+        let end = case.run(10);
+        near(end.v(ball), [0.0, 0.0, -G * 10.0 * case.options.dt], 1e-12);
         assert!(end.contacts.contact_force.iter().flatten().all(|f| *f == 0.0), "{law}");
         assert!(case.column("residual").iter().all(|residual| residual.is_finite()), "{law}");
     }
