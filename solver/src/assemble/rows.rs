@@ -253,7 +253,8 @@ pub fn contact_problem(
         rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
             (row.w_n, row.w_t) = full.diagonal(k, row, &records);
             if !full.can_act(row, &scene.bodies) {
-                *row = Row { acts: false, can_close: false, impulse_shift: 0.0, start: Vec3::zeros(), bond: None, ..*row };
+                *row =
+                    Row { acts: false, can_close: false, impulse_shift: 0.0, start: Vec3::zeros(), bond: None, ..*row };
             }
         });
         for roll in &mut rolls {

@@ -153,9 +153,8 @@ impl End<'_> {
         let local = to_local(&frame, r);
         let law = &state.laws[contact.law as usize];
         let motion = self.motion.filter(|_| law.loses());
-        let (opens, slides) = motion.map_or((false, false), |motion| {
-            motion.at(row, &system.velocity(k, &solution.records))
-        });
+        let (opens, slides) =
+            motion.map_or((false, false), |motion| motion.at(row, &system.velocity(k, &solution.records)));
         // On the cone's side to rounding.
         let bound = row.friction * local.x * (1.0 - 1e-12);
         let at_limit = if motion.is_some() && row.friction > 0.0 { slides } else { local.yz().norm() >= bound };

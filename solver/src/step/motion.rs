@@ -36,7 +36,8 @@ pub struct Motion {
 
 impl Motion {
     pub fn new(system: &System, solution: &Solution) -> Self {
-        let of_row = |(k, r): (usize, &Vec3)| if system.rows[k].can_close { error(system, solution, k, r) } else { 0.0 };
+        let of_row =
+            |(k, r): (usize, &Vec3)| if system.rows[k].can_close { error(system, solution, k, r) } else { 0.0 };
         let of_rows: Vec<f64> = solution.impulses.par_iter().enumerate().with_min_len(MANY).map(of_row).collect();
         let mut errors = vec![0.0f64; system.records.len()];
         for (row, error) in system.rows.iter().zip(of_rows) {
@@ -167,7 +168,8 @@ mod tests {
         let (t, s) = (Vec3::new(0.8, 0.0, -0.6), Vec3::y());
         let f = |u: Vec3, r: Vec3| natural_map(&n, 0.5, 2.0, &u, &r).norm();
         let zero = Vec3::zeros();
-        for (u, r) in [(zero, n * 3.0 + t), (n * 2.0 + t * 9.0, zero), (t * 4.0, n * 2.0 - t), (s * -4.0, n * 2.0 + s)] {
+        for (u, r) in [(zero, n * 3.0 + t), (n * 2.0 + t * 9.0, zero), (t * 4.0, n * 2.0 - t), (s * -4.0, n * 2.0 + s)]
+        {
             assert!(f(u, r) < 1e-15 * 10.0, "{u} {r}");
         }
         // What sticks and moves is wrong by ρ û, what pushes and parts by what it pushes with at most.

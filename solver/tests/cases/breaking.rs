@@ -66,9 +66,9 @@ fn settings(load: Load) -> impl Iterator<Item = Setting> {
     let tolerances = [1e-1, 1e-2, 1e-6];
     let all = move |cube: bool| {
         ratios.into_iter().flat_map(move |ratio| {
-            times.into_iter().flat_map(move |dt| {
-                tolerances.into_iter().map(move |tol| Setting { cube, load, ratio, dt, tol })
-            })
+            times
+                .into_iter()
+                .flat_map(move |dt| tolerances.into_iter().map(move |tol| Setting { cube, load, ratio, dt, tol }))
         })
     };
     [false, true].into_iter().flat_map(all)
