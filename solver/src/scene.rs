@@ -44,6 +44,20 @@ pub enum Geometry {
     },
 }
 
+impl Geometry {
+    /// Radius of the largest ball about the centre that is within the shape, m; unbounded for a hollow cylinder, outside of which all
+    /// is wall.
+    pub fn inner_radius(&self) -> f64 {
+        match self {
+            Geometry::Sphere { radius } => *radius,
+            Geometry::Polyhedron(shape) => shape.inradius(),
+            Geometry::Cylinder { hollow: true, .. } => f64::INFINITY,
+            Geometry::Cylinder { half_height, radius, .. } => half_height.min(*radius),
+            Geometry::Plane { half_lengths, .. } => half_lengths.min(),
+        }
+    }
+}
+
 /// A contactor of a body, in scenes with other bodies than spheres and plates.
 #[derive(Debug, Clone)]
 pub struct Part {
@@ -297,6 +311,21 @@ impl Scene {
     /// R of 1/R = 1/R_a + 1/R_b of two contactors, each a body and a rank, m.
     pub fn effective_radius(&self, a: (u32, u16), b: (u32, u16)) -> f64 {
         1.0 / (self.curvature(a) + self.curvature(b))
+    }
+
+    /// Size of a pair of contactors, each a body and a rank, m: the radius of the smaller free body, but no more than the
+    /// inner radii together, for a pair that overlaps by twice these may part on the wrong side.
+    pub fn size(&self, a: (u32, u16), b: (u32, u16)) -> f64 {
+        let free = [a, b].map(|(body, _)| &self.bodies[body as usize]).into_iter().filter(|body| !body.driven);
+        free.map(|body| body.radius).fold(self.inner_radius(a) + self.inner_radius(b), f64::min)
+    }
+
+    fn inner_radius(&self, (body, rank): (u32, u16)) -> f64 {
+        match self.bodies[body as usize].shape {
+            Shape::Sphere { radius } => radius,
+            Shape::Plane { half_lengths } => half_lengths.min(),
+            Shape::Parts => self.part(body, rank).map_or(f64::INFINITY, |part| part.geometry.inner_radius()),
+        }
     }
 
     fn curvature(&self, (body, rank): (u32, u16)) -> f64 {

@@ -51,6 +51,8 @@ pub struct GravityReport {
 pub struct Happened {
     /// Whether there were any.
     pub any: bool,
+    /// Whether they have changed velocities at the step's start.
+    pub moved: bool,
     pub shakes: Vec<Shake>,
 }
 
@@ -69,6 +71,7 @@ pub fn events(scene: &Scene, state: &mut State) -> Happened {
         let gravity = state.gravity;
         state.set_by(&event.action, scene);
         book_potential(scene, state, state.gravity - gravity);
+        happened.moved |= matches!(event.action, Action::AddVelocity(_) | Action::AddSpin(_));
         match event.action {
             Action::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
             Action::AddSpin(spin) => {

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::rows::{Setting, relative_velocity};
 use crate::laws::{Law, Shift, TOUCHING};
 use crate::math::{Quat, Vec3, rotate};
+use crate::scene::Scene;
 use crate::state::{Bonding, Contact, SolvedContact, UNKNOWN};
 
 /// Contacts that one task looks at.
@@ -57,6 +58,23 @@ pub(super) struct Hold {
     pub bond: Option<f64>,
     /// Whether bonds join its bodies, over others or not.
     pub within: bool,
+}
+
+/// For each body whether it is one of the contacts `chosen`, or can meet one of these over others: `contacts` are all that can
+/// close. What rests for good is not counted.
+pub fn meeting(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]) -> Vec<bool> {
+    let mut rests: Vec<bool> = scene.bodies.iter().map(|body| body.driven && !body.is_driven_in_part()).collect();
+    scene.drives.iter().filter(|drive| drive.moves()).for_each(|drive| rests[drive.body] = false);
+    let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|i| i as usize);
+    let mut groups = Groups::new(scene.bodies.len());
+    for [a, b] in contacts.iter().map(bodies).filter(|pair| pair.iter().all(|&i| !rests[i])) {
+        groups.join(a, b);
+    }
+    let mut meets = vec![false; scene.bodies.len()];
+    for i in chosen.iter().flat_map(|contact| bodies(contact)).filter(|&i| !rests[i]) {
+        meets[groups.root(i)] = true;
+    }
+    (0..scene.bodies.len()).map(|i| meets[groups.root(i)]).collect()
 }
 
 impl Setting<'_> {

@@ -7,6 +7,7 @@ mod rows;
 mod stored;
 mod turning;
 
-pub use forces::{Free, GravityReport, events, free_velocity, interventions, potential_energy};
+pub use forces::{Free, GravityReport, Happened, events, free_velocity, interventions, potential_energy};
+pub use history::meeting;
 pub use rows::{Full, Record, Roll, Row, System, arms, contact_problem, relative_velocity};
 pub use stored::{StoredProblem, stored_problem};

@@ -11,11 +11,15 @@ use rayon::prelude::*;
 use super::faces::friction_offsets;
 use super::history::{Hold, warm_start};
 use crate::integrate::Configuration;
-use crate::laws::{Approach, Rolling, Shift};
+use crate::laws::{Approach, Course, DEPTH, Law, Rolling, Shift};
 use crate::math::lanes::Width;
 use crate::math::{MANY, Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Geometry, NEARBY, Scene, Shape};
 use crate::state::{Contact, SolvedContact, State, Status};
+
+/// Sliding of a contact that begins counts from this multiple of `tol` times the velocity that stops it along its normal: an
+/// unfinished solution of what sticks leaves less.
+const SLIDING: f64 = 3.0;
 
 /// What a sweep reads and writes of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +53,7 @@ pub struct Row {
     pub friction: f64,
     /// c = r_n - r̂_n, N s.
     pub impulse_shift: f64,
-    /// Whether the law acts in this step.
+    /// Whether the law can act in this step.
     pub acts: bool,
     /// Whether it acts, and the two bodies' free velocities can close the gap within the step, or the row pulls.
     pub can_close: bool,
@@ -215,6 +219,7 @@ pub fn contact_problem(
         speeds,
         is_sphere,
         records: &records,
+        changed: q_c.changed,
         full: full.is_some(),
         width: Width::detect(),
     };
@@ -297,6 +302,8 @@ pub(super) struct Setting<'a> {
     /// Of each body; together, as contacts ask for it in any order.
     pub(super) is_sphere: Vec<bool>,
     records: &'a [Record],
+    /// Whether the bodies have other velocities than the last step left them.
+    changed: bool,
     full: bool,
     width: Width,
 }
@@ -329,7 +336,7 @@ impl Setting<'_> {
             return travel.min(nearby);
         }
         let u = relative_velocity(contact, &q_c.x, v_free, w_free);
-        (q_c.h * -contact.normal.dot(&u)).clamp(nearby, travel)
+        (q_c.longest_reach(self.scene) * -contact.normal.dot(&u)).clamp(nearby, travel)
     }
 
     /// How far the two bodies may come nearer in the step at the contact, m, past what all have in common, whichever way they go.
@@ -337,10 +344,11 @@ impl Setting<'_> {
         let Setting { q_c, speeds, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| speeds[i as usize]);
         let plate = if self.on_plate(contact) { (self.plate(contact) - q_c.drift).norm() } else { 0.0 };
-        let mut travel = q_c.h * (a[0] + plate.max(b[0]));
+        let reach = q_c.longest_reach(self.scene);
+        let mut travel = reach * (a[0] + plate.max(b[0]));
         if self.full {
             let [at_a, at_b] = arms(contact, &q_c.x);
-            travel += q_c.h * (a[1] * at_a.norm() + b[1] * at_b.norm());
+            travel += reach * (a[1] * at_a.norm() + b[1] * at_b.norm());
         }
         travel
     }
@@ -363,9 +371,11 @@ impl Setting<'_> {
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i as usize);
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
-        let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
-        // Of a contact that begins it is not known what it will carry.
-        let stays = hold.bond.is_some() || hold.within || previous.is_some_and(|old| old.impulse != Vec3::zeros());
+        let reach = self.reach(contact);
+        let course = self.course(contact, law, reach);
+        // Of a contact that begins it is not known what it will carry, and what is thrown back does not stay.
+        let carried = previous.is_some_and(|old| old.impulse != Vec3::zeros()) && !matches!(course, Course::Due { .. });
+        let stays = hold.bond.is_some() || hold.within || carried;
         let as_one = hold.bond.is_some() && law.bonds_are_rigid();
         let turning = if stays { self.turning(contact, as_one) } else { Vec3::zeros() };
         // What keeps to a surface that curves does not approach it, nor does what bonds carry round part from it.
@@ -375,7 +385,17 @@ impl Setting<'_> {
             Hold { .. } => self.curve(contact),
         };
         let u_n = n.dot(&u_before) + curve;
-        let shift = law.shift(&Approach { gap: contact.gap, h, u_n, radius, slid_before, bonded: hold.bond.is_some() });
+        let bonded = hold.bond.is_some();
+        let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
+        let at = Approach { gap: contact.gap, h, reach, course, u_n, radius, slid_before, bonded };
+        let shift = law.shift(&at);
+        let slides = |shift: &Shift| {
+            law.has_two_frictions() && !slid_before && self.slides(contact, previous, &u_before, shift, w_n)
+        };
+        let shift =
+            shift.map(
+                |shift| if slides(&shift) { law.shift(&Approach { slid_before: true, ..at }).unwrap() } else { shift },
+            );
         let acts = shift.is_some();
         let shift = shift.unwrap_or_default();
         let shift = Shift { normal: shift.normal - curve, ..shift };
@@ -404,7 +424,7 @@ impl Setting<'_> {
             friction: shift.friction,
             impulse_shift: shift.impulse,
             acts,
-            can_close: acts && (contact.gap <= self.closing(contact) || shift.impulse != 0.0),
+            can_close: shift.solved && (contact.gap <= self.closing(contact) || shift.impulse != 0.0),
             start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
             bond: hold.bond.filter(|_| acts),
@@ -418,9 +438,12 @@ impl Setting<'_> {
             let [a, b] = row.bodies.map(|body| self.q_c.w[body as usize]);
             let change = lever * row.normal.dot(&(a - b));
             let law = &self.state.laws[contact.law as usize];
+            let reach = self.reach(contact);
             let at = Approach {
                 gap: contact.gap,
                 h: self.q_c.h,
+                reach,
+                course: self.course(contact, law, reach),
                 u_n: row.u_before.x,
                 radius: self.radius(contact),
                 slid_before: false,
@@ -431,6 +454,55 @@ impl Setting<'_> {
         };
         let rows = rows.par_iter_mut().enumerate().with_min_len(256);
         rows.filter(|(k, _)| full.friction_offsets[*k] != Vec3::zeros()).for_each(of_row);
+    }
+
+    /// Time in which the step's end velocities take the two bodies of a contact to the next contact configuration, s.
+    fn reach(&self, contact: &Contact) -> f64 {
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| self.q_c.reach(self.scene, i as usize));
+        a.max(b)
+    }
+
+    /// Whether a contact slides at the step's start that carried nothing in the last step, or whose bodies have other velocities
+    /// than the last step left them: faster than an unfinished solution leaves what would stop it, at `u` (world frame, m/s).
+    fn slides(&self, contact: &Contact, old: Option<&SolvedContact>, u: &Vec3, shift: &Shift, w_n: f64) -> bool {
+        let carried = old.filter(|old| old.impulse != Vec3::zeros());
+        if carried.is_some() && !self.changed {
+            return false;
+        }
+        let Setting { scene, q_c, v_free, w_free, .. } = self;
+        let n = contact.normal;
+        let tangential = |u: Vec3| (u - n * n.dot(&u)).norm();
+        // What its impulse would change of the velocity along the normal: all that closes it, and what its attraction makes.
+        let free = relative_velocity(contact, &q_c.x, v_free, w_free).dot(&n) + shift.normal;
+        let alone = (-free).max(0.0) + w_n * shift.impulse.abs();
+        let moves = |u: Vec3| tangential(u) > SLIDING * scene.options.tol() * alone;
+        let now = u - self.turning(contact, false) * 0.5;
+        let differs = |old: &SolvedContact| moves(u - to_world(&old.contact.frame(), &old.velocity));
+        alone > 0.0 && moves(now) && carried.is_none_or(differs)
+    }
+
+    /// What the free velocities do to the gap of a contact, where its law acts on what touches.
+    fn course(&self, contact: &Contact, law: &Law, reach: f64) -> Course {
+        if !law.acts_on_touch() || contact.gap <= 0.0 {
+            return Course::Apart { depth: 0.0 };
+        }
+        let Setting { scene, q_c, v_free, w_free, is_sphere, .. } = self;
+        let depth = DEPTH * scene.size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
+        let u = relative_velocity(contact, &q_c.x, v_free, w_free);
+        if contact.gap + reach * contact.normal.dot(&u) >= -depth {
+            return Course::Apart { depth };
+        }
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        if is_sphere[a] && is_sphere[b] {
+            // The least distance on the straight course of the centres.
+            let radii = scene.bodies[a].radius + scene.bodies[b].radius;
+            let (from, along) = (contact.normal * (radii + contact.gap), v_free[a] - v_free[b]);
+            let time = (-from.dot(&along) / along.norm_squared()).min(reach);
+            if (from + along * time).norm() >= radii - depth {
+                return Course::Passing;
+            }
+        }
+        Course::Due { depth }
     }
 
     /// Resistance to rolling and spinning at row `k`, if its law has one.

@@ -33,17 +33,18 @@ pub fn late(
         let extent = extents.get(i).copied().unwrap_or(0.0);
         if extent > 0.0 { extent * (solved[1][i] - free[1][i]).norm() } else { 0.0 }
     };
-    let changed = |i: usize| q_c.h * ((solved[0][i] - free[0][i]).norm() + turned(i)) > margin;
+    let span = q_c.longest_reach(scene);
+    let changed = |i: usize| span * ((solved[0][i] - free[0][i]).norm() + turned(i)) > margin;
     let searched: Vec<bool> = (0..scene.bodies.len()).into_par_iter().with_min_len(MANY).map(changed).collect();
     if !searched.contains(&true) {
         return Vec::new();
     }
     let known: HashSet<_> = listed.iter().map(pair).collect();
-    let ways = Ways { nearby: 0.0, ..Ways::new(scene, q_c, solved, q_c.h) };
+    let ways = Ways { nearby: 0.0, ..Ways::new(scene, q_c, solved, span) };
     if scene.is_general() {
         let mut found = parts::near_paths(scene, q_c, &ways, Narrow::Accurate, |body| searched[body as usize]);
         // All points of a pair of which one closes.
-        let closing: HashSet<_> = found.iter().filter(|contact| closes(contact, q_c, solved)).map(pair).collect();
+        let closing: HashSet<_> = found.iter().filter(|contact| closes(contact, q_c, solved, span)).map(pair).collect();
         found.retain(|contact| closing.contains(&pair(contact)) && !known.contains(&pair(contact)));
         if found.is_empty() {
             return found;
@@ -80,7 +81,7 @@ pub fn late(
             let Shape::Plane { half_lengths } = scene.bodies[plane as usize].shape else { return false };
             let near = found(scene, q_c, *pair).gap
                 <= ways.travel[pair[0] as usize] + ways.of_rim(pair[1] as usize, half_lengths.norm());
-            near && closes(&super::contact(scene, q_c, *pair, 0), q_c, solved)
+            near && closes(&super::contact(scene, q_c, *pair, 0), q_c, solved, span)
         }));
     }
     // What is inside a flush joint only shows with the contacts that keep its sphere up.
@@ -102,12 +103,12 @@ fn pair(contact: &Contact) -> (u32, u32, (u16, u16)) {
     (contact.candidate, contact.antagonist, contact.ranks)
 }
 
-/// Whether a contact's gap closes in the step at these velocities.
-fn closes(contact: &Contact, q_c: &Configuration, [v, w]: [&[Vec3]; 2]) -> bool {
+/// Whether a contact's gap closes at these velocities within `span`, s.
+fn closes(contact: &Contact, q_c: &Configuration, [v, w]: [&[Vec3]; 2], span: f64) -> bool {
     let [a, b] = [contact.candidate as usize, contact.antagonist as usize];
     let at = |i: usize, centre: Vec3| v[i] + w[i].cross(&(contact.point - centre));
     let u = at(a, q_c.x[a]) - at(b, q_c.x[b] + contact.image);
-    contact.gap + q_c.h * contact.normal.dot(&u) < 0.0
+    contact.gap + span * contact.normal.dot(&u) < 0.0
 }
 
 /// Of each body the largest distance from its centre of what a rotation moves, m; empty in a scene of spheres and plates.

@@ -9,7 +9,7 @@
 
 mod length;
 
-pub use length::{fastest_turn, shortest_orbit, units};
+pub use length::{GROWTH, fastest_turn, shortest_orbit, units};
 
 use rayon::prelude::*;
 
@@ -36,6 +36,28 @@ pub struct Configuration {
     pub h: f64,
     /// How far ahead contacts are looked for, s.
     pub ahead: f64,
+    /// Whether the bodies have other velocities than the last step left them.
+    pub changed: bool,
+    /// Whether each body takes the step with θ = 1, x_c = x and x⁺ = x + h V⁺; empty where all have the scene's θ.
+    pub from_start: Vec<bool>,
+}
+
+impl Configuration {
+    /// Whether body `i` takes the step with θ = 1.
+    pub fn is_from_start(&self, i: usize) -> bool {
+        self.from_start.get(i).is_some_and(|from_start| *from_start)
+    }
+
+    /// The longest of [`Self::reach`], s.
+    pub fn longest_reach(&self, scene: &Scene) -> f64 {
+        if self.from_start.is_empty() { self.h } else { self.h * (2.0 - scene.options.theta) }
+    }
+
+    /// Time in which the step's end velocity takes body `i` from this contact configuration to the next, if the next step is as
+    /// long, s: h, and (2-θ) h of those that take this step with θ = 1.
+    pub fn reach(&self, scene: &Scene, i: usize) -> f64 {
+        if self.is_from_start(i) { self.h * (2.0 - scene.options.theta) } else { self.h }
+    }
 }
 
 /// Bodies that turn freely, of which a task takes at least so many: each is half a microsecond.
@@ -60,11 +82,27 @@ pub fn predict(scene: &Scene, state: &State, units: u64) -> Configuration {
     for (&i, carried) in scene.turning.iter().zip(carried) {
         (q[i as usize], w[i as usize]) = carried;
     }
-    let ahead = if scene.options.adaptive().is_on() { length::GROWTH as f64 * h } else { h };
+    let ahead = if scene.options.adaptive().is_on() { GROWTH as f64 * h } else { h };
     let order = morton::order(&x, &state.order);
     let sum: Vec3 = scene.free.iter().map(|&i| state.v[i as usize]).sum();
     let drift = sum / scene.free.len().max(1) as f64;
-    Configuration { x, q, w, spin, drift, order, units, h, ahead }
+    Configuration { x, q, w, spin, drift, order, units, h, ahead, changed: false, from_start: Vec::new() }
+}
+
+/// The same, with the bodies of `from_start` where they are at the step's start.
+pub fn predict_from_start(scene: &Scene, state: &State, units: u64, from_start: Vec<bool>) -> Configuration {
+    let mut q_c = predict(scene, state, units);
+    for i in (0..from_start.len()).filter(|&i| from_start[i]) {
+        (q_c.x[i], q_c.q[i], q_c.w[i]) = (state.x[i], state.q[i], state.w[i]);
+    }
+    for (k, _) in scene.turning.iter().enumerate().filter(|(_, i)| from_start[**i as usize]) {
+        q_c.spin[k] = state.spin[k];
+    }
+    if !from_start.is_empty() {
+        q_c.order = morton::order(&q_c.x, &state.order);
+        q_c.ahead *= 2.0 - scene.options.theta;
+    }
+    Configuration { from_start, ..q_c }
 }
 
 /// [`turn_freely`] in axes that turn at `rate` (rad/s), from which orientation and `momentum` are seen before and after:
@@ -85,10 +123,12 @@ fn turn_in_axes(q: &Quat, momentum: &mut Vec3, inertia: &[f64; 3], rate: &Vec3, 
 pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
     let h = q_c.h;
     let after = h * scene.options.theta;
+    let starts = StartsOfDriven::new(scene, state, q_c);
     let moved = |((x, x_c), v): ((&mut Vec3, &Vec3), &Vec3)| *x = x_c + v * after;
     state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(MANY).for_each(moved);
     let turned = |(i, (q, oriented)): (usize, (&mut Quat, &bool))| {
         if *oriented {
+            let after = if q_c.is_from_start(i) { h } else { after };
             *q = rotate(&q_c.q[i], &(w[i] * after));
         }
     };
@@ -99,6 +139,7 @@ pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec
         // What nothing has pushed keeps its momentum to the last bit.
         let pushed = carried + angular_momentum(&q_c.q[i], inertia, &(w[i] - q_c.w[i]));
         let mut turned = pushed;
+        let after = if q_c.is_from_start(i) { h } else { after };
         let q = turn_in_axes(&q_c.q[i], &mut turned, inertia, &rate, after);
         let by_axes = (carried - *momentum) + (turned - pushed);
         *momentum = turned;
@@ -114,9 +155,40 @@ pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec
     if rate != Vec3::zeros() {
         state.ledger.angular_momentum_expected.iter_mut().zip(&by_axes).for_each(|(sum, term)| *sum += term);
     }
+    for i in (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && !scene.bodies[i].driven) {
+        state.x[i] = q_c.x[i] + v[i] * h;
+    }
+    starts.advance(scene, state, q_c, [&v, &w]);
     state.v = v;
     state.w = w;
     state.h = h;
     state.step += q_c.units;
     state.time = scene.time_at(state.step);
+}
+
+/// Driven bodies of a step that they take with θ = 1: their imposed motion is that of any step.
+struct StartsOfDriven(Vec<(usize, Vec3, Quat)>);
+
+impl StartsOfDriven {
+    /// Where they would be in the contact configuration with the scene's θ.
+    fn new(scene: &Scene, state: &State, q_c: &Configuration) -> Self {
+        let before = q_c.h * (1.0 - scene.options.theta);
+        let driven = (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && scene.bodies[i].driven);
+        let start = |i: usize| (i, state.x[i] + state.v[i] * before, rotate(&state.q[i], &(state.w[i] * before)));
+        StartsOfDriven(driven.map(start).collect())
+    }
+
+    /// Takes them from there to the step's end; along axes along which they are pushed, from the start by h V⁺.
+    fn advance(self, scene: &Scene, state: &mut State, q_c: &Configuration, [v, w]: [&[Vec3]; 2]) {
+        let after = q_c.h * scene.options.theta;
+        for (i, x, q) in self.0 {
+            let imposed = x + v[i] * after;
+            let pushed = q_c.x[i] + v[i] * q_c.h;
+            let along = scene.bodies[i].pushed;
+            state.x[i] = Vec3::from_fn(|k, _| if along[k] { pushed[k] } else { imposed[k] });
+            if scene.oriented[i] {
+                state.q[i] = rotate(&q, &(w[i] * after));
+            }
+        }
+    }
 }

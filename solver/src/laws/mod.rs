@@ -6,13 +6,20 @@
 //! | IQS_CLB, inelastic quasi-shock | max(0, g/h) | 0 | 0 | mu |
 //! | IQS_DS_CLB | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //! | GAP_SGR_CLB, Signorini on the gap | g/h | 0 | 0 | mu |
-//! | VEL_SGR_CLB, Signorini on the velocity (g <= 1e-9 R, else no contact) | 0 | 0 | 0 | mu |
-//! | RST_CLB, restitution (g <= 1e-9 R, else no contact) | e_n u_n⁻ | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
+//! | VEL_SGR_CLB, Signorini on the velocity, if g <= 1e-9 R | 0 | 0 | 0 | mu |
+//! | RST_CLB, restitution, if g <= 1e-9 R or due (below) with e_n > 0 | e_n u_n⁻ | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
+//! | VEL_SGR_CLB, RST_CLB otherwise, if due | g/T | 0 | 0 | mu |
+//! | VEL_SGR_CLB, RST_CLB otherwise | (g + d)/T | 0 | 0 | mu |
 //! | RST_DS_CLB | the same | the same | 0 | mu_d after sliding, else mu_s |
 //! | IQS_WET_DS_CLB, cohesive force f while g <= range | max(0, g/h) | 0 | -h f | mu_d after sliding, else mu_s |
 //! | xQS_WET_DS_CLB, the same while the contact is wet | max(0, g/h) | 0 | -h f | the same |
 //! | IQS_MOHR_DS_CLB while bonded over the area S | 0 | 0 | -h c_n S | c_t/c_n |
 //! | the same without a bond | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
+//!
+//! T is the time to the next contact configuration, h but in steps that begin with unforeseen velocities ([`Approach::reach`]).
+//! VEL_SGR_CLB and RST_CLB act on what touches, and let a pair overlap by the distance d within the step that closes it. A pair that
+//! the free velocities would bring to a deeper overlap is due: it is thrown back at once, before it touches, or brought to touch
+//! where the law does not throw back or u_n⁻ does not close it. Where other contacts push a pair together, it overlaps by d at most.
 //!
 //! u⁻ is the relative velocity at the step's start. Friction acts on r̂_n = r_n + h f: a cohesive
 //! contact slides at mu (r_n/h + f). Names and parameters are those of LMGC90.
@@ -93,6 +100,10 @@ pub struct Approach {
     pub gap: f64,
     /// Length of the step, s.
     pub h: f64,
+    /// Time to the next contact configuration, s.
+    pub reach: f64,
+    /// What the free velocities do to an open gap, for laws that act on what touches.
+    pub course: Course,
     /// Normal relative velocity at the step's start, m/s, > 0 parting.
     pub u_n: f64,
     /// 1/(1/R_a + 1/R_b) of the two surfaces; where faces share an area S, √(S/π), and where edges or vertices meet under a
@@ -101,6 +112,20 @@ pub struct Approach {
     pub slid_before: bool,
     pub bonded: bool,
 }
+
+/// What the free velocities do to the open gap of a pair until the next contact configuration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Course {
+    /// It stays open, or ends with an overlap of at most `depth` (m).
+    Apart { depth: f64 },
+    /// Two spheres approach but miss each other.
+    Passing,
+    /// It ends with an overlap of more than `depth` (m).
+    Due { depth: f64 },
+}
+
+/// Overlap that a step may bring to a pair whose law acts on what touches, over the size of the pair.
+pub const DEPTH: f64 = 0.1;
 
 /// What a law adds to the standard problem of one contact in one step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -112,6 +137,9 @@ pub struct Shift {
     /// c = r_n - r̂_n, N s; negative for an attraction.
     pub impulse: f64,
     pub friction: f64,
+    /// Whether the contact is among those that are solved from the first, if it can close; else it is taken in if others push it
+    /// together.
+    pub solved: bool,
 }
 
 /// The parameters that a law is read from, in the order of TACT_BEHAV.DAT.
@@ -194,21 +222,34 @@ impl Law {
             .or(excess.then_some(("dynamic friction", self.friction_dynamic)))
     }
 
-    /// The law's shifts for a contact; none when it does not act in this step.
+    /// The law's shifts for a contact; none when it cannot act in this step.
     pub fn shift(&self, at: &Approach) -> Option<Shift> {
-        let Approach { gap, h, u_n, .. } = *at;
+        let Approach { gap, h, reach, u_n, .. } = *at;
+        let mut solved = true;
         let (normal, tangential) = match self.unilateral {
             // What bonds hold is rigid: where they are more than it takes, they cannot close what errors have opened.
             Unilateral::InelasticShock if at.bonded && matches!(self.cohesion, Some(Cohesion::Bond { .. })) => {
                 (0.0, 0.0)
             }
-            Unilateral::InelasticShock => ((gap / h).max(0.0), 0.0),
-            Unilateral::Gap => (gap / h, 0.0),
-            Unilateral::Velocity if gap <= CLOSED * at.radius => (0.0, 0.0),
-            Unilateral::Restitution { normal, tangential } if gap <= CLOSED * at.radius => {
+            Unilateral::InelasticShock => ((gap / reach).max(0.0), 0.0),
+            Unilateral::Gap => (gap / reach, 0.0),
+            Unilateral::Velocity if self.is_closed(at) => (0.0, 0.0),
+            Unilateral::Restitution { normal, tangential } if self.is_closed(at) => {
                 (normal * u_n, if u_n < 0.0 { tangential } else { 0.0 })
             }
-            Unilateral::Velocity | Unilateral::Restitution { .. } => return None,
+            Unilateral::Velocity | Unilateral::Restitution { .. } => match (self.unilateral, at.course) {
+                (_, Course::Passing) => return None,
+                (Unilateral::Restitution { normal, tangential }, Course::Due { depth })
+                    if normal > 0.0 && gap + depth < -reach * u_n =>
+                {
+                    (normal * u_n, tangential)
+                }
+                (_, Course::Due { .. }) => (gap / reach, 0.0),
+                (_, Course::Apart { depth }) => {
+                    solved = false;
+                    ((gap + depth) / reach, 0.0)
+                }
+            },
         };
         let friction = if at.slid_before { self.friction_dynamic } else { self.friction_static };
         let (attraction, friction) = match self.cohesion() {
@@ -221,7 +262,22 @@ impl Law {
             _ => (0.0, friction),
         };
         // Not -h f, which would be -0 without an attraction.
-        Some(Shift { normal, tangential, impulse: 0.0 - h * attraction, friction })
+        Some(Shift { normal, tangential, impulse: 0.0 - h * attraction, friction, solved })
+    }
+
+    /// Whether a contact of a law that acts on what touches does so, to rounding.
+    fn is_closed(&self, at: &Approach) -> bool {
+        at.gap <= CLOSED * at.radius
+    }
+
+    /// Whether friction is less for what slides.
+    pub fn has_two_frictions(&self) -> bool {
+        self.friction_static != self.friction_dynamic
+    }
+
+    /// Whether the law acts on what touches.
+    pub fn acts_on_touch(&self) -> bool {
+        matches!(self.unilateral, Unilateral::Velocity | Unilateral::Restitution { .. })
     }
 
     /// The cohesion that steps see.
@@ -280,7 +336,7 @@ impl Law {
 
     /// Whether contacts lose bonds that hold, or static friction, once they move.
     pub fn loses(&self) -> bool {
-        self.friction_static != self.friction_dynamic || matches!(self.cohesion(), Some(Cohesion::Bond { .. }))
+        self.has_two_frictions() || matches!(self.cohesion(), Some(Cohesion::Bond { .. }))
     }
 
     /// Greatest speed at which a contact with force may close at the step's end, having parted with `u_n` at its start, m/s.
@@ -335,36 +391,63 @@ mod tests {
     #[test]
     fn shifts_follow_the_table() {
         let h = 0.5;
-        let at = |gap, u_n, slid_before| Approach { gap, h, u_n, radius: 2.0, slid_before, bonded: false };
+        let course = Course::Apart { depth: 0.25 };
+        let at =
+            |gap, u_n, slid_before| Approach { gap, h, reach: h, course, u_n, radius: 2.0, slid_before, bonded: false };
         let shift =
             |kind, parameters: &[f64], gap, u_n, slid| Law::new(kind, parameters).unwrap().shift(&at(gap, u_n, slid));
-        let plain = |normal, friction| Some(Shift { normal, tangential: 0.0, impulse: 0.0, friction });
+        let plain = |normal, friction| Some(Shift { normal, tangential: 0.0, impulse: 0.0, friction, solved: true });
+        let waiting = |normal| Some(Shift { normal, tangential: 0.0, impulse: 0.0, friction: 0.4, solved: false });
         assert_eq!(shift("IQS_CLB", &[0.4], 0.1, -1.0, false), plain(0.2, 0.4));
         assert_eq!(shift("IQS_CLB", &[0.4], -0.1, -1.0, false), plain(0.0, 0.4));
         assert_eq!(shift("IQS_DS_CLB", &[0.1, 0.4], 0.1, -1.0, true), plain(0.2, 0.1));
         assert_eq!(shift("GAP_SGR_CLB", &[0.4], -0.1, 0.0, false), plain(-0.2, 0.4));
         assert_eq!(shift("VEL_SGR_CLB", &[0.4], -0.1, 0.0, false), plain(0.0, 0.4));
-        assert_eq!(shift("VEL_SGR_CLB", &[0.4], 0.1, 0.0, false), None);
-        assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.1, -1.0, false), None);
-        let shock = Shift { normal: -0.5, tangential: 0.25, impulse: 0.0, friction: 0.4 };
+        assert_eq!(shift("VEL_SGR_CLB", &[0.4], 0.125, 0.0, false), waiting(0.75));
+        assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.125, -1.0, false), waiting(0.75));
+        let shock = Shift { normal: -0.5, tangential: 0.25, impulse: 0.0, friction: 0.4, solved: true };
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, -1.0, false), Some(shock));
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, 1.0, false), plain(0.5, 0.4));
         // A face that lies flat has all its corners closed, whatever their last digits: R = 2 here.
         assert_eq!(shift("VEL_SGR_CLB", &[0.4], 1.9e-9, 0.0, false), plain(0.0, 0.4));
-        assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 2.1e-9, -1.0, false), None);
-        let wet = Shift { normal: 0.02, tangential: 0.0, impulse: -5.0, friction: 0.3 };
+        assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 2.1e-9, -0.25, false), waiting((2.1e-9 + 0.25) / h));
+        let wet = Shift { normal: 0.02, tangential: 0.0, impulse: -5.0, friction: 0.3, solved: true };
         assert_eq!(shift("IQS_WET_DS_CLB", &[10.0, 0.0, 0.01, 0.2, 0.3], 0.01, 0.0, false), Some(wet));
         assert_eq!(shift("IQS_WET_DS_CLB", &[10.0, 0.0, 0.01, 0.2, 0.3], 0.02, 0.0, false), plain(0.04, 0.3));
         assert_eq!(shift("xQS_WET_DS_CLB", &[10.0, 0.0, 0.01, 0.2, 0.3], 0.01, 0.0, false), plain(0.02, 0.3));
         assert_eq!(shift("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3], 0.01, 0.0, true), plain(0.02, 0.2));
     }
 
+    fn touching() -> Approach {
+        let course = Course::Apart { depth: 0.0 };
+        Approach { gap: 0.0, h: 0.5, reach: 0.5, course, u_n: 0.0, radius: 2.0, slid_before: false, bonded: false }
+    }
+
+    fn acting() -> Shift {
+        Shift { solved: true, ..Shift::default() }
+    }
+
+    #[test]
+    fn laws_on_what_touches_act_before_a_step_would_close_a_pair_too_far() {
+        let law = |kind, parameters: &[f64]| Law::new(kind, parameters).unwrap();
+        let due = |u_n| Approach { gap: 1.0, u_n, course: Course::Due { depth: 0.25 }, ..touching() };
+        let thrown = Shift { normal: -2.0, tangential: 0.25, ..acting() };
+        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&due(-4.0)), Some(thrown));
+        // 1 m in 0.5 s: to touch, where nothing is thrown back or the velocity of the start does not close it.
+        let touches = Some(Shift { normal: 2.0, ..acting() });
+        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&due(-2.4)), touches);
+        assert_eq!(law("RST_CLB", &[0.0, 0.25, 0.0]).shift(&due(-4.0)), touches);
+        assert_eq!(law("VEL_SGR_CLB", &[0.0]).shift(&due(-4.0)), touches);
+        let passing = Approach { course: Course::Passing, ..due(-4.0) };
+        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&passing), None);
+    }
+
     #[test]
     fn bonds_are_made_of_what_touches_and_lost_as_the_law_says() {
-        let bonded = Approach { gap: 0.015625, h: 0.5, u_n: 0.0, radius: 2.0, slid_before: true, bonded: true };
+        let bonded = Approach { gap: 0.015625, u_n: 0.0, slid_before: true, bonded: true, ..touching() };
         let mohr = Law::new("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]).unwrap();
         let impulse = -0.5 * (10.0 * std::f64::consts::PI * 2.0 * 2.0);
-        let held = Shift { normal: 0.0, tangential: 0.0, impulse, friction: 0.5 };
+        let held = Shift { impulse, friction: 0.5, ..acting() };
         assert_eq!(mohr.shift(&bonded), Some(held));
         assert_eq!(
             (mohr.bond(0.002, 2.0), mohr.bond(-0.1, 2.0), mohr.bond(0.0021, 2.0)),
@@ -376,7 +459,7 @@ mod tests {
         assert_eq!(Law::new("IQS_MOHR_DS_CLB", &[0.0, 0.0, 0.2, 0.3]).unwrap().bond(0.0, 2.0), None);
 
         let wet = Law::new("xQS_WET_DS_CLB", &[10.0, 0.0, 0.02, 0.2, 0.3]).unwrap();
-        let bridged = Shift { normal: 0.03125, tangential: 0.0, impulse: -5.0, friction: 0.2 };
+        let bridged = Shift { normal: 0.03125, impulse: -5.0, friction: 0.2, ..acting() };
         assert_eq!(wet.shift(&bonded), Some(bridged));
         assert_eq!((wet.bond(0.02, 2.0), wet.bond(0.03, 2.0)), (Some(0.0), None));
         assert!(wet.keeps_bond(0.02, true, true) && !wet.keeps_bond(0.03, false, false));
@@ -387,12 +470,12 @@ mod tests {
         let mut mohr = Law::new("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]).unwrap();
         mohr.set_friction(0.4);
         assert!(mohr.set_cohesion(20.0));
-        let at = Approach { gap: 0.0, h: 0.5, u_n: 0.0, radius: 2.0, slid_before: false, bonded: true };
+        let at = Approach { bonded: true, ..touching() };
         let twice = Law::new("IQS_MOHR_DS_CLB", &[20.0, 10.0, 0.4, 0.4]).unwrap();
         assert_eq!(mohr.shift(&at), twice.shift(&at));
         // Nothing holds any longer, and what is stronger again holds what is bonded anew.
         assert!(mohr.set_cohesion(0.0));
-        assert_eq!(mohr.shift(&at), Some(Shift { friction: 0.4, ..Shift::default() }));
+        assert_eq!(mohr.shift(&at), Some(Shift { friction: 0.4, ..acting() }));
         assert_eq!((mohr.bond(0.0, 2.0), mohr.keeps_bond(0.0, false, false)), (None, false));
         assert!(mohr.set_cohesion(20.0));
         assert_eq!((mohr.shift(&at), mohr.bond(0.0, 2.0)), (twice.shift(&at), Some(0.0)));

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::PART;
 use super::ends::{Overlap, Solved};
+use super::unforeseen::work_from_start;
 use crate::assemble::{Free, GravityReport, System};
 use crate::detect::Missed;
 use crate::integrate::Configuration;
@@ -86,10 +87,11 @@ pub fn book(
         state.interval = Interval { start: state.time, ..Interval::default() };
     }
     state.interval.add(solved.exchanges.iter().flatten());
+    let from_start = work_from_start(scene, state, q_c, free, &solved.v);
     let ledger = &mut state.ledger;
     ledger.contact_work += given.contact_work;
     ledger.friction_work += given.friction_work;
-    ledger.outside_work += given.outside_work;
+    ledger.outside_work += given.outside_work + from_start;
     for (i, force, moment) in &free.loads {
         ledger.outside_work +=
             0.5 * h * (force.dot(&(solved.v[*i] + state.v[*i])) + moment.dot(&(solved.w[*i] + q_c.w[*i])));

@@ -3,6 +3,7 @@
 mod ends;
 mod ledger;
 mod motion;
+mod unforeseen;
 
 use std::time::{Duration, Instant};
 
@@ -55,7 +56,8 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> Option<StepR
     let happened = assemble::events(scene, state);
     let units = integrate::units(scene, state, happened.any);
     assemble::interventions(scene, state, units);
-    let q_c = integrate::predict(scene, state, units); // M1  x_c = x + (1-θ) h V
+    let anew = unforeseen::begins_anew(scene, state, &happened);
+    let q_c = contact_configuration(scene, state, units, anew); // M1  x_c = x + (1-θ) h V
     lap.stop(&mut clock.integration);
     let mut free = assemble::free_velocity(scene, state, &q_c, &happened.shakes); // M2  V_free = V + h M⁻¹ F(x_c)
     state.attraction = free.attraction.take();
@@ -138,6 +140,16 @@ impl Before {
     }
 }
 
+/// Where contacts are looked for in a step of so many units of `dt`; `anew`: with velocities that no step has bounded.
+fn contact_configuration(scene: &Scene, state: &State, units: u64, anew: bool) -> Configuration {
+    let from_start = unforeseen::from_start(scene, state, units, anew);
+    let q_c = match from_start.is_empty() {
+        true => integrate::predict(scene, state, units),
+        false => integrate::predict_from_start(scene, state, units, from_start),
+    };
+    Configuration { changed: anew, ..q_c }
+}
+
 /// What the fast narrow phase has missed of the contacts, in the steps in which that is looked at.
 fn looked_at(
     scene: &Scene,
@@ -191,7 +203,7 @@ pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProbl
     let happened = assemble::events(scene, &mut state);
     let units = integrate::units(scene, &state, happened.any);
     assemble::interventions(scene, &mut state, units);
-    let q_c = integrate::predict(scene, &state, units);
+    let q_c = contact_configuration(scene, &state, units, unforeseen::begins_anew(scene, &state, &happened));
     let free = assemble::free_velocity(scene, &state, &q_c, &happened.shakes);
     let contacts = detect::contacts(scene, &q_c, [&free.v, &free.w], &mut state.known);
     let system = assemble::contact_problem(scene, &state, &q_c, &contacts, &free.v, &free.w);

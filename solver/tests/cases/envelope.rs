@@ -67,7 +67,12 @@ fn what_crosses_many_radii_in_a_step_is_stopped_all_the_same() {
         let pushed = (end.v(target) - Vec3::new(0.5 * speed, 0.0, 0.0)).norm();
         (floor + pushed) / speed + passed
     });
-    shown("way in a step over the radius", &found.range(), "a bullet is stopped, error of velocities", found.worst);
+    shown(
+        "way in a step over the radius",
+        &found.range(),
+        "under `IQS_CLB` a bullet is stopped, error of velocities",
+        found.worst,
+    );
 }
 
 #[test]

@@ -31,4 +31,5 @@ mod same_bits;
 mod solvers;
 mod statics;
 mod symmetry;
+mod tunnelling;
 mod walls;

@@ -363,7 +363,7 @@ fn far_from_the_origin_only_positions_are_rounded() {
 #[test]
 fn deep_overlaps_are_told() {
     let told = |case: &mut Case| {
-        case.options.steps = Some(1);
+        case.options.steps = Some(2);
         case.write();
         let output = std::process::Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
         assert!(output.status.success());
@@ -387,24 +387,18 @@ fn deep_overlaps_are_told() {
     // Of 1 % on either side: 6.2035e-3 m.
     assert_eq!(told(&mut cubes(&[0.0, 0.9937])), expected("1 pair", "1-2 overlap by 6.300e-3 m, 1.0 %"));
     assert_eq!(told(&mut cubes(&[0.0, 0.9939])), None);
-    // From 0.1 m apart, 0.1 m deep in the middle of the step; warned of from 1 % on.
-    let struck = |speed: f64, apart: f64| {
-        let mut case = cubes(&[0.0, 1.0 + apart]);
-        (case.options.dt, case.options.theta) = (1e-3, 0.5);
-        case.launch(1, [-speed, 0.0, 0.0], [0.0; 3]);
+    // A blow on a row that one sweep does not solve.
+    let struck = |speed: f64, sweeps: u64| {
+        let mut case = cubes(&[0.0, 1.0, 2.0, 3.0, 4.1]);
+        (case.options.dt, case.options.max_sweeps) = (1e-3, Some(sweeps));
+        case.options.solver = cd_formats::compute::ContactSolver::Nlgs;
+        case.launch(4, [-speed, 0.0, 0.0], [0.0; 3]);
         told(&mut case)
     };
-    let deep = |depth: &str| {
-        Some(format!(
-            "cd-solve: warning: step 1, t = 0.001 s: bodies 1-2 overlap by {depth} % of the smaller radius; use a smaller dt \
-             or tol"
-        ))
-    };
-    assert_eq!(struck(400.0, 0.1), deep("1.000e-1 m, 16.1"));
-    assert_eq!(struck(212.42, 0.1), deep("6.210e-3 m, 1.0"));
-    assert_eq!(struck(212.38, 0.1), None);
-    // What was there at the start is told as that.
-    assert_eq!(struck(0.0, -0.1), expected("1 pair", "1-2 overlap by 1.000e-1 m, 16.1 %"));
+    let deep = struck(2000.0, 1).unwrap();
+    assert!(deep.starts_with("cd-solve: warning: step 2, t = 0.002 s: bodies "), "{deep}");
+    assert!(deep.ends_with(" % of the smaller radius; use a smaller dt or tol"), "{deep}");
+    assert_eq!((struck(2000.0, 10_000), struck(1.0, 1)), (None, None));
 }
 
 /// An upright prism on a regular octagon that reaches 1 m, turned about y by an angle.

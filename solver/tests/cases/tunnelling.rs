@@ -1,0 +1,316 @@
+//! No body passes through another, whatever its speed, the law, and the step in which they meet.
+
+use cd_formats::bodies::Shape;
+use cd_formats::compute::Action;
+use cd_formats::drv_dof::Evolution;
+use cd_formats::snapshot::Snapshot;
+
+use crate::case::{Case, Figures, equal};
+
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// Every law, with forces and stresses that are nothing beside a blow, and its restitution.
+const LAWS: [(&str, &[f64], f64); 13] = [
+    ("IQS_CLB", &[0.3], 0.0),
+    ("IQS_DS_CLB", &[0.2, 0.3], 0.0),
+    ("GAP_SGR_CLB", &[0.3], 0.0),
+    ("VEL_SGR_CLB", &[0.3], 0.0),
+    ("RST_CLB", &[0.5, 0.0, 0.3], 0.5),
+    ("RST_CLB", &[1.0, 0.0, 0.0], 1.0),
+    ("RST_CLB", &[0.0, 0.0, 0.3], 0.0),
+    ("RST_DS_CLB", &[0.5, 0.0, 0.2, 0.3], 0.5),
+    ("IQS_WET_DS_CLB", &[1e-9, 0.0, 1e-3, 0.2, 0.3], 0.0),
+    ("xQS_WET_DS_CLB", &[1e-9, 0.0, 1e-3, 0.2, 0.3], 0.0),
+    ("IQS_MOHR_DS_CLB", &[1e-9, 1e-9, 0.2, 0.3], 0.0),
+    ("IQS_DS_ROLL_CLB", &[0.2, 0.3, 0.1, 0.1], 0.0),
+    ("IQS_WET_DS_ROLL_CLB", &[1e-9, 0.0, 1e-3, 0.2, 0.3, 0.1, 0.1], 0.0),
+];
+
+/// Radii of the striker in a step.
+const TRAVELS: [f64; 5] = [0.3, 1.0, 3.0, 30.0, 300.0];
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum When {
+    /// The striker is fast from the start, and near.
+    FirstStep,
+    /// It rests, near, until an event gives it its velocity.
+    Event,
+    /// It comes from afar.
+    MovingIn,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Pair {
+    SphereOnPlate,
+    SphereOnThinPlate,
+    SphereOnSphere,
+    SphereOnCylinder,
+    CubeOnPlate,
+    CubeOnThinPlate,
+    CubeOnCube,
+    SphereOnCube,
+    /// A cube with a corner ahead.
+    CornerOnPlate,
+}
+
+const PAIRS: [Pair; 9] = [
+    Pair::SphereOnPlate,
+    Pair::SphereOnThinPlate,
+    Pair::SphereOnSphere,
+    Pair::SphereOnCylinder,
+    Pair::CubeOnPlate,
+    Pair::CubeOnThinPlate,
+    Pair::CubeOnCube,
+    Pair::SphereOnCube,
+    Pair::CornerOnPlate,
+];
+
+/// Half the size of striker and target, m.
+const R: f64 = 0.5;
+
+/// Half the thickness of a thin plate, m.
+const THIN: f64 = 1e-3;
+
+/// Axes of a cube that stands on a corner.
+fn on_corner() -> [[f64; 3]; 3] {
+    let (a, b, c) = (1.0 / 2f64.sqrt(), 1.0 / 6f64.sqrt(), 1.0 / 3f64.sqrt());
+    [[a, b, c], [-a, b, c], [0.0, -2.0 * b, c]]
+}
+
+/// A striker that far above touching a target about the origin, in a scene without gravity.
+fn above(pair: Pair, gap: f64, target_is_fixed: bool) -> (Case, usize, usize) {
+    let mut case = Case::new();
+    case.options.dt = 0.01;
+    let target = match pair {
+        Pair::SphereOnPlate | Pair::CubeOnPlate | Pair::CornerOnPlate => case.plate([8.0, 8.0, R], [0.0; 3], [X, Y, Z]),
+        Pair::SphereOnThinPlate | Pair::CubeOnThinPlate => case.plate([8.0, 8.0, THIN], [0.0; 3], [X, Y, Z]),
+        Pair::SphereOnSphere => case.sphere(R, [0.0; 3]),
+        Pair::CubeOnCube | Pair::SphereOnCube => case.block([R; 3], [0.0; 3], [X, Y, Z]),
+        Pair::SphereOnCylinder => {
+            let cylinder = case.plate([8.0, R, R], [0.0; 3], [Z, X, Y]);
+            case.bodies[cylinder].contactors[0].shape = Shape::Cylinder { half_height: 4.0, radius: R, hollow: false };
+            cylinder
+        }
+    };
+    let is_body = matches!(pair, Pair::SphereOnSphere | Pair::CubeOnCube | Pair::SphereOnCube);
+    if is_body && target_is_fixed {
+        case.drive(target, [0.0; 6].map(Evolution::constant));
+    }
+    let x = [0.0, 0.0, touching(pair) + gap];
+    let striker = match pair {
+        Pair::CubeOnPlate | Pair::CubeOnThinPlate | Pair::CubeOnCube => case.block([R; 3], x, [X, Y, Z]),
+        Pair::CornerOnPlate => case.block([R; 3], x, on_corner()),
+        _ => case.sphere(R, x),
+    };
+    (case, striker, target)
+}
+
+/// Distance of the centres in touch, m.
+fn touching(pair: Pair) -> f64 {
+    match pair {
+        Pair::SphereOnThinPlate | Pair::CubeOnThinPlate => R + THIN,
+        Pair::CornerOnPlate => R * 3f64.sqrt() + R,
+        _ => 2.0 * R,
+    }
+}
+
+/// What is wrong with a blow, if anything.
+fn fault(pair: Pair, when: When, travel: f64, (kind, parameters, e): (&str, &[f64], f64)) -> Option<String> {
+    let way = travel * R;
+    let gap = match when {
+        When::FirstStep | When::Event => 0.1 * R,
+        When::MovingIn => 3.37 * way,
+    };
+    let (mut case, striker, target) = above(pair, gap, when == When::Event);
+    case.law_of_all(kind, parameters);
+    let h = case.options.dt;
+    case.options.max_sweeps = Some(1000);
+    let velocity = [0.0, 0.0, -way / h];
+    match when {
+        When::Event => case.event(3.0 * h, Action::AddVelocity(velocity)),
+        When::FirstStep | When::MovingIn => case.launch(striker, velocity, [0.0; 3]),
+    }
+    let states = case.states(10, 1);
+    let fixed = states[0].bodies.body_driven[target] != 0;
+    let relative = |state: &Snapshot| state.v(striker).z - state.v(target).z;
+    let apart = |state: &Snapshot| state.x(striker).z - state.x(target).z;
+    let end = states.last().unwrap();
+    // Of a corner the sides swing on, and where it turns the centre comes down to half a size.
+    let least = if pair == Pair::CornerOnPlate { R + 0.6 * R } else { touching(pair) - 0.1 * R };
+    let passed = states.iter().map(apart).fold(f64::INFINITY, f64::min) < least - 1e-9;
+    let speed = way / h;
+    let thrown = relative(end) - e * speed;
+    let mut faults = Vec::new();
+    if passed {
+        faults.push(format!(
+            "comes to {:.3e} m of {:.3e} m",
+            states.iter().map(apart).fold(f64::INFINITY, f64::min),
+            touching(pair)
+        ));
+    }
+    // Four points of a face share a blow; sweeps stop at what is rounding of their velocities.
+    if pair != Pair::CornerOnPlate && thrown.abs() > 1e-5 * speed {
+        faults.push(format!("parts at {:.3e} of its speed", relative(end) / speed));
+    }
+    let momentum = end.v(striker).z * end.mass(striker) + end.v(target).z * end.mass(target);
+    if !fixed && (momentum / end.mass(striker) + speed).abs() > 1e-9 * speed {
+        faults.push("momentum".into());
+    }
+    let name = format!("{kind} {parameters:?} {pair:?} {when:?} {travel}");
+    (!faults.is_empty()).then(|| format!("{name}: {}", faults.join(", ")))
+}
+
+/// Every law with a ball and a cube on a plate; every pair under a law of each kind.
+fn all(when: When) {
+    let kinds = ["IQS_CLB", "GAP_SGR_CLB", "VEL_SGR_CLB", "RST_CLB"];
+    let mut faults = Vec::new();
+    for law in LAWS {
+        let chosen = |pair: &Pair| matches!(pair, Pair::SphereOnPlate | Pair::CubeOnPlate) || kinds.contains(&law.0);
+        for pair in PAIRS.into_iter().filter(chosen) {
+            faults.extend(TRAVELS.iter().filter_map(|&travel| fault(pair, when, travel, law)));
+        }
+    }
+    assert!(faults.is_empty(), "{} faults\n{}", faults.len(), faults.join("\n"));
+}
+
+#[test]
+fn nothing_passes_in_the_first_step() {
+    all(When::FirstStep);
+}
+
+#[test]
+fn nothing_passes_after_an_event() {
+    all(When::Event);
+}
+
+#[test]
+fn nothing_passes_that_comes_from_afar() {
+    all(When::MovingIn);
+}
+
+/// A wall that moves into a ball at rest, from the first step or later, throws it off by its law.
+#[test]
+fn nothing_passes_a_wall_that_moves() {
+    let mut faults = Vec::new();
+    for (law, (gap, travel)) in
+        LAWS.iter().flat_map(|law| [0.1, 3.37].into_iter().flat_map(move |gap| TRAVELS.map(|way| (law, (gap, way)))))
+    {
+        let &(kind, parameters, e) = law;
+        let mut case = Case::new();
+        case.law_of_all(kind, parameters);
+        case.options.dt = 0.01;
+        let way = travel * R;
+        let wall = case.plate([8.0, 8.0, R], [0.0; 3], [X, Y, Z]);
+        case.drive_along(wall, 2, Evolution::constant(way / 0.01));
+        let gap = if gap < 1.0 { gap * R } else { gap * way };
+        let ball = case.sphere(R, [0.0, 0.0, 2.0 * R + gap]);
+        let states = case.states(10, 1);
+        let least = states.iter().map(|state| state.x(ball).z - state.x(wall).z).fold(f64::INFINITY, f64::min);
+        let speed = states[10].v(ball).z / (way / 0.01);
+        let (place, expected) = (states[10].x(wall).z, 10.0 * way);
+        if least < 1.9 * R - 1e-9 || (speed - (1.0 + e)).abs() > 1e-6 || (place - expected).abs() > 1e-12 * expected {
+            faults
+                .push(format!("{kind} {parameters:?} gap {gap} travel {travel}: {least} m, {speed}, wall at {place}"));
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// A ball that another one throws on within a step reaches what stands behind it, listed or not.
+#[test]
+fn nothing_passes_that_a_blow_throws_on() {
+    let mut faults = Vec::new();
+    for (kind, parameters, _) in LAWS {
+        for travel in TRAVELS {
+            let mut case = Case::new();
+            case.law_of_all(kind, parameters);
+            case.options.dt = 0.01;
+            let way = travel * R;
+            let wall = case.plate([8.0, 8.0, R], [0.0; 3], [X, Y, Z]);
+            let light = case.sphere(R, [0.0, 0.0, 2.0 * R + 0.1 * way]);
+            let heavy = case.sphere_of(10.0, R, [0.0, 0.0, 4.0 * R + 0.1 * way + 1e-3]);
+            case.launch(heavy, [0.0, 0.0, -way / 0.01], [0.0; 3]);
+            let states = case.states(10, 1);
+            let least = |a, b| states.iter().map(|state| state.x(a).z - state.x(b).z).fold(f64::INFINITY, f64::min);
+            let apart = [least(light, wall), least(heavy, light)];
+            if apart.iter().any(|apart| *apart < 1.8 * R - 1e-9) {
+                faults.push(format!("{kind} {parameters:?} travel {travel}: {apart:?} m"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// Of a blow in the first step, all that changes energy is in the ledger, whatever the way that θ = 1 adds.
+#[test]
+fn the_first_step_is_in_the_ledger() {
+    let mut case = Case::new();
+    case.law("RST_CLB", &[0.5, 0.0, 0.3]);
+    case.gravity = [0.5, 0.0, -8.0];
+    case.options.dt = 0.01;
+    case.floor();
+    for k in 0..3 {
+        let ball = case.sphere(R, [2.0 * f64::from(k), 0.0, R + 0.01 * f64::from(k)]);
+        case.launch(ball, [1.0, 0.5, -10.0 * f64::from(k + 1)], [0.0, 1.0, 0.0]);
+    }
+    let states = case.states(2, 1);
+    let energy = |state: &Snapshot| state.kinetic() + state.potential();
+    let ledger = &states[2].meta.ledger;
+    let explained = ledger.contact_work + ledger.outside_work;
+    assert!(ledger.contact_work < 0.0 && ledger.outside_work != 0.0);
+    // Rounding of sums of a few hundred joules.
+    equal(energy(&states[2]) - energy(&states[0]), explained, 1e-11 * energy(&states[0]));
+}
+
+/// A ball or a cube that slides already has the lower of two frictions in the first step, also one that comes down with a
+/// tangential velocity and one that an event sets in motion; one at rest has the higher.
+#[test]
+fn what_slides_already_has_dynamic_friction_in_its_first_step() {
+    let laws: [(&str, &[f64]); 5] = [
+        ("IQS_DS_CLB", &[0.125, 0.25]),
+        ("RST_DS_CLB", &[0.0, 0.0, 0.125, 0.25]),
+        ("IQS_WET_DS_CLB", &[1e-9, 0.0, 1e-6, 0.125, 0.25]),
+        ("IQS_MOHR_DS_CLB", &[0.0, 0.0, 0.125, 0.25]),
+        ("IQS_DS_ROLL_CLB", &[0.125, 0.25, 0.0, 0.0]),
+    ];
+    for (kind, parameters) in laws {
+        for is_cube in [false, true] {
+            let scene = |height: f64, v: [f64; 3], pull: f64| {
+                let mut case = Case::new();
+                case.law_of_all(kind, parameters);
+                case.gravity = [pull, 0.0, -8.0];
+                case.floor();
+                let x = [0.0, 0.0, R + height];
+                let body = if is_cube { case.block([R; 3], x, [X, Y, Z]) } else { case.sphere(R, x) };
+                case.launch(body, v, [0.0; 3]);
+                (case, body)
+            };
+            let name = format!("{kind}, cube: {is_cube}");
+            let h = 1e-3;
+            let (mut sliding, body) = scene(0.0, [5.0, 0.0, 0.0], 0.0);
+            sliding.options.dt = h;
+            // Attraction and rounding are less.
+            let lost = 5.0 - sliding.run(1).v(body).x;
+            assert!((lost - 0.125 * 8.0 * h).abs() < 1e-7, "{name}: {lost}");
+            let (mut landing, body) = scene(0.01, [5.0, 0.0, -1.0], 0.0);
+            landing.options.dt = h;
+            let lost = 5.0 - landing.run(30).v(body).x;
+            assert!((lost - 0.125 * (1.0 + 8.0 * 30.0 * h)).abs() < 1e-6, "{name} lands: {lost}");
+            if !is_cube {
+                continue; // a ball would roll
+            }
+            // Set in motion by an event, after steps at rest.
+            let (mut set, body) = scene(0.0, [0.0; 3], 0.0);
+            set.options.dt = h;
+            set.event(10.0 * h, Action::AddVelocity([5.0, 0.0, 0.0]));
+            let lost = 5.0 - set.run(11).v(body).x;
+            assert!((lost - 0.125 * 8.0 * h).abs() < 1e-7, "{name} after an event: {lost}");
+            // Between the two frictions it stays where it is.
+            let (mut resting, body) = scene(0.0, [0.0; 3], 0.2 * 8.0);
+            resting.options.dt = h;
+            assert!(resting.run(100).v(body).norm() < 1e-9, "{name} at rest");
+        }
+    }
+}
