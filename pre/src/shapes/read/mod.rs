@@ -5,10 +5,9 @@
 //! | `obj` | Wavefront OBJ |
 //! | `stl` | STL, text and binary |
 //! | `legacy` | VTK legacy polygonal data |
-//! | `vtp` | VTK XML polygonal data, with `inflate` for zlib blocks |
+//! | `vtp` | VTK XML polygonal data, also with zlib blocks |
 //! | `repair` | from polygons over points to a triangulation: weld, drop, flip |
 
-mod inflate;
 mod legacy;
 mod obj;
 mod repair;

@@ -1,6 +1,8 @@
 //! VTK XML polygonal data: arrays as text, binary in place, or appended, plain or in zlib blocks.
 
-use super::{Cells, Mesh, Number, Piece, Refusal, inflate, real};
+use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
+
+use super::{Cells, Mesh, Number, Piece, Refusal, real};
 
 const KIND: &str = "polygonal data of VTK, legacy or XML";
 const COMPLETE: &str = "a complete file";
@@ -202,7 +204,7 @@ impl<'a> File<'a> {
         for (k, length) in lengths.into_iter().enumerate() {
             let most = if k + 1 == first && rest > 0 { rest } else { size };
             let end = at.saturating_add(length);
-            let block = data.get(at..end).and_then(|block| inflate::zlib(block, most));
+            let block = data.get(at..end).and_then(|block| decompress_to_vec_zlib_with_limit(block, most).ok());
             bytes.extend(block.ok_or(format!("block {} of {first} is no whole zlib stream", k + 1))?);
             at = end;
         }
