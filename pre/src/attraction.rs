@@ -45,11 +45,8 @@ pub fn warnings(scene: &Scene, population: &Population, report: &mut Report) {
              bodies of pieces meet under it: {named}",
             law.kind.row().0
         );
-        report.fault(
-            &format!("laws.{k}"),
-            found,
-            "IQS_MOHR_DS_CLB where the cohesion of a face is to go with its area",
-        );
+        let advice = "for a cohesion in proportion to the area of faces, use IQS_MOHR_DS_CLB";
+        report.ask(&format!("laws.{k}"), found, advice);
     }
 }
 

@@ -403,8 +403,8 @@ mod tests {
         let least = least_distance(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], &weights, [1.0 / 3.0; 2]);
         assert!((least - (2f64.sqrt() + 6f64.sqrt()) / 2.0).abs() < 1e-9, "{least}");
         // Of an angle of more than 120 degrees it is the sum of the sides next to it.
-        let flat = [[0.0, 0.0], [3.0, 0.0], [0.3, 0.8]];
-        let least = least_distance(&flat, &weights, [1.1, 0.8 / 3.0]);
+        let flat = [[0.0, 0.0], [3.0, 0.0], [0.3, 0.1]];
+        let least = least_distance(&flat, &weights, [1.1, 0.1 / 3.0]);
         let expected = length(flat[2]) + length(less(flat[2], flat[1]));
         assert!(least >= expected && least < 1.01 * expected, "{least} {expected}");
     }

@@ -117,7 +117,7 @@ mod tests {
 
     /// Things whose motion within a step is in their reaches.
     fn at_rest<'a>(centres: &'a [Vec3], reach: &'a [f64]) -> Things<'a, impl Fn(usize) -> Vec3 + Sync> {
-        Things { centres, reach, path: |_| Vec3::zeros(), travel: &[] }
+        Things { centres, reach, path: |_| Vec3::zeros(), travel: &[0.0; 300] }
     }
 
     #[test]
