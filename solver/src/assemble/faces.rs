@@ -8,8 +8,15 @@
 //! q_i = p_i + d_i,   d_i = (λ - 1)(p_i - p̄),   λ = τ / Σ W_i |p_i - p̄|,   p̄ = Σ W_i p_i
 //! ```
 //!
-//! with the shares W_i of the load of the last step. Scaling about the centre of pressure p̄ leaves the line of action of the
-//! friction of a face that slides where it is; λ makes the couple against spinning μ N τ, however the corners share the load.
+//! with the shares W_i of the load of the last step; λ makes the couple against spinning μ N τ, however the corners share the
+//! load. A face that slides in the direction e must not be turned by that: Σ (q_i - p_i)·e⊥ r_i is 0 only for the load that p̄ is
+//! of, and corners share a load anew in each step. So of what slides and spins the component of d_i across e counts by
+//!
+//! ```text
+//! (ω τ)² / (|u|² + (ω τ)²),
+//! ```
+//!
+//! with the relative velocity u of the face at p̄ and its relative angular velocity ω about the normal at the step's start.
 //! τ, the mean distance of the pressure from p̄, is that of uniform pressure where p̄ is the centroid, that of uniform
 //! pressure along an edge where p̄ lies on this edge, and linear between these along the ray from the centroid.
 //!
@@ -44,14 +51,16 @@ const MIN_PAIRS_PER_TASK: usize = 64;
 /// By row the friction offset d, world frame, m; empty where all are 0.
 ///
 /// * `load`: normal impulse of the last step of a row, with what its attraction adds, N s; only ratios count.
+/// * `sticks`: whether a row stuck in the last step.
 pub(super) fn friction_offsets(
     contacts: &[Contact],
     rows: &[Row],
     full: &Full,
     load: impl Fn(usize) -> f64 + Sync,
+    sticks: impl Fn(usize) -> bool + Sync,
 ) -> Vec<Vec3> {
     let faces = faces(contacts, rows);
-    let of_face = |range: &Range<usize>| of_face(range.clone(), contacts, rows, full, &load);
+    let of_face = |range: &Range<usize>| of_face(range.clone(), contacts, rows, full, &load, &sticks);
     let found: Vec<SmallVec<[Vec3; 4]>> = faces.par_iter().with_min_len(MIN_PAIRS_PER_TASK).map(of_face).collect();
     if found.iter().all(SmallVec::is_empty) {
         return Vec::new();
@@ -87,6 +96,7 @@ fn of_face(
     rows: &[Row],
     full: &Full,
     load: &impl Fn(usize) -> f64,
+    sticks: &impl Fn(usize) -> bool,
 ) -> SmallVec<[Vec3; 4]> {
     let frame = contacts[range.start].frame();
     let [_, t, s] = frame;
@@ -124,13 +134,47 @@ fn of_face(
     // A bond yields about the point from which its parts are nearest, what slides turns about any.
     let is_bonded = acting.iter().all(|k| rows[*k].bond.is_some());
     let distance = if is_bonded { least_distance(&points, &loads, centre) / total } else { distance };
-    let scale = (outline.mean_distance(centre) / distance).min(LARGEST_SCALE);
+    let pressed = outline.mean_distance(centre);
+    let scale = (pressed / distance).min(LARGEST_SCALE);
+    let across = match acting.iter().all(|k| sticks(*k)) {
+        true => [0.0; 2],
+        false => {
+            let velocities: SmallVec<[Flat; 8]> = acting.iter().map(|&k| rows[k].u_before.yz().into()).collect();
+            across_sliding(&points, &velocities, centre, pressed)
+        }
+    };
     let mut offsets = SmallVec::from_elem(Vec3::zeros(), range.len());
     for (k, p) in acting.iter().zip(&points).filter(|(k, _)| gap(k) <= pressed_to) {
-        let [x, y] = less(*p, centre);
+        let arm = less(*p, centre);
+        let across_arm = arm[0] * across[0] + arm[1] * across[1];
+        let [x, y] = less(arm, across.map(|e| e * across_arm));
         offsets[k - range.start] = (t * x + s * y) * (scale - 1.0);
     }
     offsets
+}
+
+/// Unit vector across the direction in which a face slides, times the root of how much it slides rather than spins:
+/// |u|²/(|u|² + (ω τ)²).
+///
+/// * `velocities`: of the points, m/s; `centre`: where u is taken; `pressed`: τ, m.
+fn across_sliding(points: &[Flat], velocities: &[Flat], centre: Flat, pressed: f64) -> Flat {
+    let mean = |values: &[Flat]| {
+        let sum = values.iter().fold([0.0; 2], |sum, v| [sum[0] + v[0], sum[1] + v[1]]);
+        sum.map(|sum| sum / values.len() as f64)
+    };
+    let (middle, u) = (mean(points), mean(velocities));
+    let (mut turning, mut inertia) = (0.0, 0.0);
+    for (p, v) in points.iter().zip(velocities) {
+        let arm = less(*p, middle);
+        turning += cross(arm, *v);
+        inertia += arm[0] * arm[0] + arm[1] * arm[1];
+    }
+    let spin = turning / inertia;
+    let arm = less(centre, middle);
+    let u = [u[0] - spin * arm[1], u[1] + spin * arm[0]];
+    let all = length([length(u), spin * pressed]);
+    // What does not move has no direction.
+    if all > 0.0 { [-u[1] / all, u[0] / all] } else { [0.0; 2] }
 }
 
 /// Where a face that closes without turning would be pressed, along t and s: the point at which a normal impulse turns the

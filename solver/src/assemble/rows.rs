@@ -249,7 +249,8 @@ pub fn contact_problem(
             Some(_) => rows[k].normal.dot(&rows[k].start),
             None => -rows[k].impulse_shift,
         };
-        full.friction_offsets = friction_offsets(contacts, &rows, full, load);
+        let sticks = |k: usize| history[k].is_some_and(|old| state.contacts[old as usize].status == Status::Stick);
+        full.friction_offsets = friction_offsets(contacts, &rows, full, load, sticks);
         if !full.friction_offsets.is_empty() {
             setting.shift_friction(full, contacts, &mut rows);
         }
