@@ -250,9 +250,12 @@ fn overlaps(scene: &Scene, state: &State, known: &mut Known) -> Option<(Overlap,
     let deep = contacts.iter().filter(|contact| contact.gap < 0.0 && Overlap::of(scene, contact).share > DEEP);
     let mut pairs: Vec<[u32; 2]> = deep.map(|contact| [contact.candidate, contact.antagonist]).collect();
     pairs.dedup();
-    let count = if pairs.len() == 1 { "1 pair".to_string() } else { format!("{} pairs", pairs.len()) };
+    let count = match pairs.len() {
+        1 => "1 pair of bodies overlaps".to_string(),
+        count => format!("{count} pairs of bodies overlap"),
+    };
     let message = format!(
-        "{count} of bodies overlap by more than {} % of the smaller radius from the start, at most {}; laws other than GAP_SGR_CLB keep these overlaps",
+        "{count} by more than {} % of the smaller radius from the start, at most {}; laws other than GAP_SGR_CLB keep these overlaps",
         100.0 * DEEP,
         deepest.text(),
     );

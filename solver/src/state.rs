@@ -301,6 +301,40 @@ impl State {
     }
 }
 
+/// The parts of the state that a step changes before its contacts are solved, as they were.
+pub struct Before {
+    /// Velocities, angular velocities and momenta, where events or options change them.
+    motion: Option<[Vec<Vec3>; 3]>,
+    settings: (Vec3, f64, Vec3, Vec<Law>, Bonding, usize),
+    attraction: Option<Attraction>,
+    ledger: Ledger,
+    kept: Vec<PairMemory>,
+}
+
+impl Before {
+    pub fn of(scene: &Scene, state: &State) -> Self {
+        let State { gravity, quench, torque, bonding, events_done, .. } = *state;
+        let intervenes = events_done < scene.events.len() || quench > 0.0 || torque != Vec3::zeros();
+        Before {
+            motion: intervenes.then(|| [state.v.clone(), state.w.clone(), state.spin.clone()]),
+            settings: (gravity, quench, torque, state.laws.clone(), bonding, events_done),
+            attraction: state.attraction.clone(),
+            ledger: state.ledger.clone(),
+            kept: state.known.kept(),
+        }
+    }
+
+    /// Makes the state what it was; what only saves time is lost.
+    pub fn put_back(self, state: &mut State) {
+        if let Some(motion) = self.motion {
+            [state.v, state.w, state.spin] = motion;
+        }
+        (state.gravity, state.quench, state.torque, state.laws, state.bonding, state.events_done) = self.settings;
+        (state.attraction, state.ledger) = (self.attraction, self.ledger);
+        state.known = Known { read: self.kept, ..Known::default() };
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -164,7 +164,7 @@ fn whatever_cd_pre_accepts_cd_solve_reads() {
     assert!(count > 75, "{count} of 150 scenes accepted");
 }
 
-/// A torn file beside the scene is named with the place in the scene that asks for it.
+/// A missing file is named with the place in the scene that asks for it.
 #[test]
 fn a_missing_model_is_named_with_its_place_in_the_scene() {
     let case = Case::empty();
@@ -172,7 +172,7 @@ fn a_missing_model_is_named_with_its_place_in_the_scene() {
     fs::write(&file, scene("Model(file: \"rock.obj\")", ALONE)).unwrap();
     let faults = cd_pre::write_datbox(&file, &[], Path::new("none")).unwrap_err().to_string();
     assert!(
-        faults.contains("scene.ron:6: grains 1, shape: ") && faults.contains("rock.obj cannot be read"),
+        faults.contains("scene.ron:5: grains 1, shape: ") && faults.contains("rock.obj cannot be read"),
         "{faults}"
     );
 }

@@ -226,9 +226,9 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let new = New::of(&changes, &parts, &options, folder, &mut report);
     let records = records(&parts, &new);
     overlaps::check(&changes, &parts, &new.population, &records, &options, &mut report);
-    if let Some(compute) = &changes.compute {
-        let start = if changes.keep_time { sources[0].snapshot.meta.time } else { 0.0 };
-        crate::check::check_event_times(&mut report, &compute.events, start);
+    // Where time goes on, events before it have happened.
+    if let Some(compute) = changes.compute.as_ref().filter(|_| !changes.keep_time) {
+        crate::check::check_event_times(&mut report, &compute.events, 0.0);
     }
     crate::doubts::doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, &mut report);
     let tables = Tables::merged(&changes, &parts, &new.population.grains, &records, &mut report);

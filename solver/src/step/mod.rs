@@ -7,8 +7,6 @@ mod unforeseen;
 
 use std::time::{Duration, Instant};
 
-use cd_formats::snapshot::Ledger;
-
 pub use self::ends::{DEEP, Overlap, deeper};
 pub use self::ledger::{Motion, StepReport, WorstContact};
 
@@ -24,7 +22,7 @@ use crate::math::Vec3;
 use crate::math::lanes::Width;
 use crate::scene::Scene;
 use crate::solve::{self, Task, Until};
-use crate::state::{Attraction, Bonding, Contact, Known, PairMemory, State};
+use crate::state::{Before, Bonding, Contact, State};
 
 /// Time spent in each room.
 #[derive(Debug, Clone, Copy, Default)]
@@ -104,40 +102,6 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> Option<StepR
     state.bonding = Bonding::No;
     lap.stop(&mut clock.integration);
     Some(report)
-}
-
-/// What a step changes of the state before its contacts are solved.
-struct Before {
-    /// Velocities, angular velocities and momenta, where events or options change them.
-    motion: Option<[Vec<Vec3>; 3]>,
-    settings: (Vec3, f64, Vec3, Vec<Law>, Bonding, usize),
-    attraction: Option<Attraction>,
-    ledger: Ledger,
-    kept: Vec<PairMemory>,
-}
-
-impl Before {
-    fn of(scene: &Scene, state: &State) -> Self {
-        let State { gravity, quench, torque, bonding, events_done, .. } = *state;
-        let intervenes = events_done < scene.events.len() || quench > 0.0 || torque != Vec3::zeros();
-        Before {
-            motion: intervenes.then(|| [state.v.clone(), state.w.clone(), state.spin.clone()]),
-            settings: (gravity, quench, torque, state.laws.clone(), bonding, events_done),
-            attraction: state.attraction.clone(),
-            ledger: state.ledger.clone(),
-            kept: state.known.kept(),
-        }
-    }
-
-    /// Makes the state what it was; what only saves time is lost.
-    fn put_back(self, state: &mut State) {
-        if let Some(motion) = self.motion {
-            [state.v, state.w, state.spin] = motion;
-        }
-        (state.gravity, state.quench, state.torque, state.laws, state.bonding, state.events_done) = self.settings;
-        (state.attraction, state.ledger) = (self.attraction, self.ledger);
-        state.known = Known { read: self.kept, ..Known::default() };
-    }
 }
 
 /// Where contacts are looked for in a step of so many units of `dt`; `anew`: with velocities that no step has bounded.

@@ -303,8 +303,8 @@ fn times_and_events_that_cannot_be() {
     unknown.options.events =
         vec![Event::once(0.0, friction), Event::once(0.0, Action::SetCohesion("law00".into(), 1.0))];
     let lines = [
-        "CASE/DATBOX/COMPUTE.RON:37: event 1: law 'other' is not in use; expected one of law00, law01",
-        "CASE/DATBOX/COMPUTE.RON:38: event 2: law 'law00' has no cohesion; expected a law with cohesion",
+        "CASE/DATBOX/COMPUTE.RON:38: event 1: law 'other' is not in use; expected one of law00, law01",
+        "CASE/DATBOX/COMPUTE.RON:39: event 2: law 'law00' has no cohesion; expected a law with cohesion",
     ];
     written_refused(&unknown, &[], &lines);
     let twice =
