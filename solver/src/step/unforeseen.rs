@@ -49,7 +49,13 @@ pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<b
     if closing.is_empty() {
         return Vec::new();
     }
-    assemble::meeting(scene, &contacts, &closing)
+    // What is listed because it is near does not count, else results would depend on the alert distance.
+    let meets = |contact: &Contact| {
+        let u = relative_velocity(contact, &start.x, &state.v, &state.w);
+        contact.gap <= (h + before) * u.norm()
+    };
+    let meeting: Vec<Contact> = contacts.iter().filter(|contact| meets(contact)).copied().collect();
+    assemble::meeting(scene, &meeting, &closing)
 }
 
 /// What the choice of θ gives the bodies of a step that they take with θ = 1, beyond what the scene's θ would, J: their way is
