@@ -40,8 +40,9 @@ const SLIVER: f64 = 1e-6;
 const LARGEST_SCALE: f64 = 2.0;
 /// Distance of all load from p̄ over the size below which it is that of one corner.
 const ONE_CORNER: f64 = 1e-9;
-/// Largest area of a common part over that of the polygon of its points: a disc has π/2 times that of its inscribed square.
-const LARGEST_AREA_RATIO: f64 = 2.0;
+/// Largest area of a common part over that of the polygon of its acting points with which the part is round: a disc has π/2
+/// times that of its inscribed square. A part of which some corners are apart has more.
+const LARGEST_AREA_RATIO: f64 = 1.6;
 /// Iterations for the centre of a bonded face: the sum of distances of a triangle whose best centre is a corner is then
 /// within 1 %.
 const WEISZFELD: usize = 30;
@@ -107,8 +108,7 @@ fn of_face(
     let size = points.iter().map(|p| length(less(*p, points[0]))).fold(0.0, f64::max);
     let mut loads: SmallVec<[f64; 8]> = acting.iter().map(|&k| load(k).max(0.0)).collect();
     let gap = |k: &usize| contacts[*k].gap;
-    let all = acting.len() == range.len();
-    let area = if all { contacts[range.clone()].iter().map(|contact| contact.area).sum() } else { 0.0 };
+    let area = contacts[range.clone()].iter().map(|contact| contact.area).sum();
     let outline = Outline::new(&points, size, area);
     let deepest = acting.iter().map(gap).fold(f64::INFINITY, f64::min);
     let mut pressed_to = deepest + FLUSH * size;
@@ -280,7 +280,8 @@ impl Outline {
         }
         let sum: f64 = sides(&corners).zip(&doubled).map(|([a, b], d)| d * from_side(a, b, centroid)).sum();
         // Corners that hardly stand out are left out, and round outlines have corners of what they enclose.
-        let larger = (2.0 * area / whole).clamp(1.0, LARGEST_AREA_RATIO).sqrt();
+        let ratio = 2.0 * area / whole;
+        let larger = if (1.0..=LARGEST_AREA_RATIO).contains(&ratio) { ratio.sqrt() } else { 1.0 };
         Outline { corners, order, weights, centroid, mean_distance: larger * 2.0 / 3.0 * sum / whole }
     }
 
