@@ -226,6 +226,10 @@ fn look<'a>(
     listed
 }
 
+/// Gap over the smaller radius up to which a pair has all its points, though it does not close: faces that lie on each other in a
+/// common fall are pushed together in all of them once something is in the way.
+const FLUSH: f64 = 1e-3;
+
 /// Two contactors that may be near each other.
 #[derive(Clone, Copy)]
 pub(super) struct Meeting<'a> {
@@ -266,7 +270,7 @@ impl<'a> Meeting<'a> {
             travel = travel.min(approach(a, b, &c, Vec3::norm) + margin).max(nearby);
             always = held.max(see.alert).max(nearby);
         }
-        let patch = held.max(travel);
+        let patch = held.max(travel).max(FLUSH * a.radius.min(b.radius));
         let range = Range { alert: patch.max(see.alert), patch, area: law.range_of_stress(radius) };
         Meeting { pair, a, b, c, image, range, law: see.law, always, margin }
     }
