@@ -99,11 +99,13 @@ fn of_face(
     load: &impl Fn(usize) -> f64,
     sticks: &impl Fn(usize) -> bool,
 ) -> SmallVec<[Vec3; 4]> {
-    let frame = contacts[range.start].frame();
-    let [_, t, s] = frame;
-    let origin = contacts[range.start].point;
-    let place = |k: usize| place_of(&(contacts[k].point - origin), &frame);
+    // What is listed besides depends on the alert distance, and may not change a bit.
     let acting: SmallVec<[usize; 8]> = range.clone().filter(|&k| rows[k].can_close).collect();
+    let first = acting[0];
+    let frame = contacts[first].frame();
+    let [_, t, s] = frame;
+    let origin = contacts[first].point;
+    let place = |k: usize| place_of(&(contacts[k].point - origin), &frame);
     let points: SmallVec<[[f64; 2]; 8]> = acting.iter().map(|&k| place(k)).collect();
     let size = points.iter().map(|p| length(less(*p, points[0]))).fold(0.0, f64::max);
     let mut loads: SmallVec<[f64; 8]> = acting.iter().map(|&k| load(k).max(0.0)).collect();
@@ -117,8 +119,8 @@ fn of_face(
         if !acting.iter().all(|k| gap(k) <= pressed_to) {
             return SmallVec::new();
         }
-        let from_origin = full.arms[range.start].map(|arm| place_of(&-arm, &frame));
-        let rest = steady_centre(&rows[range.start], full, from_origin, &frame);
+        let from_origin = full.arms[first].map(|arm| place_of(&-arm, &frame));
+        let rest = steady_centre(&rows[first], full, from_origin, &frame);
         loads = outline.shares(rest.filter(|p| outline.reach(*p).0 < 1.0).unwrap_or(outline.centroid));
     } else {
         let loaded = acting.iter().zip(&loads).filter(|(_, load)| **load > 0.0).map(|(k, _)| gap(k));
@@ -280,7 +282,8 @@ impl Outline {
         }
         let sum: f64 = sides(&corners).zip(&doubled).map(|([a, b], d)| d * from_side(a, b, centroid)).sum();
         // Corners that hardly stand out are left out, and round outlines have corners of what they enclose.
-        let ratio = 2.0 * area / whole;
+        // Shares of the area are rounded: single precision is the same for any number of them.
+        let ratio = f64::from((2.0 * area / whole) as f32);
         let larger = if (1.0..=LARGEST_AREA_RATIO).contains(&ratio) { ratio.sqrt() } else { 1.0 };
         Outline { corners, order, weights, centroid, mean_distance: larger * 2.0 / 3.0 * sum / whole }
     }
