@@ -104,7 +104,7 @@ impl Faults {
     }
 
     /// The message that a program prints: each fault on its own line behind the program's name, once, however often the file was
-    /// read. One and the same fault of more than [`ALIKE`] lines of a file is printed once, with the next lines and their number.
+    /// read. One and the same fault of more than five lines of a file is printed once, with the next lines and their number.
     pub fn report(&self, program: &str) -> String {
         let mut seen = HashSet::new();
         let faults: Vec<&Fault> = self.0.iter().filter(|fault| seen.insert(fault.to_string())).collect();

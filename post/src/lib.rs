@@ -234,8 +234,8 @@ pub struct Options {
     /// Sum potential energies over every pair at any number of grains
     #[arg(long)]
     pub direct_gravity: bool,
-    /// Region of Z, nu, pressure and stress: ball:RADIUS, box:X,Y,Z or cylinder:RADIUS,LENGTH[,AXIS_X,AXIS_Y,AXIS_Z] with
-    /// its centre at @X,Y,Z, @com or @largest, or layer:FROM,TO above the floor (m); without it the one that fits the scene
+    /// Region of Z, nu, pressure and stress: ball:RADIUS, box:X,Y,Z, cylinder:RADIUS,LENGTH or
+    /// cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z with its centre at @X,Y,Z, @com or @largest, or layer:FROM,TO above the floor (m); without it the one that fits the scene
     #[arg(long, value_name = "SHAPE")]
     pub region: Option<Probe>,
     /// Mean radii over which planes are fitted to a surface for its slope: fewer show more of its shape, and of its grains

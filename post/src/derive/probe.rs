@@ -189,7 +189,7 @@ impl Shape {
     /// Share of a grain's volume that lies inside; where its pieces overlap, each counts for itself.
     ///
     /// Exact of spheres that a ball, a layer or parallel faces of a box cut, and of all that a layer cuts; else by points of equal weight:
-    /// [`IN_SPHERE`] and [`IN_TETRAHEDRON`].
+    /// `IN_SPHERE` and `IN_TETRAHEDRON`.
     pub fn share_of_grain(&self, grain: &Grain) -> f64 {
         let (depth, reach) = (self.depth(&grain.x), grain.reach());
         if depth >= reach || depth <= -reach {

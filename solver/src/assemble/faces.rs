@@ -130,7 +130,7 @@ fn of_face(
     let centre =
         points.iter().zip(&loads).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w / total, c[1] + p[1] * w / total]);
     let distance = points.iter().zip(&loads).map(|(p, w)| length(less(*p, centre)) * w / total).sum::<f64>();
-    if !(distance > ONE_CORNER * size) {
+    if distance.is_nan() || distance <= ONE_CORNER * size {
         return SmallVec::new();
     }
     // A bond yields about the point from which its parts are nearest, what slides turns about any.
@@ -230,7 +230,7 @@ fn least_distance(points: &[Flat], weights: &[f64], start: Flat) -> f64 {
         let next = pull.map(|x| x / all);
         let found = sum(next);
         // What is no number is not taken: a point in a corner.
-        if !(found < least) {
+        if found.is_nan() || found >= least {
             break;
         }
         (centre, least) = (next, found);

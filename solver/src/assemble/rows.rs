@@ -102,7 +102,7 @@ pub struct Full {
     /// By row: from the centres of candidate and antagonist to the contact point, m.
     pub arms: Vec<[Vec3; 2]>,
     /// By row: from the contact point to where its friction acts about the normal, m, in the tangent plane; see
-    /// [`super::faces`]. Empty where friction acts at every contact point.
+    /// `assemble/faces.rs`. Empty where friction acts at every contact point.
     pub friction_offsets: Vec<Vec3>,
     /// By body: 1 for each fixed axis along which the velocity of a body driven in part is imposed, else 0. Empty where none is.
     pub held: Vec<Vec3>,

@@ -83,10 +83,10 @@ impl<'a> Tree<'a> {
         for &i in &self.order[first..end] {
             let ball = &self.balls[i as usize];
             let reach = ball.reach * (1.0 + ROUNDING);
-            for k in 0..3 {
+            for (k, extent) in extent[..3].iter_mut().enumerate() {
                 widen(&mut node.balls[k], ball.centre[k] - reach, ball.centre[k] + reach);
                 widen(&mut node.paths[k], ball.path[k], ball.path[k]);
-                widen(&mut extent[k], ball.centre[k], ball.centre[k]);
+                widen(extent, ball.centre[k], ball.centre[k]);
             }
             node.searched |= ball.searched;
         }

@@ -202,9 +202,9 @@ pub(super) fn share_at_tilt(polygon: &[[f64; 3]]) -> f64 {
     let mut normal = [0.0; 3];
     for (k, p) in polygon.iter().enumerate() {
         let q = &polygon[if k + 1 == polygon.len() { 0 } else { k + 1 }];
-        for i in 0..3 {
+        for (i, sum) in normal.iter_mut().enumerate() {
             let (j, l) = ((i + 1) % 3, (i + 2) % 3);
-            normal[i] += p[j] * q[l] - p[l] * q[j];
+            *sum += p[j] * q[l] - p[l] * q[j];
         }
     }
     let [x, y, z] = normal;

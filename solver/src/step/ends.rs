@@ -33,6 +33,7 @@ pub fn velocities(solution: &Solution, free: &Free) -> (Vec<Vec3>, Vec<Vec3>) {
 }
 
 /// Takes the place that the contacts of the last step have in memory.
+#[expect(clippy::too_many_arguments, reason = "what the stages of a step have found")]
 pub fn end_of_contacts(
     scene: &Scene,
     state: &mut State,

@@ -374,7 +374,7 @@ mod tests {
             &[("step", Kind::Last), ("sum", Kind::Sum), ("most", Kind::Largest), ("known", Kind::Known)];
         let due = Due { log_every: 4, output_every: 6 };
         let figures = |k: u64| -> Vec<Cell> {
-            let known = if k % 5 == 0 { k as f64 } else { f64::NAN };
+            let known = if k.is_multiple_of(5) { k as f64 } else { f64::NAN };
             vec![k.into(), (0.1 * k as f64).into(), (10.0 - k as f64).into(), known.into()]
         };
         let folder = tempfile::tempdir().unwrap();

@@ -87,7 +87,9 @@ fn a_cube_slides_over_plates() {
 fn a_cube_slides_over_the_corners_of_tiles() {
     for narrow in NARROW {
         for (law, parameters) in [LAWS[0], LAWS[3]] {
-            for (angle, turn) in [(0.0f64, 0.0f64), (0.3, 0.4), (0.785_398_16, 0.0), (1.2, 0.785_398_16)] {
+            for (angle, turn) in
+                [(0.0f64, 0.0f64), (0.3, 0.4), (std::f64::consts::FRAC_PI_4, 0.0), (1.2, std::f64::consts::FRAC_PI_4)]
+            {
                 println!("{law} {narrow:?} {angle} {turn}");
                 let mut case = scene(law, parameters, narrow, 1e-3);
                 for (i, j) in (0..64).map(|k| (f64::from(k / 8), f64::from(k % 8))) {

@@ -378,14 +378,23 @@ fn deep_overlaps_are_told() {
     };
     let expected = |pairs: &str, most: &str| {
         Some(format!(
-            "cd-solve: warning: {pairs} of bodies overlap by more than 1 % of the smaller radius from the start, at most \
+            "cd-solve: warning: {pairs} by more than 1 % of the smaller radius from the start, at most \
              bodies {most} of the smaller radius; laws other than GAP_SGR_CLB keep these overlaps"
         ))
     };
-    assert_eq!(told(&mut cubes(&[0.0, 0.9])), expected("1 pair", "1-2 overlap by 1.000e-1 m, 16.1 %"));
-    assert_eq!(told(&mut cubes(&[0.0, 0.95, 5.0, 5.75])), expected("2 pairs", "3-4 overlap by 2.500e-1 m, 40.3 %"));
+    assert_eq!(
+        told(&mut cubes(&[0.0, 0.9])),
+        expected("1 pair of bodies overlaps", "1-2 overlap by 1.000e-1 m, 16.1 %")
+    );
+    assert_eq!(
+        told(&mut cubes(&[0.0, 0.95, 5.0, 5.75])),
+        expected("2 pairs of bodies overlap", "3-4 overlap by 2.500e-1 m, 40.3 %")
+    );
     // Of 1 % on either side: 6.2035e-3 m.
-    assert_eq!(told(&mut cubes(&[0.0, 0.9937])), expected("1 pair", "1-2 overlap by 6.300e-3 m, 1.0 %"));
+    assert_eq!(
+        told(&mut cubes(&[0.0, 0.9937])),
+        expected("1 pair of bodies overlaps", "1-2 overlap by 6.300e-3 m, 1.0 %")
+    );
     assert_eq!(told(&mut cubes(&[0.0, 0.9939])), None);
     // A blow on a row that one sweep does not solve.
     let struck = |speed: f64, sweeps: u64| {

@@ -18,7 +18,7 @@ pub struct Block<V> {
     /// kg
     pub inverse_nn: V,
     pub c: [V; 2],
-    /// s1, s2, 1/kg, at least [`HELD`] of w_nn; and their inverses, kg.
+    /// s1, s2, 1/kg, at least `HELD` of w_nn; and their inverses, kg.
     pub s: [V; 2],
     pub inverse_s: [V; 2],
     pub friction: V,

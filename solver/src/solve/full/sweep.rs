@@ -162,6 +162,7 @@ pub struct Moved<V> {
 pub trait Swept: Contacts {
     /// Solves those at `places`, from y = r + beta (r - r_before), and gives the change to the bodies at once, of which some
     /// are pushed along some axes alone if `HELD`.
+    #[expect(clippy::too_many_arguments, reason = "constants, values and sums of the contacts of a batch")]
     fn solve<const HELD: bool, L: Arithmetic<T = Self::T>>(
         &self,
         l: L,
