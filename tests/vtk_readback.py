@@ -17,6 +17,7 @@ import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
+NO_CONTACT = 0
 DRIVEN_ALL, PLANE, POLYHEDRON = 63, 1, 2
 ROUNDING = 1e-13  # of the largest sum of absolute terms: a few hundred roundings
 
@@ -141,6 +142,8 @@ class Snapshot:
         self.image = self.whole(half_way[candidate] - half_way[antagonist])
         self.all["contact_point"] = self["contact_point"] + moved[candidate]
         self.active = (self["contact_impulse"] != 0).any(axis=1)
+        # A contact with force that is open only pulls at a distance.
+        self.touching = self.active & (self["contact_status"] != NO_CONTACT)
         laws = [friction_attraction_and_range(law) for law in self.meta["laws"]]
         self.friction, attraction, reach = np.array(laws).reshape(-1, 3)[self["contact_law"]].T
         self.attraction = np.where(self["contact_gap"] <= reach, attraction, 0.0)  # a liquid pulls no farther
@@ -205,13 +208,13 @@ def check_arrays(path, s, found, rows):
         grains = s.number[s["contact_body"][:, side]]
         for k in np.flatnonzero((grains >= 0) & s.active):
             i, arm = grains[k], half_way[grains[k]] + side * s.image[k] - s["contact_point"][k]
-            contacts[i] += 1
+            contacts[i] += s.touching[k]
             stress[i] += sign * np.outer(s.force[k], arm) / volume[i]
             scale[i] += np.linalg.norm(s.force[k]) * np.linalg.norm(arm) / volume[i]
     check(f"{path.name} contacts", find("contacts"), contacts[rows])
     check(f"{path.name} stress", find("stress"), stress.reshape(count, 9)[rows], scale)
     check(f"{path.name} pressure", find("pressure"), np.trace(stress, axis1=1, axis2=2)[rows] / 3, scale)
-    pairs = {tuple(sorted(pair)) for pair in s["contact_body"][s.active]}
+    pairs = {tuple(sorted(pair)) for pair in s["contact_body"][s.touching]}
     neighbours = np.array([sum(row in pair for pair in pairs) for row in s.rows], int).reshape(count)
     check(f"{path.name} neighbours", find("neighbours"), neighbours[rows])
     # Grains that touch with force are in one fragment, and heavier fragments have lower numbers.
