@@ -19,7 +19,7 @@ pub struct Fault {
     pub object: String,
     /// What stands there.
     pub found: String,
-    /// What should stand there, as a phrase: `expected 1 to 8`, `did you mean number?`; empty where there is nothing to say.
+    /// Phrase about the expected value: `expected 1 to 8`, `did you mean number?`; empty where there is nothing to say.
     pub expected: String,
 }
 
@@ -108,7 +108,7 @@ impl Faults {
     pub fn report(&self, program: &str) -> String {
         let mut seen = HashSet::new();
         let faults: Vec<&Fault> = self.0.iter().filter(|fault| seen.insert(fault.to_string())).collect();
-        // What belongs to a file as a whole has no line, and is alone.
+        // Faults of a file as a whole have no line and are not grouped.
         let alike = |fault: &Fault| {
             let sentence = [&fault.object, &fault.found, &fault.expected].map(|text| without_numbers(text));
             fault.line.map(|line| ((fault.file.clone(), sentence), line))

@@ -68,7 +68,7 @@ pub struct Inert {
 pub struct Checked {
     /// Faces of each polyhedron among the contactors, about its own centre of mass.
     pub faces: Vec<Option<Faces>>,
-    /// Of each contactor, in the frame of the file, at density 1.
+    /// Mass properties of each contactor, in the frame of the file, at density 1.
     pub parts: Vec<MassProperties>,
     /// Of all contactors together.
     pub whole: MassProperties,

@@ -22,7 +22,7 @@ const CHECKSUM: &str = ", checksum ";
 const SET: &str = ", --set ";
 
 impl Origin {
-    /// Of a DATBOX in the folder `case`; none if the scene is neither in this folder nor just above it.
+    /// Origin of a DATBOX in the folder `case`; none if the scene is neither in this folder nor just above it.
     pub fn of(scene: &Path, text: &[u8], settings: &[String], case: &Path) -> Option<Origin> {
         let folder = |path: &Path| fs::canonicalize(if path == Path::new("") { Path::new(".") } else { path }).ok();
         let home = folder(scene.parent()?)?;
@@ -47,7 +47,7 @@ impl Origin {
         Some(Origin { scene: scene.to_string(), checksum, settings: rest.map(str::to_string).collect() })
     }
 
-    /// What to say if the scene of a DATBOX in the folder `case` is there and has changed.
+    /// Warning if the scene of a DATBOX in the folder `case` exists and has changed.
     pub fn changed(&self, case: &Path) -> Option<String> {
         let scene = case.join(&self.scene);
         let text = fs::read(&scene).ok()?;

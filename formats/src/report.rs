@@ -11,7 +11,7 @@ pub struct Report<'a> {
     places: Places,
     settings: &'a [String],
     pub faults: Faults,
-    /// What is allowed, and probably a mistake.
+    /// Values that are allowed but probably a mistake.
     pub warnings: Faults,
 }
 

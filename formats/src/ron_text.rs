@@ -86,7 +86,7 @@ pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     (distance(best) <= letters / 3 || plain(best).starts_with(&wanted) && wanted.len() >= 3).then_some(best)
 }
 
-/// What to expect in place of an unknown name: the nearest, or all.
+/// Suggestion in place of an unknown name: the nearest known name, or all.
 pub fn known_names(name: &str, known: &[&str]) -> String {
     match (nearest(name, known), known) {
         (Some(near), _) => format!("did you mean {near}?"),
@@ -272,7 +272,7 @@ fn listed(fields: &[&str]) -> String {
     if let [one] = fields { format!("the field {one}") } else { format!("fields of {}", fields.join(", ")) }
 }
 
-/// What serde expects, in plain words.
+/// Expectation of serde in plain words.
 fn amount(expected: &str) -> String {
     let number = expected.split_whitespace().rev().find_map(|word| word.parse::<usize>().ok());
     match number {
@@ -286,7 +286,7 @@ fn amount(expected: &str) -> String {
 
 // ------------------------------------------------------------------------------------------------------------- syntax
 
-/// What is nested deeper the library refuses.
+/// Nesting depth beyond which the library refuses a text.
 const DEEPEST: usize = 128;
 
 /// A walk through a text that goes on behind mistakes.
