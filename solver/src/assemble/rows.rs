@@ -114,6 +114,7 @@ pub struct Full {
 impl Full {
     /// n×d of row `k` with the friction offset d, m: tangential velocity at the point of friction less that at the contact
     /// point, per unit of relative angular velocity about n.
+    #[inline]
     pub fn friction_lever(&self, k: usize, normal: &Vec3) -> Vec3 {
         self.friction_offsets.get(k).map_or(Vec3::zeros(), |offset| normal.cross(offset))
     }
@@ -140,8 +141,10 @@ impl Full {
             w_n += inverse_mass * along + turn.dot(&(j * turn));
             let all = held.map_or(3.0, |held| 3.0 - held.sum());
             trace += all * inverse_mass + j.trace() * arm.norm_squared() - arm.dot(&(j * arm));
-            let about = j * row.normal;
-            trace += 2.0 * lever.dot(&about.cross(arm)) + lever.norm_squared() * row.normal.dot(&about);
+            if lever != Vec3::zeros() {
+                let about = j * row.normal;
+                trace += 2.0 * lever.dot(&about.cross(arm)) + lever.norm_squared() * row.normal.dot(&about);
+            }
         }
         (w_n, 0.5 * (trace - w_n))
     }
@@ -312,8 +315,8 @@ pub(super) struct Setting<'a> {
 impl Setting<'_> {
     /// Whether a contact can close within the step or is within the range of its law.
     pub(super) fn in_reach(&self, contact: &Contact) -> bool {
-        let range = self.state.laws[contact.law as usize].range(self.effective_radius(contact));
-        contact.gap <= self.closing(contact).max(range)
+        let range = || self.state.laws[contact.law as usize].range(self.effective_radius(contact));
+        self.closes(contact) || contact.gap <= range()
     }
 
     /// Asks for what [`Self::row`] reads of a contact's antagonist; candidates come one after the other.
@@ -325,19 +328,22 @@ impl Setting<'_> {
         width.fetch(&records[b]);
     }
 
-    /// How far the two bodies may come nearer in the step at the contact, m: by their free velocities against each other, and as far
-    /// as they are near, by their speeds past what all have in common, as contacts may turn them.
-    fn closing(&self, contact: &Contact) -> f64 {
+    /// Whether the two bodies may close the gap in the step: by their free velocities against each other, or, where they are
+    /// near, by their speeds past what all have in common, as contacts may turn them.
+    #[inline]
+    fn closes(&self, contact: &Contact) -> bool {
+        if contact.gap <= 0.0 {
+            return true;
+        }
+        if contact.gap > self.travel(contact) {
+            return false;
+        }
         let Setting { q_c, v_free, w_free, .. } = self;
-        let travel = self.travel(contact);
         let sides = [contact.candidate, contact.antagonist].map(|i| &self.scene.bodies[i as usize]);
         let free = sides.into_iter().filter(|body| !body.driven).map(|body| body.radius);
-        let nearby = NEARBY * free.fold(f64::INFINITY, f64::min);
-        if travel <= nearby || contact.gap <= nearby {
-            return travel.min(nearby);
-        }
-        let u = relative_velocity(contact, &q_c.x, v_free, w_free);
-        (q_c.longest_reach(self.scene) * -contact.normal.dot(&u)).clamp(nearby, travel)
+        let is_near = contact.gap <= NEARBY * free.fold(f64::INFINITY, f64::min);
+        let u = || relative_velocity(contact, &q_c.x, v_free, w_free);
+        is_near || contact.gap <= q_c.longest_reach(self.scene) * -contact.normal.dot(&u())
     }
 
     /// How far the two bodies may come nearer in the step at the contact, m, past what all have in common, whichever way they go.
@@ -425,7 +431,7 @@ impl Setting<'_> {
             friction: shift.friction,
             impulse_shift: shift.impulse,
             acts,
-            can_close: shift.solved && (contact.gap <= self.closing(contact) || shift.impulse != 0.0),
+            can_close: shift.solved && (shift.impulse != 0.0 || self.closes(contact)),
             start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
             bond: hold.bond.filter(|_| acts),
@@ -459,6 +465,9 @@ impl Setting<'_> {
 
     /// Time in which the step's end velocities take the two bodies of a contact to the next contact configuration, s.
     fn reach(&self, contact: &Contact) -> f64 {
+        if self.q_c.from_start.is_empty() {
+            return self.q_c.h;
+        }
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| self.q_c.reach(self.scene, i as usize));
         a.max(b)
     }
@@ -483,6 +492,7 @@ impl Setting<'_> {
     }
 
     /// What the free velocities do to the gap of a contact, where its law acts on what touches.
+    #[inline]
     fn course(&self, contact: &Contact, law: &Law, reach: f64) -> Course {
         if !law.acts_on_touch() || contact.gap <= 0.0 {
             return Course::Apart { depth: 0.0 };
@@ -538,6 +548,7 @@ impl Setting<'_> {
     }
 
     /// Whether a cohesion of the law of a contact that is a stress has an area to act on.
+    #[inline]
     pub(super) fn carries_stress(&self, contact: &Contact) -> bool {
         let Contact { candidate, antagonist, ranks, .. } = *contact;
         contact.area > 0.0
@@ -593,6 +604,7 @@ impl System {
 
     /// From the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate
     /// whose motion is in the row's shift.
+    #[inline(always)]
     pub fn arm(&self, k: usize, side: usize) -> Vec3 {
         match &self.full {
             Some(full) => full.arms[k][side],
@@ -617,15 +629,29 @@ impl System {
         }
     }
 
+    /// Whether the friction of some row acts elsewhere than at its contact point.
+    pub fn has_friction_offsets(&self) -> bool {
+        self.full.as_ref().is_some_and(|full| !full.friction_offsets.is_empty())
+    }
+
     /// n×d of row `k` with the friction offset d, m; 0 where friction acts at the contact point.
+    #[inline]
     pub fn friction_lever(&self, k: usize) -> Vec3 {
         self.full.as_ref().map_or(Vec3::zeros(), |full| full.friction_lever(k, &self.rows[k].normal))
     }
 
     /// Velocity at row `k` of a body on `side` that turns with `w`, world frame, m/s: along n at the contact point, in the
     /// tangent plane where friction acts.
+    #[inline(always)]
     pub fn turning_velocity(&self, k: usize, side: usize, w: &Vec3) -> Vec3 {
-        w.cross(&self.arm(k, side)) + self.friction_lever(k) * self.rows[k].normal.dot(w)
+        let turning = w.cross(&self.arm(k, side));
+        match &self.full {
+            Some(full) if full.friction_offsets.get(k).is_some_and(|offset| *offset != Vec3::zeros()) => {
+                let normal = &self.rows[k].normal;
+                turning + full.friction_lever(k, normal) * normal.dot(w)
+            }
+            _ => turning,
+        }
     }
 
     /// Angular impulse about the centre of the body on `side` by an impulse `r` on it at row `k`, N m s; the transpose of

@@ -37,8 +37,10 @@ const PARALLEL: f64 = 5e-9;
 const BENT: f64 = 1e-2;
 /// Displacement over the radius of the ball about A by which B may rise against C in the step, by free velocities.
 const RISE: f64 = 1e-2;
-/// Pairs of contacts of one contactor that are all tried; of more only those near each other.
-const ALL: usize = 4096;
+/// Contacts of one contactor of which all pairs are tried; of more only those near each other.
+const FEW: usize = 64;
+/// Contactors per task.
+const PARTS: usize = 256;
 
 /// A convex shape as the test needs it.
 enum Solid<'a> {
@@ -185,79 +187,146 @@ fn may_be_inner(of: &Touch, by: &Touch) -> bool {
     is_low(&of.at) && is_low(&of.centre) && of.normal.dot(&by.normal) < 1.0 - PARALLEL
 }
 
-/// The inner contacts among those of A, each with the normal of a plane that hides it.
-///
-/// `plane`: that of the face that keeps A up in a contact; `test`: whether one contact is an inner one below the plane of
-/// another.
-fn inner(
-    touches: &[Touch],
-    plane: impl Fn(&Touch) -> Option<Plane>,
-    test: impl Fn(&Touch, &Touch, &Plane) -> bool,
-) -> SmallVec<[(Touch, Vec3); 2]> {
-    // Of each once it is needed.
-    let mut planes: SmallVec<[Option<Option<Plane>>; 16]> = SmallVec::from_elem(None, touches.len());
-    let mut found: SmallVec<[(u32, u32, usize, Vec3); 4]> = SmallVec::new();
-    let mut both = |i: usize, j: usize| {
-        for [i, j] in [[i, j], [j, i]] {
-            let (of, by) = (&touches[i], &touches[j]);
-            if may_be_inner(of, by)
-                && let Some(plane) = *planes[j].get_or_insert_with(|| plane(by))
-                && test(of, by, &plane)
-            {
-                found.push((of.of, by.of, i, plane.n));
-            }
-        }
-    };
-    // Most contacts of a wide flat body have one direction.
-    let same = |touch: &Touch| touch.normal.dot(&touches[0].normal) >= 1.0 - PARALLEL;
-    let others: SmallVec<[usize; 16]> = (0..touches.len()).filter(|&k| !same(&touches[k])).collect();
-    if others.len() * touches.len() <= ALL {
-        for &i in &others {
-            (0..touches.len()).filter(|&j| same(&touches[j]) || j < i).for_each(|j| both(i, j));
-        }
-    } else {
-        let low = |k: &usize| touches[*k].at.x - touches[*k].reach;
-        let mut order: Vec<usize> = (0..touches.len()).collect();
-        order.sort_by(|a, b| low(a).total_cmp(&low(b)));
-        for (place, &i) in order.iter().enumerate() {
-            let high = touches[i].at.x + touches[i].reach;
-            order[place + 1..].iter().take_while(|&j| low(j) <= high).for_each(|&j| both(i, j));
-        }
-    }
-    // What is an inner contact itself keeps nothing up.
-    let stays = |of: u32| found.iter().all(|(inner, ..)| *inner != of);
-    let mut inner: SmallVec<[(Touch, Vec3); 2]> = SmallVec::new();
-    for (of, by, i, n) in &found {
-        if stays(*by) && inner.iter().all(|(touch, _)| touch.of != *of) {
-            inner.push((touches[*i], *n));
-        }
-    }
-    inner
+/// A bound of [`may_be_inner`] that takes three products a pair: nearly all contacts of rough bodies fail it.
+struct Heights {
+    /// Directions of the contacts, and where each touches, m.
+    normals: Vec<Vec3>,
+    points: Vec<Vec3>,
+    /// normal·point, m.
+    heights: Vec<f64>,
+    /// Largest height above another contact's plane that each may add to an inner contact, m.
+    tolerances: Vec<f64>,
 }
 
-/// Contacts of spheres with plates, without those with rims between flush plates; in the order of spheres.
-pub(super) fn without_inner_rims(
-    scene: &Scene,
-    q_c: &Configuration,
-    ways: &Ways,
-    mut listed: Vec<Listed>,
-) -> Vec<Listed> {
+impl Heights {
+    const fn new() -> Self {
+        Heights { normals: Vec::new(), points: Vec::new(), heights: Vec::new(), tolerances: Vec::new() }
+    }
+
+    fn set(&mut self, touches: impl Iterator<Item = Touch>) {
+        let Heights { normals, points, heights, tolerances } = self;
+        normals.clear();
+        points.clear();
+        heights.clear();
+        tolerances.clear();
+        // Two points are no farther from each other than both are from A's centre.
+        let angle = 2.0 * ON_FACE.sqrt() * (1.0 + 1e-9);
+        for Touch { normal, at, reach, .. } in touches {
+            normals.push(normal);
+            points.push(at);
+            heights.push(normal.dot(&at));
+            tolerances.push(angle * at.norm() + FLUSH * reach);
+        }
+    }
+
+    /// How many contacts are that low, seen from the surface that contact `by` touches, itself included.
+    fn count_low(&self, by: usize) -> usize {
+        let (normal, height, tolerance) = (self.normals[by], self.heights[by], self.tolerances[by]);
+        let is_low = |(point, of): (&Vec3, &f64)| normal.dot(point) - height <= of + tolerance;
+        self.points.iter().zip(&self.tolerances).map(|low| usize::from(is_low(low))).sum()
+    }
+
+    /// Whether contact `of` is low enough for an inner one, seen from the surface that contact `by` touches.
+    #[inline(always)]
+    fn is_low(&self, of: usize, by: usize) -> bool {
+        let above = self.normals[by].dot(&self.points[of]) - self.heights[by];
+        above <= self.tolerances[of] + self.tolerances[by]
+    }
+}
+
+/// Memory for the contacts of one contactor after the other.
+struct Scratch {
+    /// Contacts that may act in the step.
+    near: Vec<u32>,
+    heights: Heights,
+    /// Of each contact once it is needed.
+    planes: Vec<Option<Option<Plane>>>,
+    /// Inner contacts, those that hide them, and the normals of the planes that do.
+    found: Vec<(usize, usize, Vec3)>,
+}
+
+impl Scratch {
+    const fn new() -> Self {
+        Scratch { near: Vec::new(), heights: Heights::new(), planes: Vec::new(), found: Vec::new() }
+    }
+
+    /// Appends to `inner` the inner contacts among `count` contacts of A, each with the normal of a plane that hides it.
+    ///
+    /// `touch`: a contact by its number; `plane`: that of the face that keeps A up in a contact; `test`: whether one contact is an inner one below the plane of
+    /// another.
+    fn inner(
+        &mut self,
+        count: usize,
+        touch: impl Fn(usize) -> Touch,
+        plane: impl Fn(&Touch) -> Option<Plane>,
+        test: impl Fn(&Touch, &Touch, &Plane) -> bool,
+        inner: &mut Vec<(Touch, Vec3)>,
+    ) {
+        let Scratch { heights, planes, found, .. } = self;
+        heights.set((0..count).map(&touch));
+        planes.clear();
+        planes.resize(count, None);
+        found.clear();
+        let mut try_pair = |of: usize, by: usize| {
+            if !heights.is_low(of, by) {
+                return;
+            }
+            let (inner, outer) = (touch(of), touch(by));
+            if may_be_inner(&inner, &outer)
+                && let Some(plane) = *planes[by].get_or_insert_with(|| plane(&outer))
+                && test(&inner, &outer, &plane)
+            {
+                found.push((of, by, plane.n));
+            }
+        };
+        if count <= FEW {
+            let others = |by: &usize| heights.count_low(*by) > 1;
+            for by in (0..count).filter(others) {
+                (0..count).filter(|of| *of != by).for_each(|of| try_pair(of, by));
+            }
+        } else {
+            let bounds = |k: usize| [touch(k).at.x - touch(k).reach, touch(k).at.x + touch(k).reach];
+            let bounds: Vec<[f64; 2]> = (0..count).map(bounds).collect();
+            let mut order: Vec<usize> = (0..count).collect();
+            order.sort_by(|&a, &b| bounds[a][0].total_cmp(&bounds[b][0]));
+            for (place, &i) in order.iter().enumerate() {
+                for &j in order[place + 1..].iter().take_while(|&&j| bounds[j][0] <= bounds[i][1]) {
+                    try_pair(i, j);
+                    try_pair(j, i);
+                }
+            }
+        }
+        // What is an inner contact itself keeps nothing up.
+        let stays = |by: usize| found.iter().all(|(of, ..)| *of != by);
+        let first = inner.len();
+        for &(of, by, n) in found.iter() {
+            let hidden = touch(of);
+            if stays(by) && inner[first..].iter().all(|(touch, _)| touch.of != hidden.of) {
+                inner.push((hidden, n));
+            }
+        }
+    }
+}
+
+/// Contacts of spheres with plates, without those with rims between flush plates.
+pub(super) fn without_inner_rims(scene: &Scene, q_c: &Configuration, ways: &Ways, listed: Vec<Listed>) -> Vec<Listed> {
     if scene.planes.len() < 2 {
         return listed;
     }
+    let mut counts = vec![0u32; scene.bodies.len()];
+    listed.iter().for_each(|([sphere, _], _)| counts[*sphere as usize] += 1);
+    let is_alone = |([sphere, _], _): &Listed| counts[*sphere as usize] == 1;
+    let (mut left, mut listed): (Vec<Listed>, Vec<Listed>) = listed.into_iter().partition(is_alone);
     listed.sort_unstable_by_key(|(pair, _)| *pair);
-    let mut left = Vec::with_capacity(listed.len());
+    let (mut scratch, mut inner) = (Scratch::new(), Vec::new());
     for of_one in listed.chunk_by(|(a, _), (b, _)| a[0] == b[0]) {
-        if of_one.len() < 2 {
-            left.extend_from_slice(of_one);
-            continue;
-        }
         let sphere = of_one[0].0[0] as usize;
         let (x, radius) = (q_c.x[sphere], scene.bodies[sphere].radius);
         let over =
             Over { solid: Solid::Sphere { radius }, centre: x, radius, travel: ways.travel[sphere], ahead: ways.ahead };
         let seen: SmallVec<[_; 8]> = of_one.iter().map(|(pair, _)| found(scene, q_c, *pair)).collect();
-        let touch = |(k, found): (usize, &super::narrow::Found)| {
+        let touch = |k: usize| {
+            let found = &seen[k];
             let BodyShape::Plane { half_lengths } = &scene.bodies[of_one[k].0[1] as usize].shape else {
                 unreachable!("these are plates")
             };
@@ -266,7 +335,6 @@ pub(super) fn without_inner_rims(
             let centre = q_c.x[plate] + scene.image(&x, &q_c.x[plate]) - x;
             Touch { of: k as u32, turned: false, normal: found.normal, at, centre, reach: 2.0 * half_lengths.norm() }
         };
-        let touches: SmallVec<[Touch; 8]> = seen.iter().enumerate().map(touch).collect();
         let near = |touch: &Touch| {
             let plate = of_one[touch.of as usize].0[1] as usize;
             let BodyShape::Plane { half_lengths } = &scene.bodies[plate].shape else {
@@ -280,7 +348,8 @@ pub(super) fn without_inner_rims(
         let test = |of: &Touch, by: &Touch, plane: &Plane| {
             over.is_inner(plane, &near(by), &near(of), &of.normal, std::iter::once(of.at))
         };
-        let inner = inner(&touches, plane, test);
+        inner.clear();
+        scratch.inner(seen.len(), touch, plane, test, &mut inner);
         let is_inner = |k: usize| inner.iter().any(|(touch, _)| touch.of as usize == k);
         left.extend((0..of_one.len()).filter(|&k| !is_inner(k)).map(|k| of_one[k]));
     }
@@ -293,24 +362,26 @@ struct Run {
     end: u32,
     /// Candidate and antagonist.
     parts: [u32; 2],
+    /// The least one, m.
+    gap: f64,
 }
 
-/// The contacts, in the order of their keys, without inner ones, and the candidates and antagonists of these.
-pub(super) fn without_inner_edges(
+/// Removes the inner ones of the contacts, in the order of their keys; returns their candidates and antagonists.
+pub(super) fn remove_inner_edges(
     scene: &Scene,
     q_c: &Configuration,
     ways: &Ways,
     places: &[Place],
-    contacts: Vec<Contact>,
-) -> (Vec<Contact>, Vec<[u32; 2]>) {
+    contacts: &mut Vec<Contact>,
+) -> Vec<[u32; 2]> {
     let posed = |part: u32| match &places[part as usize].shape {
         Shape::Polyhedron(posed) | Shape::Plane { cuboid: posed, .. } => Some(posed),
         Shape::Sphere { .. } | Shape::Cylinder { .. } => None,
     };
     if (0..places.len() as u32).filter(|&k| posed(k).is_some()).nth(1).is_none() {
-        return (contacts, Vec::new());
+        return Vec::new();
     }
-    let runs = runs(scene, &contacts);
+    let runs = runs(scene, contacts);
     let nobody = places.len() as u32;
     // Contact k from its candidate is 2k, from its antagonist 2k + 1; only those with polyhedra count.
     let keys: Vec<u32> = runs
@@ -319,13 +390,23 @@ pub(super) fn without_inner_edges(
         .map(|(own, other)| if posed(*other).is_some() { *own } else { nobody })
         .collect();
     let (order, starts) = group(&keys, places.len() + 1);
-    let of_part = |part: usize| {
+    let attracts = scene.laws.iter().any(|law| law.cohesion().is_some());
+    let of_part = |part: usize, scratch: &mut Scratch, inner: &mut Vec<(Touch, Vec3)>| {
         let a = &places[part];
-        let touch = |&key: &u32| {
+        let keys = &order[starts[part] as usize..starts[part + 1] as usize];
+        let run = |key: u32| &runs[key as usize / 2];
+        let other = |key: u32| run(key).parts[usize::from(key % 2 == 0)];
+        // B cannot be nearer than C is: what the two cannot reach in this step is no inner contact, nor hides one.
+        let others = keys.iter().map(|&key| places[other(key) as usize].travel);
+        let reach = a.travel + others.fold(0.0, f64::max) + 2.0 * FLUSH * a.radius;
+        let mut near = std::mem::take(&mut scratch.near);
+        near.clear();
+        near.extend(keys.iter().filter(|&&key| attracts || run(key).gap <= reach));
+        let touch = |k: usize| {
+            let key = near[k];
             let (of, turned) = (key / 2, key % 2 == 1);
-            let run = &runs[of as usize];
-            let contact = &contacts[run.start as usize];
-            let other = &places[run.parts[usize::from(!turned)] as usize];
+            let contact = &contacts[run(key).start as usize];
+            let other = &places[other(key) as usize];
             let (sign, point, image) = if turned {
                 (-1.0, contact.point - contact.image, -contact.image)
             } else {
@@ -335,17 +416,14 @@ pub(super) fn without_inner_edges(
             let at = point - a.centre - normal * (0.5 * contact.gap);
             Touch { of, turned, normal, at, centre: other.centre + image - a.centre, reach: 2.0 * other.radius }
         };
-        let touches: SmallVec<[Touch; 16]> =
-            order[starts[part] as usize..starts[part + 1] as usize].iter().map(touch).collect();
         let solid = match &a.shape {
             Shape::Sphere { radius } => Solid::Sphere { radius: *radius },
             Shape::Polyhedron(posed) | Shape::Plane { cuboid: posed, .. } => Solid::Polyhedron(posed),
-            Shape::Cylinder { .. } => return SmallVec::new(),
+            Shape::Cylinder { .. } => return scratch.near = near,
         };
         let over = Over { solid, centre: a.centre, radius: a.radius, travel: a.travel, ahead: ways.ahead };
-        let near = |touch: &Touch| {
-            let run = &runs[touch.of as usize];
-            let other = run.parts[usize::from(!touch.turned)];
+        let contactor = |touch: &Touch| {
+            let other = runs[touch.of as usize].parts[usize::from(!touch.turned)];
             let (b, centre) = (&places[other as usize], touch.centre);
             let i = b.body as usize;
             let solid = Solid::Polyhedron(posed(other)?);
@@ -355,35 +433,44 @@ pub(super) fn without_inner_edges(
             let run = &runs[touch.of as usize];
             &contacts[run.start as usize..run.end as usize]
         };
-        let plane = |by: &Touch| {
-            let gap = points(by).iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
-            over.plane(by, &near(by)?, gap)
-        };
+        let plane = |by: &Touch| over.plane(by, &contactor(by)?, runs[by.of as usize].gap);
         let test = |of: &Touch, by: &Touch, plane: &Plane| {
             let first = points(of)[0];
             let at = |contact: &Contact| {
                 of.at + (contact.point - first.point) - of.normal * (0.5 * (contact.gap - first.gap))
             };
-            let (Some(b), Some(c)) = (near(of), near(by)) else { return false };
+            let (Some(b), Some(c)) = (contactor(of), contactor(by)) else { return false };
             over.is_inner(plane, &c, &b, &of.normal, points(of).iter().map(at))
         };
-        inner(&touches, plane, test)
+        if near.len() > 1 {
+            scratch.inner(near.len(), touch, plane, test, inner);
+        }
+        scratch.near = near;
     };
     let several = |part: &usize| starts[part + 1] - starts[*part] > 1;
-    let mut inner: Vec<(Touch, Vec3)> =
-        (0..places.len()).into_par_iter().with_min_len(256).filter(several).flat_map_iter(of_part).collect();
+    let of_some = |scratch: &mut Scratch, chunk: usize| {
+        let mut inner = Vec::new();
+        let parts = chunk * PARTS..places.len().min((chunk + 1) * PARTS);
+        parts.filter(several).for_each(|part| of_part(part, scratch, &mut inner));
+        inner
+    };
+    let chunks = (0..places.len().div_ceil(PARTS)).into_par_iter();
+    let mut inner = chunks.map_init(Scratch::new, of_some).collect::<Vec<_>>().concat();
     if inner.is_empty() {
-        return (contacts, Vec::new());
+        return Vec::new();
     }
     // Both contactors of a contact may find it.
     inner.sort_by_key(|(touch, _)| touch.of);
     inner.dedup_by_key(|(touch, _)| touch.of);
-    let (mut left, mut from) = (Vec::with_capacity(contacts.len()), 0);
     let mut pairs = Vec::with_capacity(inner.len());
+    // Contacts up to `to` are done; those from `from` on move up to where the inner ones leave room.
+    let (mut to, mut from, mut shift) = (0, 0, 0);
     for (touch, n) in inner {
-        let Run { start, end, parts } = runs[touch.of as usize];
-        left.extend_from_slice(&contacts[from..start as usize]);
-        from = end as usize;
+        let Run { start, end, parts, .. } = runs[touch.of as usize];
+        let (start, end) = (start as usize + shift, end as usize + shift);
+        contacts.copy_within(from..start, to);
+        to += start - from;
+        from = end;
         pairs.push(parts);
         let [Some(p), Some(q)] = parts.map(posed) else { continue };
         let [a, b] = parts.map(|k| places[k as usize].class);
@@ -391,11 +478,21 @@ pub(super) fn without_inner_edges(
         let meeting = Meeting::new(scene, places, ways.nearby, 0, &(parts, see));
         let n = if touch.turned { -n } else { n };
         if let Some(manifold) = polyhedra_along(p, q, &meeting.c, &n, meeting.range) {
-            left.extend(meeting.contacts(&manifold));
+            let count = meeting.contacts(&manifold).count();
+            let room = from - to;
+            if count > room {
+                contacts.splice(from..from, std::iter::repeat_n(contacts[start], count - room));
+                shift += count - room;
+                from += count - room;
+            }
+            contacts[to..to + count].iter_mut().zip(meeting.contacts(&manifold)).for_each(|(to, of)| *to = of);
+            to += count;
         }
     }
-    left.extend_from_slice(&contacts[from..]);
-    (left, pairs)
+    let all = contacts.len();
+    contacts.copy_within(from..all, to);
+    contacts.truncate(to + all - from);
+    pairs
 }
 
 fn runs(scene: &Scene, contacts: &[Contact]) -> Vec<Run> {
@@ -407,7 +504,8 @@ fn runs(scene: &Scene, contacts: &[Contact]) -> Vec<Run> {
         let first = &of_one[0];
         let part = |body: u32, rank: u16| scene.part_starts[body as usize] + u32::from(rank);
         let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
-        runs.push(Run { start, end, parts });
+        let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
+        runs.push(Run { start, end, parts, gap });
         start = end;
     }
     runs

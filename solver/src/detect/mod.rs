@@ -188,6 +188,7 @@ fn with_planes(scene: &Scene, q_c: &Configuration, ways: &Ways) -> Vec<Listed> {
 }
 
 /// Geometry of a sphere against a sphere or plate.
+#[inline]
 fn found(scene: &Scene, q_c: &Configuration, [candidate, antagonist]: [u32; 2]) -> narrow::Found {
     let [a, b] = [candidate, antagonist].map(|i| (&scene.bodies[i as usize], q_c.x[i as usize]));
     let (a, b) = ((a.0, &a.1), (b.0, &(b.1 + scene.image(&a.1, &b.1))));
@@ -229,6 +230,7 @@ fn is_listed(
 /// close no pair that is not listed.
 const MARGIN: f64 = 0.5;
 
+#[inline]
 fn contact(scene: &Scene, q_c: &Configuration, pair: [u32; 2], law: u8) -> Contact {
     let found = found(scene, q_c, pair);
     let [candidate, antagonist] = pair;

@@ -37,6 +37,12 @@ pub struct Things<'a, P> {
 impl<P: Fn(usize) -> Vec3 + Sync> Things<'_, P> {
     /// Whether reaches that hold the travel meet those of many more things than come near.
     fn are_crowded(&self) -> bool {
+        let mut both = self.reach.iter().zip(self.travel);
+        // The sum below is more only if one of its terms is.
+        let least = 1.0 - CROWDED.cbrt().recip();
+        if both.all(|(reach, travel)| *travel <= least * reach) {
+            return false;
+        }
         let count = self.centres.len() as f64;
         let more = |(reach, travel): (&f64, &f64)| (reach / (reach - travel)).powi(3).min(count);
         self.reach.iter().zip(self.travel).map(more).sum::<f64>() > CROWDED * count

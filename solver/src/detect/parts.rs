@@ -102,10 +102,16 @@ impl Known {
 }
 
 /// Those of the contacts that are no inner ones.
-pub fn without_inner_edges(scene: &Scene, q_c: &Configuration, ways: &Ways, contacts: Vec<Contact>) -> Vec<Contact> {
+pub fn without_inner_edges(
+    scene: &Scene,
+    q_c: &Configuration,
+    ways: &Ways,
+    mut contacts: Vec<Contact>,
+) -> Vec<Contact> {
     let places: Vec<Place> =
         scene.parts.par_iter().with_min_len(64).map(|part| place(scene, part, q_c, ways)).collect();
-    joints::without_inner_edges(scene, q_c, ways, &places, contacts).0
+    joints::remove_inner_edges(scene, q_c, ways, &places, &mut contacts);
+    contacts
 }
 
 /// All listed contacts in the order of their keys.
@@ -131,8 +137,8 @@ pub fn contacts(
     let hands = || Hands { polyhedra: Together::new(width), ahead: Ahead::new(&places, width) };
     let found: Vec<Listed> =
         chunks.map_init(hands, |hands, chunk| look(scene, &places, nearby, narrow, hands, chunk)).collect();
-    let contacts = sorted(&found, scene.bodies.len(), width);
-    let (contacts, inner) = joints::without_inner_edges(scene, q_c, ways, &places, contacts);
+    let mut contacts = sorted(&found, scene.bodies.len(), width);
+    let inner = joints::remove_inner_edges(scene, q_c, ways, &places, &mut contacts);
     inner.iter().for_each(|parts| known.forget(parts));
     contacts
 }
@@ -198,12 +204,10 @@ fn look<'a>(
     if activity::is_stopped() {
         return Listed::new(0, scene.periods());
     }
-    let meeting = |k: usize| Meeting::new(scene, places, nearby, k, &pairs[k]);
     let (mut near, mut count) = ([0; CHUNK], 0);
     for (k, separation) in separations.iter().enumerate() {
-        let meeting = meeting(k);
         near[count] = k;
-        count += usize::from(separation.until <= meeting.moved() + meeting.range.alert);
+        count += usize::from(separation.until <= Meeting::reach(scene, places, nearby, &pairs[k]));
     }
     let near = &near[..count];
     let Hands { polyhedra, ahead } = hands;
@@ -213,7 +217,11 @@ fn look<'a>(
         if let Some(&later) = near.get(place + AHEAD) {
             ahead.fetch(pairs[later].0);
         }
-        let meeting = meeting(k);
+        let meeting = Meeting::new(scene, places, nearby, k, &pairs[k]);
+        // Ways that lead past each other shorten the range.
+        if separations[k].until > meeting.moved() + meeting.range.alert {
+            continue;
+        }
         let (memory, separation) = (std::mem::take(&mut memories[k]), std::mem::take(&mut separations[k]));
         if meeting.is_near() {
             let hint = separation.n.filter(|_| memory == Memory::default());
@@ -249,6 +257,18 @@ pub(super) struct Meeting<'a> {
 }
 
 impl<'a> Meeting<'a> {
+    /// How far the surfaces of two contactors have moved together, and the largest range that they may have, m: less than a
+    /// meeting takes to make.
+    #[inline(always)]
+    fn reach(scene: &Scene, places: &[Place], nearby: f64, (parts, see): &([u32; 2], See)) -> f64 {
+        let [a, b] = parts.map(|k| &places[k as usize]);
+        let held = scene.laws[see.law as usize].range(1.0 / (a.curvature + b.curvature));
+        let smaller = a.radius.min(b.radius);
+        let range = held.max(a.travel + b.travel).max(nearby.max(FLUSH) * smaller).max(see.alert);
+        a.moved + b.moved + range
+    }
+
+    #[inline]
     pub fn new(
         scene: &Scene,
         places: &'a [Place<'a>],

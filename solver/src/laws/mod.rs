@@ -223,6 +223,7 @@ impl Law {
     }
 
     /// The law's shifts for a contact; none when it cannot act in this step.
+    #[inline]
     pub fn shift(&self, at: &Approach) -> Option<Shift> {
         let Approach { gap, h, reach, u_n, .. } = *at;
         let mut solved = true;

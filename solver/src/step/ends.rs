@@ -165,13 +165,16 @@ impl End<'_> {
             true => Status::Stick,
         };
         let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, opens, slides));
-        let [a, b] = row.bodies.map(|body| w[body as usize]);
-        let spinning = system.friction_lever(k) * row.normal.dot(&(a - b));
+        let mut velocity = relative_velocity(contact, &q_c.x, v, w);
+        if system.has_friction_offsets() {
+            let [a, b] = row.bodies.map(|body| w[body as usize]);
+            velocity += system.friction_lever(k) * row.normal.dot(&(a - b));
+        }
         SolvedContact {
             contact: *contact,
             impulse: Vec3::new(local.x + row.impulse_shift, local.y, local.z),
             moment: moment.map_or(Vec3::zeros(), |m| to_local(&frame, m)),
-            velocity: to_local(&frame, &(relative_velocity(contact, &q_c.x, v, w) + spinning)),
+            velocity: to_local(&frame, &velocity),
             status,
             bond,
         }
@@ -193,7 +196,7 @@ impl End<'_> {
         let rolls = *moment != Vec3::zeros();
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
         let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };
-        let moment = moment + system.friction_couple(k, r);
+        let moment = if system.has_friction_offsets() { moment + system.friction_couple(k, r) } else { moment };
         // A wall's centre has no meaning for the stress of the grains: there the branch ends at the point.
         let to_point = |body: usize, arm: Vec3| if driven[body] { Vec3::zeros() } else { arm };
         let branch = to_point(antagonist, arms[1]) - to_point(candidate, arms[0]);
