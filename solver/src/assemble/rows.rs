@@ -294,6 +294,10 @@ fn attract(system: &mut System, history: &[Option<u32>]) {
 /// So many contacts ahead what is read of their bodies is asked for: they lie anywhere in memory.
 const AHEAD: usize = 8;
 
+/// Normal velocity over that which the impulse of the last step alone would make, up to which a contact rests: more than what
+/// solutions leave, less than what a restitution of 0.06 throws back.
+const RESTING: f64 = 0.05;
+
 /// What the rows are made from.
 pub(super) struct Setting<'a> {
     pub scene: &'a Scene,
@@ -379,9 +383,9 @@ impl Setting<'_> {
         let [a, b] = bodies.map(|i| i as usize);
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
         let reach = self.reach(contact);
-        let course = self.course(contact, law, reach);
+        let course = self.course(contact, law, reach, previous.map_or(0.0, |old| w_n * old.impulse.x));
         // Of a contact that begins it is not known what it will carry, and what is thrown back does not stay.
-        let carried = previous.is_some_and(|old| old.impulse != Vec3::zeros()) && !matches!(course, Course::Due { .. });
+        let carried = previous.is_some_and(|old| old.impulse != Vec3::zeros()) && course != Course::Due;
         let stays = hold.bond.is_some() || hold.within || carried;
         let as_one = hold.bond.is_some() && law.bonds_are_rigid();
         let turning = if stays { self.turning(contact, as_one) } else { Vec3::zeros() };
@@ -450,7 +454,7 @@ impl Setting<'_> {
                 gap: contact.gap,
                 h: self.q_c.h,
                 reach,
-                course: self.course(contact, law, reach),
+                course: self.course(contact, law, reach, 0.0),
                 u_n: row.u_before.x,
                 radius: self.radius(contact),
                 slid_before: false,
@@ -491,29 +495,36 @@ impl Setting<'_> {
         alone > 0.0 && moves(now) && carried.is_none_or(differs)
     }
 
-    /// What the free velocities do to the gap of a contact, where its law acts on what touches.
+    /// What is known of the gap of a contact, where its law acts on what touches.
+    ///
+    /// `pushed`: what its impulse in the last step has changed of its normal velocity alone, m/s.
     #[inline]
-    fn course(&self, contact: &Contact, law: &Law, reach: f64) -> Course {
+    fn course(&self, contact: &Contact, law: &Law, reach: f64, pushed: f64) -> Course {
         if !law.acts_on_touch() || contact.gap <= 0.0 {
             return Course::Apart { depth: 0.0 };
         }
-        let Setting { scene, q_c, v_free, w_free, is_sphere, .. } = self;
-        let depth = DEPTH * scene.size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
+        let Setting { scene, state, q_c, v_free, w_free, is_sphere, .. } = self;
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, &state.v, &q_c.w)).abs();
+        let pull = |i: usize| contact.normal.dot(&(v_free[i] - state.v[i])).abs();
+        if u_n < RESTING * pushed || u_n.max(contact.gap / reach) < pull(a).max(pull(b)) {
+            return Course::Resting;
+        }
         let u = relative_velocity(contact, &q_c.x, v_free, w_free);
-        if contact.gap + reach * contact.normal.dot(&u) >= -depth {
+        if contact.gap + reach * contact.normal.dot(&u) >= 0.0 {
+            let depth = DEPTH * scene.size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
             return Course::Apart { depth };
         }
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
         if is_sphere[a] && is_sphere[b] {
             // The least distance on the straight course of the centres.
             let radii = scene.bodies[a].radius + scene.bodies[b].radius;
             let (from, along) = (contact.normal * (radii + contact.gap), v_free[a] - v_free[b]);
             let time = (-from.dot(&along) / along.norm_squared()).min(reach);
-            if (from + along * time).norm() >= radii - depth {
+            if (from + along * time).norm() >= radii {
                 return Course::Passing;
             }
         }
-        Course::Due { depth }
+        Course::Due
     }
 
     /// Resistance to rolling and spinning at row `k`, if its law has one.

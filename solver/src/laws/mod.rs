@@ -7,9 +7,10 @@
 //! | IQS_DS_CLB | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //! | GAP_SGR_CLB, Signorini on the gap | g/h | 0 | 0 | mu |
 //! | VEL_SGR_CLB, Signorini on the velocity, if g <= 1e-9 R | 0 | 0 | 0 | mu |
-//! | RST_CLB, restitution, if g <= 1e-9 R or due (below) with e_n > 0 | e_n u_n⁻ | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
-//! | VEL_SGR_CLB, RST_CLB otherwise, if due | g/T | 0 | 0 | mu |
-//! | VEL_SGR_CLB, RST_CLB otherwise | (g + d)/T | 0 | 0 | mu |
+//! | RST_CLB, restitution, if g <= 1e-9 R, or if e_n > 0 and u_n⁻ and the free velocities close g | e_n u_n⁻ | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
+//! | RST_CLB with e_n > 0 otherwise, if at rest or closed by the free velocities | g/T | 0 | 0 | mu |
+//! | RST_CLB with e_n > 0 otherwise | (g + d)/T | 0 | 0 | mu |
+//! | VEL_SGR_CLB, RST_CLB with e_n = 0 otherwise | g/T | 0 | 0 | mu |
 //! | RST_DS_CLB | the same | the same | 0 | mu_d after sliding, else mu_s |
 //! | IQS_WET_DS_CLB, cohesive force f while g <= range | max(0, g/h) | 0 | -h f | mu_d after sliding, else mu_s |
 //! | xQS_WET_DS_CLB, the same while the contact is wet | max(0, g/h) | 0 | -h f | the same |
@@ -17,9 +18,10 @@
 //! | the same without a bond | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //!
 //! T is the time to the next contact configuration, h but in steps that begin with unforeseen velocities ([`Approach::reach`]).
-//! VEL_SGR_CLB and RST_CLB act on what touches, and let a pair overlap by the distance d within the step that closes it. A pair that
-//! the free velocities would bring to a deeper overlap is due: it is thrown back at once, before it touches, or brought to touch
-//! where the law does not throw back or u_n⁻ does not close it. Where other contacts push a pair together, it overlaps by d at most.
+//! VEL_SGR_CLB and RST_CLB act on what touches. A pair that the free velocities would close within the step is thrown back at
+//! once, or brought to touch where the law does not throw back or u_n⁻ does not close it; a pair at rest is kept in touch. So
+//! nothing at rest sinks into what carries it. Where other contacts push a pair together that throws back, it overlaps by the
+//! distance d at most, so that restitution acts in the next step.
 //!
 //! u⁻ is the relative velocity at the step's start. Friction acts on r̂_n = r_n + h f: a cohesive
 //! contact slides at mu (r_n/h + f). Names and parameters are those of LMGC90.
@@ -102,7 +104,7 @@ pub struct Approach {
     pub h: f64,
     /// Time to the next contact configuration, s.
     pub reach: f64,
-    /// What the free velocities do to an open gap, for laws that act on what touches.
+    /// What is known of an open gap, for laws that act on what touches.
     pub course: Course,
     /// Normal relative velocity at the step's start, m/s, > 0 parting.
     pub u_n: f64,
@@ -113,18 +115,21 @@ pub struct Approach {
     pub bonded: bool,
 }
 
-/// What the free velocities do to the open gap of a pair until the next contact configuration.
+/// What is known of the open gap of a pair until the next contact configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Course {
-    /// It stays open, or ends with an overlap of at most `depth` (m).
+    /// The free velocities leave it open; others may push it together, to an overlap of at most `depth` (m).
     Apart { depth: f64 },
+    /// The pair rests: it has pushed in the last step and hardly moves, or what forces change in this step closes its gap and
+    /// is more than its speed.
+    Resting,
     /// Two spheres approach but miss each other.
     Passing,
-    /// It ends with an overlap of more than `depth` (m).
-    Due { depth: f64 },
+    /// The free velocities close it.
+    Due,
 }
 
-/// Overlap that a step may bring to a pair whose law acts on what touches, over the size of the pair.
+/// Overlap that other contacts may bring in a step to a pair that throws back, over the size of the pair.
 pub const DEPTH: f64 = 0.1;
 
 /// What a law adds to the standard problem of one contact in one step.
@@ -240,16 +245,14 @@ impl Law {
             }
             Unilateral::Velocity | Unilateral::Restitution { .. } => match (self.unilateral, at.course) {
                 (_, Course::Passing) => return None,
-                (Unilateral::Restitution { normal, tangential }, Course::Due { depth })
-                    if normal > 0.0 && gap + depth < -reach * u_n =>
-                {
+                (Unilateral::Restitution { normal, tangential }, Course::Due) if self.throws_back(at) => {
                     (normal * u_n, tangential)
                 }
-                (_, Course::Due { .. }) => (gap / reach, 0.0),
-                (_, Course::Apart { depth }) => {
+                (_, Course::Apart { depth }) if self.rebounds() => {
                     solved = false;
                     ((gap + depth) / reach, 0.0)
                 }
+                _ => (gap / reach, 0.0),
             },
         };
         let friction = if at.slid_before { self.friction_dynamic } else { self.friction_static };
@@ -269,6 +272,11 @@ impl Law {
     /// Whether a contact of a law that acts on what touches does so, to rounding.
     fn is_closed(&self, at: &Approach) -> bool {
         at.gap <= CLOSED * at.radius
+    }
+
+    /// Whether a pair that is due is thrown back: the velocity of the start alone closes it.
+    pub fn throws_back(&self, at: &Approach) -> bool {
+        self.rebounds() && at.course == Course::Due && at.gap < -at.reach * at.u_n
     }
 
     /// Whether friction is less for what slides.
@@ -404,7 +412,8 @@ mod tests {
         assert_eq!(shift("IQS_DS_CLB", &[0.1, 0.4], 0.1, -1.0, true), plain(0.2, 0.1));
         assert_eq!(shift("GAP_SGR_CLB", &[0.4], -0.1, 0.0, false), plain(-0.2, 0.4));
         assert_eq!(shift("VEL_SGR_CLB", &[0.4], -0.1, 0.0, false), plain(0.0, 0.4));
-        assert_eq!(shift("VEL_SGR_CLB", &[0.4], 0.125, 0.0, false), waiting(0.75));
+        assert_eq!(shift("VEL_SGR_CLB", &[0.4], 0.125, 0.0, false), plain(0.25, 0.4));
+        assert_eq!(shift("RST_CLB", &[0.0, 0.25, 0.4], 0.125, 0.0, false), plain(0.25, 0.4));
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.125, -1.0, false), waiting(0.75));
         let shock = Shift { normal: -0.5, tangential: 0.25, impulse: 0.0, friction: 0.4, solved: true };
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, -1.0, false), Some(shock));
@@ -429,16 +438,18 @@ mod tests {
     }
 
     #[test]
-    fn laws_on_what_touches_act_before_a_step_would_close_a_pair_too_far() {
+    fn laws_on_what_touches_act_before_a_step_would_close_a_pair() {
         let law = |kind, parameters: &[f64]| Law::new(kind, parameters).unwrap();
-        let due = |u_n| Approach { gap: 1.0, u_n, course: Course::Due { depth: 0.25 }, ..touching() };
+        let due = |u_n| Approach { gap: 1.0, u_n, course: Course::Due, ..touching() };
         let thrown = Shift { normal: -2.0, tangential: 0.25, ..acting() };
         assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&due(-4.0)), Some(thrown));
         // 1 m in 0.5 s: to touch, where nothing is thrown back or the velocity of the start does not close it.
         let touches = Some(Shift { normal: 2.0, ..acting() });
-        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&due(-2.4)), touches);
+        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&due(-1.9)), touches);
         assert_eq!(law("RST_CLB", &[0.0, 0.25, 0.0]).shift(&due(-4.0)), touches);
         assert_eq!(law("VEL_SGR_CLB", &[0.0]).shift(&due(-4.0)), touches);
+        let resting = Approach { course: Course::Resting, ..due(-4.0) };
+        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&resting), touches);
         let passing = Approach { course: Course::Passing, ..due(-4.0) };
         assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&passing), None);
     }

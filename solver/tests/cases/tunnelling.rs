@@ -1,11 +1,11 @@
 //! No body passes through another, whatever its speed, the law, and the step in which they meet.
 
-use cd_formats::bodies::Shape;
-use cd_formats::compute::Action;
+use cd_formats::bodies::{Contactor, Shape};
+use cd_formats::compute::{Action, Adaptive};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
-use crate::case::{Case, Figures, equal};
+use crate::case::{BOX, Case, Figures, equal};
 
 const X: [f64; 3] = [1.0, 0.0, 0.0];
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
@@ -218,26 +218,187 @@ fn nothing_passes_a_wall_that_moves() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// A ball that another one throws on within a step reaches what stands behind it, listed or not.
+/// A ball that a heavier one throws on within a step reaches what stands behind it, listed or not.
 #[test]
 fn nothing_passes_that_a_blow_throws_on() {
     let mut faults = Vec::new();
-    for (kind, parameters, _) in LAWS {
-        for travel in TRAVELS {
+    for ((kind, parameters, _), density) in
+        LAWS.into_iter().flat_map(|law| [10.0, 1000.0].map(|density| (law, density)))
+    {
+        // Steps of rolling laws do not converge there (docs/limits.md).
+        let stalls = |travel: f64| kind.contains("ROLL") && density > 10.0 && travel > 30.0;
+        for travel in TRAVELS.into_iter().filter(|&travel| !stalls(travel)) {
             let mut case = Case::new();
             case.law_of_all(kind, parameters);
             case.options.dt = 0.01;
             let way = travel * R;
             let wall = case.plate([8.0, 8.0, R], [0.0; 3], [X, Y, Z]);
             let light = case.sphere(R, [0.0, 0.0, 2.0 * R + 0.1 * way]);
-            let heavy = case.sphere_of(10.0, R, [0.0, 0.0, 4.0 * R + 0.1 * way + 1e-3]);
+            let heavy = case.sphere_of(density, R, [0.0, 0.0, 4.0 * R + 0.1 * way + 1e-3]);
             case.launch(heavy, [0.0, 0.0, -way / 0.01], [0.0; 3]);
             let states = case.states(10, 1);
             let least = |a, b| states.iter().map(|state| state.x(a).z - state.x(b).z).fold(f64::INFINITY, f64::min);
             let apart = [least(light, wall), least(heavy, light)];
             if apart.iter().any(|apart| *apart < 1.8 * R - 1e-9) {
-                faults.push(format!("{kind} {parameters:?} travel {travel}: {apart:?} m"));
+                faults.push(format!("{kind} {parameters:?} density {density} travel {travel}: {apart:?} m"));
             }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// Laws of each kind, for scenes that differ in more than their law.
+fn kinds() -> impl Iterator<Item = (&'static str, &'static [f64], f64)> {
+    LAWS.into_iter().filter(|(kind, ..)| ["IQS_CLB", "GAP_SGR_CLB", "VEL_SGR_CLB", "RST_CLB"].contains(kind))
+}
+
+/// A cube of two halves side by side, by its pieces.
+fn halves() -> Vec<Contactor> {
+    let half = |from: f64| {
+        let vertices = (0..8u32)
+            .map(|k| {
+                let side = |i: u32| if k >> i & 1 == 1 { R } else { -R };
+                [if k & 1 == 1 { from + R } else { from }, side(1), side(2)]
+            })
+            .collect();
+        let shape = Shape::Polyhedron { vertices, triangles: BOX.to_vec() };
+        Contactor { colour: "GRAIN".into(), shape, local_frame: None }
+    };
+    vec![half(-R), half(0.0)]
+}
+
+/// Bodies of several pieces, in the first step, after an event and from afar.
+#[test]
+fn nothing_passes_bodies_of_pieces() {
+    let mut faults = Vec::new();
+    for (kind, parameters, e) in kinds() {
+        for (pair, travel) in [Pair::CubeOnPlate, Pair::CubeOnThinPlate, Pair::CubeOnCube]
+            .into_iter()
+            .flat_map(|pair| [1.0, 300.0].map(|t| (pair, t)))
+        {
+            for when in [When::FirstStep, When::Event, When::MovingIn] {
+                let way = travel * R;
+                let gap = if when == When::MovingIn { 3.37 * way } else { 0.1 * R };
+                let (mut case, striker, target) = above(pair, gap, when == When::Event);
+                case.law_of_all(kind, parameters);
+                case.options.max_sweeps = Some(1000);
+                case.bodies[striker].contactors = halves();
+                if pair == Pair::CubeOnCube {
+                    case.bodies[target].contactors = halves();
+                }
+                let velocity = [0.0, 0.0, -way / 0.01];
+                match when {
+                    When::Event => case.event(0.03, Action::AddVelocity(velocity)),
+                    _ => case.launch(striker, velocity, [0.0; 3]),
+                }
+                let states = case.states(10, 1);
+                let apart = states.iter().map(|state| state.x(striker).z - state.x(target).z);
+                let least = apart.fold(f64::INFINITY, f64::min);
+                let thrown = (states[10].v(striker).z - states[10].v(target).z) / (way / 0.01);
+                if least < touching(pair) - 0.1 * R - 1e-9 || (thrown - e).abs() > 1e-4 {
+                    // Two pieces have eight points; sweeps leave more than of four.
+                    faults.push(format!("{kind} {parameters:?} {pair:?} {when:?} {travel}: {least} m, {thrown}"));
+                }
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// A ball that goes a twentieth of its radius in a step, and in the steps of the run that goes on a thousand times as far.
+#[test]
+fn nothing_passes_when_a_resumed_run_has_longer_steps() {
+    let mut faults = Vec::new();
+    for ((kind, parameters, _), longer) in LAWS.into_iter().flat_map(|law| [10.0, 1000.0].map(|longer| (law, longer))) {
+        let mut case = Case::new();
+        case.law_of_all(kind, parameters);
+        case.options.dt = 1e-5;
+        let wall = case.plate([8.0, 8.0, R], [0.0; 3], [X, Y, Z]);
+        let ball = case.sphere(R, [0.0, 0.0, 2.3 * R]);
+        case.launch(ball, [0.0, 0.0, -0.05 * R / 1e-5], [0.0; 3]);
+        case.run(3);
+        let dt = format!("{:e}", longer * 1e-5);
+        assert_eq!(case.solve(&["--resume", "--steps", "10", "--dt", &dt]), 0);
+        let apart = case.last().x(ball).z - case.last().x(wall).z;
+        if apart < 1.9 * R {
+            faults.push(format!("{kind} {parameters:?} {longer}: {apart} m"));
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// Steps that have grown to many times dt end where an event, or a blow, throws a body at a wall.
+#[test]
+fn nothing_passes_when_a_body_is_thrown_within_long_steps() {
+    let mut faults = Vec::new();
+    let cases = kinds().flat_map(|law| [(law, true), (law, false)]);
+    for (((kind, parameters, _), by_event), travel) in cases.flat_map(|case| [1.0, 30.0].map(|travel| (case, travel))) {
+        let mut case = Case::new();
+        case.law_of_all(kind, parameters);
+        (case.options.dt, case.options.adaptive) = (0.01, Some(Adaptive { most: 16, travel: 1e9, penetration: 1e-2 }));
+        let way = travel * R;
+        let wall = case.plate([8.0, 8.0, R], [0.0; 3], [X, Y, Z]);
+        let ball = case.sphere(R, [0.0, 0.0, 2.1 * R]);
+        if by_event {
+            case.event(0.5, Action::AddVelocity([0.0, 0.0, -way / 0.01]));
+        } else {
+            let heavy = case.sphere_of(10.0, R, [0.0, 0.0, 50.0 * way + 4.1 * R]);
+            case.launch(heavy, [0.0, 0.0, -way / 0.01], [0.0; 3]);
+        }
+        println!("{kind} {parameters:?} event: {by_event} travel {travel}");
+        let states = case.states(100, 1);
+        let apart = states.iter().map(|state| state.x(ball).z - state.x(wall).z).fold(f64::INFINITY, f64::min);
+        if apart < 1.8 * R {
+            faults.push(format!("{kind} {parameters:?} event: {by_event} travel {travel}: {apart} m"));
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// A torque drives two balls at walls, faster in every step.
+#[test]
+fn nothing_passes_that_a_torque_drives() {
+    let mut faults = Vec::new();
+    for ((kind, parameters, _), travel) in LAWS.into_iter().flat_map(|law| TRAVELS.map(|travel| (law, travel))) {
+        let mut case = Case::new();
+        case.law_of_all(kind, parameters);
+        case.options.dt = 0.01;
+        let walls =
+            [-1.0, 1.0].map(|side| case.plate([4096.0, R, 4096.0], [side * 3.0, side * 2.2 * R, 0.0], [X, Y, Z]));
+        let balls = [-1.0, 1.0].map(|side| case.sphere(R, [side * 3.0, 0.0, 0.0]));
+        // Angular acceleration T/J that moves each by a travel in the first step: 2 m (3 m)² and the balls' own.
+        let mass = 4.0 / 3.0 * std::f64::consts::PI * R.powi(3);
+        let inertia = 2.0 * mass * (9.0 + 0.4 * R * R);
+        case.event(0.0, Action::SetTorque([0.0, 0.0, inertia * travel * R / 3.0 / 1e-4]));
+        let states = case.states(4, 1);
+        for (k, side) in [-1.0, 1.0].into_iter().enumerate() {
+            let apart = |state: &Snapshot| side * (state.x(walls[k]).y - state.x(balls[k]).y);
+            let least = states.iter().map(apart).fold(f64::INFINITY, f64::min);
+            if least < 1.8 * R {
+                faults.push(format!("{kind} {parameters:?} travel {travel}: {least} m"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// A wall that moves into balls at rest that damping holds back.
+#[test]
+fn nothing_passes_a_wall_that_moves_into_what_damping_slows() {
+    let mut faults = Vec::new();
+    for ((kind, parameters, _), travel) in LAWS.into_iter().flat_map(|law| TRAVELS.map(|travel| (law, travel))) {
+        let mut case = Case::new();
+        case.law_of_all(kind, parameters);
+        case.options.dt = 0.01;
+        case.options.quench = 0.9;
+        let way = travel * R;
+        let wall = case.plate([8.0, 8.0, R], [0.0; 3], [X, Y, Z]);
+        case.drive_along(wall, 2, Evolution::constant(way / 0.01));
+        let ball = case.sphere(R, [0.0, 0.0, 2.0 * R + 0.1 * way]);
+        let states = case.states(10, 1);
+        let least = states.iter().map(|state| state.x(ball).z - state.x(wall).z).fold(f64::INFINITY, f64::min);
+        if least < 1.8 * R {
+            faults.push(format!("{kind} {parameters:?} travel {travel}: {least} m"));
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
