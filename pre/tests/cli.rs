@@ -277,7 +277,7 @@ fn a_refused_scene_leaves_nothing_behind() {
     assert_eq!(
         text(&output.stderr),
         format!(
-            "cd-pre: {}:13: grains 1, sizes: min 18.0 is larger than max 12.0; expected min <= max (m)\n",
+            "cd-pre: {}:13:33: grains 1, sizes, min: 18.0 is larger than max 12.0; expected min <= max (m)\n",
             scene.display()
         )
     );
