@@ -79,7 +79,7 @@ impl Drop for Part {
 /// Makes of a file that may not grow on (`ulimit -f`) one that cannot be written, as on a full disk: otherwise the system ends
 /// the program, and no part is removed. For the beginning of a program.
 pub fn outlive_size_limit() {
-    // What cannot be caught ends the program as it would without.
+    // A signal that cannot be caught ends the program as it would without.
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
 }

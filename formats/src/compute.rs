@@ -51,7 +51,7 @@ impl Event {
     }
 }
 
-/// What decimal numbers and their products may be off by, of an interval.
+/// Error of decimal numbers and their products, over an interval.
 const ROUNDING: f64 = 1e-9;
 
 /// Times are the same if they differ by no more than this part of them: what rounding makes of a sum and a product.
@@ -107,7 +107,7 @@ pub enum Action {
     SetCohesion(String, f64),
 }
 
-/// What acts on all free bodies from outside, besides uniform gravity.
+/// Field that acts on all free bodies from outside, besides uniform gravity.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Field {
@@ -120,7 +120,7 @@ pub enum Field {
 }
 
 impl Field {
-    /// What no run could use, if anything.
+    /// Fault of the values of a field, if there is one.
     fn fault(&self) -> Option<&'static str> {
         let finite = |vectors: &[&[f64; 3]]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
         let positive = |x: f64| x.is_finite() && x > 0.0;
@@ -238,7 +238,7 @@ macro_rules! options {
         impl Compute {
             /// The options with those flags put in their place.
             pub fn with(mut self, flags: &Flags) -> Self {
-                // Of the two ends the one of the command line holds.
+                // The end that the command line gives wins.
                 if flags.end_time.is_some() {
                     self.steps = None;
                 }
@@ -490,23 +490,23 @@ impl Compute {
                 Action::SetFriction(_, x) | Action::SetCohesion(_, x) | Action::Shake { speed: x, .. } => x >= 0.0,
                 _ => true,
             };
+            let (time, action) = (format!("events.{k}.time"), format!("events.{k}.action"));
+            expect(event.time.is_finite(), &time, as_written(&event.time), "a finite time (s)");
             expect(
-                event.time.is_finite() && values.iter().all(|v| v.is_finite()) && in_range,
-                &format!("events.{k}"),
-                as_written(event),
-                "a finite time and finite values, quench from 0 to 1, friction, cohesion and speed >= 0",
+                values.iter().all(|v| v.is_finite()) && in_range,
+                &action,
+                as_written(&event.action),
+                "finite values, quench from 0 to 1, friction, cohesion and speed >= 0",
             );
             if let Action::AddSpin(turn) | Action::SetTorque(turn) = &event.action {
-                expect(self.may_turn(turn), &format!("events.{k}"), as_written(event), ABOUT_A_PERIOD);
+                expect(self.may_turn(turn), &action, as_written(&event.action), ABOUT_A_PERIOD);
             }
-            let repeated = event.every.is_none_or(|every| every.is_finite() && every >= self.dt)
-                && event.until.is_none_or(|until| until.is_finite() && until >= event.time && event.every.is_some());
-            expect(
-                repeated,
-                &format!("events.{k}"),
-                as_written(event),
-                "a finite `every` of at least dt, `until` only with it and not before `time`",
-            );
+            let every = event.every.is_none_or(|every| every.is_finite() && every >= self.dt);
+            expect(every, &format!("events.{k}.every"), as_written(&event.every), "a finite time of at least dt");
+            let until =
+                event.until.is_none_or(|until| until.is_finite() && until >= event.time && event.every.is_some());
+            let expected = "a finite time not before `time`, and only with `every`";
+            expect(until, &format!("events.{k}.until"), as_written(&event.until), expected);
         }
     }
 
@@ -526,7 +526,7 @@ impl Compute {
     }
 }
 
-/// What a rotation must be where a scene repeats, as neighbours across its border would be torn apart.
+/// Requirement on a rotation where a scene repeats, as neighbours across its border would be torn apart.
 pub const ABOUT_A_PERIOD: &str =
     "a rotation about the only axis along which the scene repeats, or a scene that does not repeat";
 

@@ -168,7 +168,7 @@ impl DrvDof {
     fn text(&self, real: fn(f64) -> String) -> String {
         let mut out = String::new();
         for driven in self.0.chunk_by(|a, b| a.body == b.body) {
-            // Of the columns 7-15 that are read, up to 13 as pre does while that is enough.
+            // Columns 7-15 are read; up to 13 are written, as pre does, while that is enough.
             let number = driven[0].body + 1;
             let number = if number > 99_999 { integer(number, 9) } else { integer(number, 7) };
             let _ = write!(out, "$bdyty\n RBDY3{number}\n$nodty\n NO6xx      1\n{DOFTY}");

@@ -15,9 +15,9 @@ pub struct Fault {
     pub line: Option<usize>,
     /// 1-based; given by readers that know it.
     pub column: Option<usize>,
-    /// What the fault is in, e.g. `body 17, contactor POLYR 1`.
+    /// Object that has the fault, e.g. `body 17, contactor POLYR 1`.
     pub object: String,
-    /// What stands there.
+    /// Text or value that was found.
     pub found: String,
     /// Phrase about the expected value: `expected 1 to 8`, `did you mean number?`; empty where there is nothing to say.
     pub expected: String,
@@ -70,7 +70,7 @@ impl fmt::Display for Fault {
     }
 }
 
-/// What a file holds on one line, without control characters, and not longer than a reader cares for.
+/// Text of a file on one line, without control characters, and not longer than a reader cares for.
 fn readable(text: &str) -> String {
     const LONGEST: usize = 1000;
     let mut line = String::new();

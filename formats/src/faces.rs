@@ -69,7 +69,7 @@ impl Faces {
         Ok((attempt(FLATNESS_OF_FILES).or_else(finer)?, mass))
     }
 
-    /// Of a closed, outward triangulated surface about the body's centre of mass, m. Triangles whose vertices lie within
+    /// Faces of a closed, outward triangulated surface about the body's centre of mass, m. Triangles whose vertices lie within
     /// `flatness` times the size of a plane become one face, and vertices that are then no corners are left out.
     ///
     /// Errors: what makes it no convex polyhedron.
@@ -219,7 +219,7 @@ impl Regions {
                 for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
                     let Some(&next) = with_edge.get(&[b, a]) else { return Err("its triangles do not close".into()) };
                     let near = corners(next).iter().all(|v| normal.dot(&(v - base)).abs() <= tolerance);
-                    // Of a triangle as thin as that the direction says nothing.
+                    // The normal of a triangle as thin as that is rounding.
                     let longest = triangle_sides(&corners(next)).fold(0.0, f64::max);
                     let alike = normal.dot(&doubled[next]) > 0.0 || doubled[next].norm() <= tolerance * longest;
                     if of[next] == u32::MAX && near && alike {

@@ -1,4 +1,4 @@
-//! What stands in the files that link cd-pre, cd-solve and cd-post. No physics.
+//! Contents of the files that link cd-pre, cd-solve and cd-post. No physics.
 //!
 //! | module | file |
 //! |---|---|

@@ -52,14 +52,14 @@ impl Contactor {
     }
 }
 
-/// What a body is computed with.
+/// Mass properties of a body in a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inert {
     /// kg
     pub mass: f64,
     /// Principal moments, kg m^2.
     pub inertia: [f64; 3],
-    /// Of a lone sphere, else of the sphere of equal volume, m.
+    /// Radius of a lone sphere, else of the sphere of equal volume, m.
     pub radius: f64,
 }
 
@@ -192,7 +192,7 @@ impl Body {
 }
 
 impl MassProperties {
-    /// Of several parts as one body, by Huygens' theorem; what parts share counts twice.
+    /// Mass properties of several parts as one body, by Huygens' theorem; what parts share counts twice.
     pub fn together(parts: &[MassProperties]) -> MassProperties {
         let volume: f64 = parts.iter().map(|part| part.volume).sum();
         let centre = parts.iter().map(|part| Vector3::from(part.centre) * part.volume).sum::<Vector3<f64>>() / volume;

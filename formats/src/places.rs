@@ -12,13 +12,14 @@ use crate::ron_text;
 
 /// The values of a RON text by their paths: field names and 0-based places in lists and tuples, joined by points; the
 /// path of the whole is empty.
-pub struct Places(HashMap<String, Place>);
+pub struct Places<'a> {
+    text: &'a str,
+    places: HashMap<String, Place>,
+}
 
-/// Where a value stands.
+/// Position of a value.
 struct Place {
-    /// On which its name or, without one, the value begins, 1-based.
-    line: usize,
-    /// The byte at which they begin there.
+    /// Byte at which its name or, without one, the value begins.
     start: usize,
     /// Bytes of the value.
     span: Range<usize>,
@@ -26,20 +27,21 @@ struct Place {
     inside: Option<usize>,
 }
 
-impl Places {
-    pub fn of(text: &str) -> Self {
+impl<'a> Places<'a> {
+    pub fn of(text: &'a str) -> Self {
         let mut walk = Walk::of(text);
         walk.skip_extensions();
-        walk.value("", 1, 0);
-        Places(walk.places)
+        walk.value("", 0);
+        Places { text, places: walk.places }
     }
 
-    /// The line of the value at `path`, or of what holds it if it was left out.
-    pub fn line(&self, path: &str) -> Option<usize> {
+    /// Line and column of the value at `path`, or of the innermost value around it if it was left out, 1-based; none
+    /// where nothing of the path is in the text.
+    pub fn position(&self, path: &str) -> Option<(usize, usize)> {
         let mut path = path;
         loop {
-            match (self.0.get(path), path.rfind('.')) {
-                (Some(place), _) => return Some(place.line),
+            match (self.places.get(path), path.rfind('.')) {
+                (Some(place), _) => return Some(ron_text::position(self.text, place.span.start)),
                 (None, Some(end)) => path = &path[..end],
                 (None, None) => return None,
             }
@@ -49,7 +51,7 @@ impl Places {
     /// The path of the innermost value at a byte of the text, on its name too.
     fn at(&self, byte: usize) -> Option<&str> {
         let holds = |place: &Place| place.start <= byte && byte <= place.span.end;
-        let holders = self.0.iter().filter(|(_, place)| holds(place));
+        let holders = self.places.iter().filter(|(_, place)| holds(place));
         holders.max_by_key(|(path, place)| (place.start, path.len())).map(|(path, _)| path.as_str())
     }
 }
@@ -112,18 +114,18 @@ fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
         return Err((format!("value: {}", mistake.found), mistake.expected));
     }
     let mut walk = Walk::of(&value);
-    walk.value("", 1, 0);
+    walk.value("", 0);
     if walk.at < value.len() || walk.places[""].span.end < value.len() || value.is_empty() {
         return Err(refuse(&format!("'{value}'"), "one value in RON"));
     }
     let Some(keys) = keys(path) else {
         return Err(refuse("0", "places in lists counted from 1"));
     };
-    let places = Places::of(text).0;
+    let places = Places::of(text).places;
     if let Some(place) = places.get(&keys.join(".")) {
         return Ok(format!("{}{value}{}", &text[..place.span.start], &text[place.span.end..]));
     }
-    // What was left out goes behind the bracket of what would hold it.
+    // A field that was left out is inserted behind the bracket of its holder.
     let known = (0..keys.len()).rev().find(|&k| places.contains_key(&keys[..k].join("."))).unwrap_or(0);
     let new = &keys[known..];
     let named = |key: &String| key.starts_with(|c: char| c.is_alphabetic() || c == '_');
@@ -161,18 +163,17 @@ fn nearest_field<'a>(places: &'a HashMap<String, Place>, holder: &[String], name
 struct Walk<'a> {
     text: &'a [u8],
     at: usize,
-    line: usize,
     /// Brackets that are open.
     depth: usize,
     places: HashMap<String, Place>,
 }
 
-/// What is nested deeper RON refuses, and is not walked.
+/// Deepest nesting that is walked; RON refuses more.
 const DEEPEST: usize = 256;
 
 impl<'a> Walk<'a> {
     fn of(text: &'a str) -> Self {
-        Walk { text: text.as_bytes(), at: 0, line: 1, depth: 0, places: HashMap::new() }
+        Walk { text: text.as_bytes(), at: 0, depth: 0, places: HashMap::new() }
     }
 
     fn here(&self) -> u8 {
@@ -181,7 +182,6 @@ impl<'a> Walk<'a> {
 
     fn advance(&mut self, bytes: usize) {
         let end = (self.at + bytes).min(self.text.len());
-        self.line += self.text[self.at..end].iter().filter(|&&byte| byte == b'\n').count();
         self.at = end;
     }
 
@@ -234,21 +234,21 @@ impl<'a> Walk<'a> {
     fn field(&mut self) -> Option<String> {
         let length = self.text[self.at..].iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
         let name = String::from_utf8_lossy(&self.text[self.at..self.at + length]).into_owned();
-        let start = (self.at, self.line);
+        let start = self.at;
         self.advance(length);
         self.skip_blank();
         if length > 0 && self.here() == b':' {
             self.advance(1);
             return Some(name);
         }
-        (self.at, self.line) = start;
+        self.at = start;
         None
     }
 
-    /// Goes behind the value at `path`, which or whose name begins at a byte of a line.
-    fn value(&mut self, path: &str, line: usize, start: usize) {
+    /// Goes behind the value at `path`, which or whose name begins at a byte.
+    fn value(&mut self, path: &str, start: usize) {
         self.skip_blank();
-        let mut place = Place { line, start, span: self.at..self.at, inside: None };
+        let mut place = Place { start, span: self.at..self.at, inside: None };
         loop {
             self.skip_blank();
             match self.here() {
@@ -298,10 +298,10 @@ impl<'a> Walk<'a> {
             if self.at >= self.text.len() || matches!(self.here(), b')' | b']' | b'}') {
                 break;
             }
-            let (line, start) = (self.line, self.at);
+            let start = self.at;
             let key = self.field().unwrap_or_else(|| index.to_string());
             let path = if path.is_empty() { key } else { format!("{path}.{key}") };
-            self.value(&path, line, start);
+            self.value(&path, start);
             if self.here() == b',' {
                 self.advance(1);
             }
@@ -316,18 +316,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn finds_lines_behind_comments_strings_and_brackets() {
+    fn finds_values_behind_comments_strings_and_brackets() {
         let text = "Scene( // grains: [\n seed: 1, /* \n */\n name: \"a\\\")\",\n grains: [\n  (sizes: Uniform(\n   \
                     min: 1)),\n  (x: (1,\n 2)),\n ],\n)";
-        let lines = Places::of(text);
-        let line = |path| lines.line(path);
-        assert_eq!(line("seed"), Some(2));
-        assert_eq!(line("name"), Some(4));
-        assert_eq!(line("grains.0"), Some(6));
-        assert_eq!(line("grains.0.sizes.min"), Some(7));
-        assert_eq!(line("grains.0.sizes.max"), Some(6)); // left out: the line of what holds it
-        assert_eq!(line("grains.1.x.1"), Some(9));
-        assert_eq!(line("walls"), None);
+        let places = Places::of(text);
+        let at = |path| places.position(path);
+        assert_eq!(at("seed"), Some((2, 8)));
+        assert_eq!(at("name"), Some((4, 8)));
+        assert_eq!(at("grains.0"), Some((6, 3)));
+        assert_eq!(at("grains.0.sizes.min"), Some((7, 9)));
+        assert_eq!(at("grains.0.sizes.max"), Some((6, 11))); // left out: the value around it
+        assert_eq!(at("grains.1.x.1"), Some((9, 2)));
+        assert_eq!(at("walls"), None);
+        // Columns are characters.
+        assert_eq!(Places::of("(ä: \"é\", b: 1)").position("b"), Some((1, 13)));
     }
 
     #[test]
@@ -339,13 +341,14 @@ mod tests {
             ("(b: [r, ri], ", "a: 1) /* ( /* */ /*/ */ */"),
         ] {
             let text = format!("{before}{after}");
-            assert_eq!(Places::of(&text).line("a"), Some(before.lines().count()), "{text}");
+            let line = Places::of(&text).position("a").map(|(line, _)| line);
+            assert_eq!(line, Some(before.lines().count()), "{text}");
             assert_eq!(set_to(&text, "a=7"), Ok(text.replacen(after, &after.replacen("a: 1", "a: 7", 1), 1)));
             assert_eq!(set_to(&text, "new=7").map(|text| text.matches("(new: 7, ").count()), Ok(1), "{text}");
         }
         // What is nested so deeply that it ends the walk, as a setting too; RON refuses it.
         let deep = format!("(b: {}{}, a: 1)", "(".repeat(100_000), ")".repeat(100_000));
-        assert_eq!(Places::of(&deep).line("b"), Some(1));
+        assert_eq!(Places::of(&deep).position("b").map(|(line, _)| line), Some(1));
         assert!(set_to("(a: 1)", &format!("a={}", &deep[4..deep.len() - 7])).is_ok_and(|text| text.len() > 200_000));
         // What has no end, which RON refuses.
         for text in ["(a: 1, /* /* */", "(a: 1, r#\"\"", "#![enable("] {

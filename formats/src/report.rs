@@ -1,4 +1,4 @@
-//! Faults of a RON file with the line they stand on.
+//! Faults of a RON file with line and column of their values.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use crate::places::{self, Places};
 /// Faults of one file, each by the path of its value, e.g. `grains.0.sizes`.
 pub struct Report<'a> {
     file: &'a Path,
-    places: Places,
+    places: Places<'a>,
     settings: &'a [String],
     pub faults: Faults,
     /// Values that are allowed but probably a mistake.
@@ -16,12 +16,12 @@ pub struct Report<'a> {
 }
 
 impl<'a> Report<'a> {
-    pub fn new(file: &'a Path, text: &str) -> Self {
+    pub fn new(file: &'a Path, text: &'a str) -> Self {
         Report::with(file, text, &[])
     }
 
-    /// Of a text in which [`places::set`] has put other values: faults of these name the setting.
-    pub fn with(file: &'a Path, text: &str, settings: &'a [String]) -> Self {
+    /// Report on a text in which [`places::set`] has put other values: faults of these name the setting.
+    pub fn with(file: &'a Path, text: &'a str, settings: &'a [String]) -> Self {
         Report { file, places: Places::of(text), settings, faults: Faults::default(), warnings: Faults::default() }
     }
 
@@ -38,7 +38,10 @@ impl<'a> Report<'a> {
     fn at(&self, path: &str, found: String, expected: String) -> Fault {
         match places::setting(self.settings, path) {
             Some(setting) => places::fault(setting, found, expected),
-            None => Fault::new(self.file, self.places.line(path), object(path), found, expected),
+            None => {
+                let (line, column) = self.places.position(path).unzip();
+                Fault { column, ..Fault::new(self.file, line, object(path), found, expected) }
+            }
         }
     }
 
@@ -55,6 +58,10 @@ pub(crate) fn object(path: &str) -> String {
     let mut words: Vec<String> = Vec::new();
     for key in path.split('.') {
         match (key.parse::<usize>(), words.last_mut()) {
+            // Components of items, as `--set` has them.
+            (Ok(index), Some(item)) if item.ends_with(|last: char| last.is_ascii_digit()) => {
+                *item += &format!(".{}", index + 1);
+            }
             (Ok(index), Some(list)) => {
                 let one = match list.as_str() {
                     "grains" => "grains",
@@ -81,5 +88,6 @@ mod tests {
         assert_eq!(object("compute.dt"), "compute, dt");
         assert_eq!(object("bodies.1.spin"), "body 2, spin");
         assert_eq!(object("0.action"), "item 1, action");
+        assert_eq!(object("grains.0.place.positions.1.2"), "grains 1, place, position 2.3");
     }
 }

@@ -217,7 +217,7 @@ fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error:
         return of(bare, kind, format!("expected {fields}"));
     }
     let Some(node) = value else { return wrong("another value") };
-    // What the library expects there it says of an unknown name.
+    // The library lists the expected names only for an unknown name.
     match probed::<T>(text, node, UNKNOWN) {
         Some(Error::NoSuchEnumVariant { expected, .. }) if expected.contains(&"Constant") => {
             let found = text_of(node);

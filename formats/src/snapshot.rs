@@ -23,7 +23,7 @@ compile_error!("snapshots are written from memory as little-endian arrays");
 /// Version of the file's form; a reader refuses a later one.
 pub const FORMAT: u32 = 1;
 
-/// What [`BodyArrays::body_shape`] holds.
+/// Values of [`BodyArrays::body_shape`].
 pub const SHAPE_SPHERE: u8 = 0;
 pub const SHAPE_PLANE: u8 = 1;
 /// One or more polyhedra; BODIES.DAT has the vertices.
@@ -32,7 +32,7 @@ pub const SHAPE_PARTS: u8 = 2;
 /// [`BodyArrays::body_driven`] of a body with all six components of its velocity imposed: a wall.
 pub const DRIVEN_ALL: u8 = 0b11_1111;
 
-/// What [`ContactArrays::contact_status`] holds.
+/// Values of [`ContactArrays::contact_status`].
 pub const STATUS_NO_CONTACT: u8 = 0;
 pub const STATUS_STICK: u8 = 1;
 pub const STATUS_SLIDE: u8 = 2;
@@ -671,7 +671,7 @@ impl Snapshot {
     }
 }
 
-/// What is wrong with the JSON of `meta`.
+/// Fault of the JSON of `meta`.
 fn in_json(error: &serde_json::Error) -> String {
     let quoted = error.to_string().split('`').nth(1).map(str::to_string);
     match (error.classify(), quoted) {

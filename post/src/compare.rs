@@ -103,7 +103,7 @@ pub fn write(
     };
     let unasked = columns.is_empty();
     let columns = if unasked { &kind.drawn } else { columns };
-    // Of the plots what no run has, such as the bed of aggregates, is left out.
+    // Plots of columns that no run has, such as the bed of aggregates, are left out.
     let sparse = unasked && table == Path::new("series.csv");
     let against = against.unwrap_or(kind.column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
     let asked = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
@@ -115,7 +115,7 @@ pub fn write(
     let mut names = names_of(cases);
     names.iter_mut().zip(labels).for_each(|(name, label)| name.clone_from(label));
     faults.0.extend(alike(if labels.is_empty() { "runs" } else { "labels" }, &names, Some(against)));
-    // Of a state there may be nothing to tell, such as forces of grains that do not touch; a run has snapshots.
+    // A state may lack some tables, such as forces of grains that do not touch; a run has snapshots.
     let by_snapshot = kind.column("time").is_some();
     let measured = |case: &PathBuf| {
         let path = place(case, table);
@@ -161,7 +161,7 @@ fn place(case: &Path, table: &Path) -> PathBuf {
     states.filter(|(step, _)| of_this_run(step)).max().map_or(folder.join("state"), |(_, path)| path).join(rest)
 }
 
-/// What is expected of a case that has no such table: the command that writes it.
+/// Advice for a case that has no such table: the command that writes it.
 fn origin(case: &Path, table: &Path) -> String {
     let case = case.display();
     let command = match table.file_name().and_then(|name| name.to_str()) {
@@ -204,7 +204,7 @@ pub fn nearest(times: impl IntoIterator<Item = f64>, time: f64) -> Option<f64> {
     same.min_by(|a, b| (a - time).abs().total_cmp(&(b - time).abs()))
 }
 
-/// What is wrong with names that `option` gives: as fields of a table they are blank, that of the axis, or one stands there twice.
+/// Fault of names that `option` gives: as fields of a table they are blank, that of the axis, or one stands there twice.
 pub fn alike(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fault> {
     let names: Vec<String> = names.iter().map(|name| named(name)).collect();
     let fault = |(k, name): (usize, &String)| {
@@ -220,7 +220,7 @@ pub fn alike(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fault> {
     names.iter().enumerate().filter_map(fault).collect()
 }
 
-/// What is wrong with the names of groups: blank ones.
+/// Fault of the names of groups: blank ones.
 pub fn blank(groups: &[String]) -> Vec<Fault> {
     let blank = groups.iter().enumerate().filter(|(_, name)| name.trim().is_empty());
     let found = |k: usize| format!("'{}' stands there as number {}", named(&groups[k]), k + 1);
@@ -303,7 +303,7 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
             PLOTS.iter().any(|plot| plot.logarithmic && plot.curves.iter().any(|(curve, _)| *curve == name));
         Axis { quantity: name.into(), unit: unit.into(), logarithmic }
     };
-    // What a column is, in words where it has some, else by its name.
+    // Label of a column: its words where it has some, else its name.
     let words = |name: &str| {
         let help = kind.column(name).map_or("", |(_, _, help)| help);
         help.split(", ").next().filter(|short| !short.is_empty()).unwrap_or(name).to_string()

@@ -25,16 +25,16 @@ pub struct Frame {
     pub interval: Interval,
 }
 
-/// What contacts have done since the snapshot before.
+/// Sums of the contacts since the snapshot before.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Interval {
-    /// Since the snapshot before, s; NaN where the snapshot does not tell.
+    /// Since the snapshot before, s; NaN where the snapshot does not have it.
     pub length: f64,
     /// The pairs of which a contact has carried force in one of its steps, those of two walls left out.
     pub exchanges: Vec<Exchange>,
 }
 
-/// What the contacts of two bodies have exchanged.
+/// Sum over the contacts of two bodies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exchange {
     /// The candidate first.
@@ -85,7 +85,7 @@ impl Grain {
         Grain { x: self.x + shift, ..self.clone() }
     }
 
-    /// Of the ball about the centre of mass that holds the grain, m.
+    /// Radius of the ball about the centre of mass that holds the grain, m.
     pub fn reach(&self) -> f64 {
         self.solid.as_ref().map_or(self.radius, |solid| solid.reach())
     }
@@ -112,7 +112,7 @@ impl Grain {
 pub struct Wall {
     pub id: u64,
     pub x: Vec3,
-    /// Of a wall that is driven in part, m/s.
+    /// Velocity of a wall that is driven in part, m/s.
     pub v: Option<Vec3>,
     /// From the body's frame to the world's.
     pub rotation: UnitQuaternion<f64>,
@@ -151,7 +151,7 @@ pub struct Contact {
     pub antagonist: Side,
     /// At the candidate, m.
     pub point: Vec3,
-    /// What to add to the antagonist's position for the image that the candidate meets, m.
+    /// Vector from the antagonist's position to the image that the candidate meets, m.
     pub image: Vec3,
     /// Unit vector from the antagonist to the candidate.
     pub normal: Vec3,
@@ -171,7 +171,7 @@ pub struct Contact {
     pub active: bool,
     /// A bond or a liquid bridge holds at the end of the step.
     pub bonded: bool,
-    /// What a bond's stresses act on, m^2: the area that faces share, else pi R^2, 1/R = 1/R_a + 1/R_b.
+    /// Area on which a bond's stresses act, m^2: the area that faces share, else pi R^2, 1/R = 1/R_a + 1/R_b.
     pub area: f64,
 }
 
@@ -376,7 +376,7 @@ fn wall(bodies: &BodyArrays, row: usize, solid: Option<Arc<Solid>>) -> Wall {
     Wall { id: bodies.body_id[row], x: bodies.body_x[row].into(), v, rotation: rotation(bodies, row), shape }
 }
 
-/// What keeps a sound snapshot from being measured: object, found.
+/// Reason for which a sound snapshot cannot be measured: object, found.
 fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
     let mut faults = Vec::new();
     for row in 0..bodies.body_id.len() {

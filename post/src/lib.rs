@@ -71,9 +71,8 @@ enum Command {
         /// Layers of a bed are means over so many snapshots up to that one
         #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
         mean: u32,
-        /// Mean radii over which planes are fitted to a surface for its slope
-        #[arg(long, value_name = "RADII", default_value_t = REACH, value_parser = positive)]
-        slope_reach: f64,
+        #[command(flatten)]
+        slope: SlopeReach,
     },
     /// The same observable of several runs in one figure, and their values in one table.
     ///
@@ -167,6 +166,8 @@ enum Command {
         /// Take every Nth snapshot, counted from the first, and the last
         #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
         every: u32,
+        #[command(flatten)]
+        measures: Measures,
     },
 }
 
@@ -181,7 +182,7 @@ impl Arguments {
     }
 }
 
-/// What to say of a first argument that is neither a folder nor a command, but nearly one.
+/// Message about a first argument that is neither a folder nor a command, but nearly one.
 fn misspelt(args: &[OsString]) -> Option<String> {
     let first = args.get(1)?.to_str().filter(|first| !first.starts_with('-') && !Path::new(first).exists())?;
     let command = Arguments::command();
@@ -216,7 +217,33 @@ fn positive(text: &str) -> Result<f64, String> {
     finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| "expected a number > 0".to_string())
 }
 
-/// What is measured of a case, and what is written.
+/// Reach of the planes whose angle is the slope of a surface.
+#[derive(Debug, Clone, clap::Args)]
+pub struct SlopeReach {
+    /// Mean radii over which planes are fitted to a surface for its slope: fewer show more of its shape, and of its grains
+    #[arg(long, value_name = "RADII", default_value_t = REACH, value_parser = positive)]
+    pub slope_reach: f64,
+}
+
+/// Where the observables of a series are measured.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Measures {
+    /// Region of Z, nu, pressure and stress: ball:RADIUS, box:X,Y,Z, cylinder:RADIUS,LENGTH or
+    /// cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z with its centre at @X,Y,Z, @com or @largest, or layer:FROM,TO above the floor (m); without it the one that fits the scene
+    #[arg(long, value_name = "SHAPE")]
+    pub region: Option<Probe>,
+    #[command(flatten)]
+    pub slope: SlopeReach,
+}
+
+impl Default for Measures {
+    /// Those of a command line without flags.
+    fn default() -> Measures {
+        Measures { region: None, slope: SlopeReach { slope_reach: REACH } }
+    }
+}
+
+/// Options of the measurement of a case and of its files.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Options {
     /// The case directory
@@ -234,13 +261,8 @@ pub struct Options {
     /// Sum potential energies over every pair at any number of grains
     #[arg(long)]
     pub direct_gravity: bool,
-    /// Region of Z, nu, pressure and stress: ball:RADIUS, box:X,Y,Z, cylinder:RADIUS,LENGTH or
-    /// cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z with its centre at @X,Y,Z, @com or @largest, or layer:FROM,TO above the floor (m); without it the one that fits the scene
-    #[arg(long, value_name = "SHAPE")]
-    pub region: Option<Probe>,
-    /// Mean radii over which planes are fitted to a surface for its slope: fewer show more of its shape, and of its grains
-    #[arg(long, value_name = "RADII", default_value_t = REACH, value_parser = positive)]
-    pub slope_reach: f64,
+    #[command(flatten)]
+    pub measures: Measures,
     /// Threads; 0 takes all cores. Results do not depend on it
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
     pub threads: usize,
@@ -251,14 +273,15 @@ impl Default for Options {
     fn default() -> Options {
         let dir = PathBuf::new();
         let (every, no_plots, no_vtk, direct_gravity, threads) = (1, false, false, false, 0);
-        Options { dir, every, no_plots, no_vtk, direct_gravity, region: None, slope_reach: REACH, threads }
+        Options { dir, every, no_plots, no_vtk, direct_gravity, measures: Measures::default(), threads }
     }
 }
 
 impl Options {
     fn choices(&self) -> Choices {
         let summation = if self.direct_gravity { Summation::Direct } else { Summation::Fast };
-        Choices { summation, region: self.region.clone(), slope_reach: self.slope_reach }
+        let Measures { region, slope } = self.measures.clone();
+        Choices { summation, region, slope_reach: slope.slope_reach }
     }
 }
 
@@ -293,7 +316,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let _alone = arguments.case().and_then(take);
     let done = pool.install(|| match command {
         None => process(options),
-        Some(Command::State { dir, snapshot, mean, slope_reach }) => state::write(dir, *snapshot, *mean, *slope_reach)
+        Some(Command::State { dir, snapshot, mean, slope }) => state::write(dir, *snapshot, *mean, slope.slope_reach)
             .map(|(folder, notes)| {
                 tell(format_args!("cd-post: {}", folder.display()));
                 notes
@@ -321,9 +344,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             tell(format_args!("cd-post: {}", folder.display()));
             notes
         }),
-        Some(Command::Report { dir, every }) => report::write(dir, *every).map(|page| {
+        Some(Command::Report { dir, every, measures }) => report::write(dir, *every, measures).map(|(page, notes)| {
             tell(format_args!("cd-post: {}", page.display()));
-            Vec::new()
+            notes
         }),
     });
     match done {
@@ -365,15 +388,23 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
         tell(format_args!("  plots    {}", postpro.join("*.svg").display()));
     }
     let mut notes = notes(&rows);
-    let outside = rows.iter().filter(|row| row.n_grains > 0 && row.region == 0).count();
-    if outside > 0 {
-        notes.push(format!("--region: a layer, in {outside} of {} snapshots without walls or periods on all sides: Z, ν, pressure and stress are empty; expected ball, box or cylinder", rows.len()));
-    }
+    notes.extend(outside_of_layers(&rows));
     if !options.no_vtk {
         notes.extend(finish_display(&options.dir, &rows, last)?);
         tell(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
     }
     Ok(notes)
+}
+
+/// Note on snapshots in which the region that a user gives has no volume.
+fn outside_of_layers(rows: &[Row]) -> Option<String> {
+    let outside = rows.iter().filter(|row| row.n_grains > 0 && row.region == 0).count();
+    (outside > 0).then(|| {
+        format!(
+            "--region: a layer, in {outside} of {} snapshots without walls or periods on all sides: Z, ν, pressure and stress are empty; expected ball, box or cylinder",
+            rows.len()
+        )
+    })
 }
 
 /// A row for each snapshot that is taken, and what `keep` makes of the k-th of so many; writes the ParaView files by the way.
@@ -418,7 +449,7 @@ fn series<T: Send>(
                     rows.push(row);
                 }
                 Err(Faults(found)) => {
-                    // What is wrong with the one BODIES.DAT of several snapshots is told once.
+                    // A fault of the one BODIES.DAT of several snapshots is reported once.
                     let told: HashSet<PathBuf> = faults.0.iter().map(|fault| fault.file.clone()).collect();
                     faults.0.extend(found.into_iter().filter(|fault| !told.contains(&fault.file)));
                 }
@@ -519,7 +550,7 @@ fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<Strin
     }))
 }
 
-/// What a user should know though the work is done.
+/// Notes for the user about work that is done.
 fn notes(rows: &[Row]) -> Vec<String> {
     let empty = rows.iter().filter(|row| row.n_grains == 0).count();
     if empty == 0 {

@@ -27,7 +27,7 @@ use crate::write::map::{self, Sheet};
 use crate::write::series::{Column, counted, csv, table};
 
 /// Name and bytes of a file.
-type File = (&'static str, Vec<u8>);
+pub type File = (&'static str, Vec<u8>);
 
 /// Columns of profile.csv.
 pub const PROFILE: [Column; 8] = [
@@ -117,7 +117,7 @@ const NAMES: [&str; 22] = [
     "surface_slope.svg",
 ];
 
-/// Shares of the surface whose slopes are told: every twentieth.
+/// Shares of the surface whose slopes are listed: every twentieth.
 const SHARES: usize = 20;
 /// Shells of the radial profiles, layers of a bed.
 const SHELLS: usize = 20;
@@ -513,7 +513,7 @@ fn free_surface_files(surface: &FreeSurface) -> Vec<File> {
     files
 }
 
-/// What a title says of the noise of slopes, rad.
+/// Part of a title on the noise of slopes, rad.
 fn noise_of(noise: f64) -> String {
     if noise.is_finite() { format!("; standard error {:.2}°", noise.to_degrees()) } else { String::new() }
 }

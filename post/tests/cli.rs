@@ -12,6 +12,8 @@ use cd_formats::compute::Field;
 use cd_formats::snapshot;
 use nalgebra::Vector3;
 use samples::Scene;
+use vtkio::IOBuffer;
+use vtkio::model::{Attribute, DataSet, Piece, VertexNumbers};
 
 fn cd_post(args: &[&str], case: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_cd-post")).args(args).arg(case).output().unwrap()
@@ -56,6 +58,38 @@ fn column(table: &Path, name: &str) -> Vec<f64> {
     text.lines().skip(1).map(field).collect()
 }
 
+/// All numbers of a ParaView file: points, connectivity and arrays.
+fn vtp_numbers(path: &Path) -> Vec<f64> {
+    let vtk = vtkio::Vtk::import(path).unwrap();
+    let DataSet::PolyData { pieces, .. } = vtk.data else { panic!("{}: no polygonal data", path.display()) };
+    let [Piece::Inline(piece)] = &pieces[..] else { panic!("{}: expected one piece", path.display()) };
+    let of_buffer = |buffer: &IOBuffer| buffer.cast_into::<f64>().expect("numbers");
+    let mut numbers = of_buffer(&piece.points);
+    for cells in [&piece.verts, &piece.lines, &piece.polys].into_iter().flatten() {
+        let VertexNumbers::XML { connectivity, .. } = cells else { panic!("{}: expected XML", path.display()) };
+        numbers.extend(connectivity.iter().map(|k| *k as f64));
+    }
+    for attribute in piece.data.point.iter().chain(&piece.data.cell) {
+        let Attribute::DataArray(array) = attribute else { panic!("{}: expected arrays", path.display()) };
+        numbers.extend(of_buffer(&array.data));
+    }
+    numbers
+}
+
+/// Asserts that no file of a folder holds a number that is not finite: of binary arrays the values, of others the words.
+#[track_caller]
+fn all_finite(folder: &Path) {
+    for (name, bytes) in files(folder) {
+        if name.ends_with(".vtp") {
+            let numbers = vtp_numbers(&folder.join(&name));
+            assert!(!numbers.is_empty() && numbers.iter().all(|x| x.is_finite()), "{name}");
+        } else {
+            let text = String::from_utf8_lossy(&bytes).into_owned();
+            assert!(!text.contains("NaN") && !text.contains("inf,"), "{name}");
+        }
+    }
+}
+
 /// Every file below a folder with its bytes.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
@@ -95,6 +129,7 @@ fn writes_series_plots_picture_and_paraview_files() {
     expected.push("view.py".to_string());
     expected.sort();
     assert_eq!(names(&case.path().join("DISPLAY")), expected);
+    all_finite(&case.path().join("DISPLAY"));
     let series = fs::read_to_string(case.path().join("POSTPRO/series.csv")).unwrap();
     let lines: Vec<&str> = series.lines().collect();
     assert!(lines[0].starts_with("step,time,n_contacts,Z,"));
@@ -368,7 +403,7 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
     assert!(said.contains("a bed is in 2 of 3 snapshots: the mean layers are those of these"), "{said}");
     let layers = case.path().join("POSTPRO/state-000002/layers.csv");
     assert_eq!(column(&layers, "v_x")[0], 0.5);
-    // Of a state without a bed the layers of the mean before are taken away.
+    // A state without a bed removes the layers of the mean before.
     let output = cd_post(&["state"], case.path());
     assert_eq!((output.status.code(), layers.exists()), (Some(1), false));
     scene.snapshot.meta.step = 3;
@@ -404,11 +439,7 @@ fn a_state_in_depth_has_its_tables_and_figures() {
         "surface_slope.svg",
     ];
     assert_eq!(names(&folder), expected);
-    // The letters of binary data may spell anything.
-    for (name, bytes) in files(&folder).into_iter().filter(|(name, _)| !name.ends_with(".vtp")) {
-        let text = String::from_utf8_lossy(&bytes).into_owned();
-        assert!(!text.contains("NaN") && !text.contains("inf,"), "{name}");
-    }
+    all_finite(&folder);
     assert_eq!(cd_post(&["state", "--snapshot", "0"], case.path()).status.code(), Some(0));
     assert!(case.path().join("POSTPRO/state-000000/profile.csv").exists());
     let none = cd_post(&["state", "--snapshot", "7"], case.path());
@@ -448,7 +479,7 @@ fn turning_axes_hide_no_motion() {
     near(series("largest_spin"), rate);
     near(series("spin_z"), rate);
     near(series("L_z"), rate * mass * (0.5 * distance * distance + 2.0 * 0.4));
-    // What is balanced is what the axes show: with E_fields, the energy that stays is that of Jacobi.
+    // The axes show the quantity that is balanced: with E_fields, the energy that stays is that of Jacobi.
     for name in ["Ec_mean", "Ec_rigid_mean", "P_x", "P_y", "pressure_kinetic"] {
         assert_eq!(series(name), 0.0, "{name}");
     }
@@ -575,7 +606,7 @@ fn runs_are_compared_in_one_figure() {
         let text = fs::read_to_string(output.path().join(format!("{column}.csv"))).unwrap();
         assert!(text.starts_with(axis), "{text}");
     }
-    // What a longer run before has left is none of this one.
+    // Files that a longer run before has left are none of this one.
     let stale = one.path().join("POSTPRO/state-000030");
     fs::create_dir(&stale).unwrap();
     fs::write(stale.join("profile.csv"), "another run").unwrap();
@@ -857,6 +888,59 @@ fn a_report_is_one_page_that_needs_nothing_else() {
     );
     fs::write(case.path().join("OUTBOX/steps.csv"), "step\n4\n8\n10\n").unwrap();
     assert!(run().contains("<td>sweeps of the contact solver per step</td><td>2</td>"));
+}
+
+/// The options of the series and of a state, and what they give, are those of the page.
+#[test]
+fn a_report_has_the_figures_of_the_series_and_of_the_state() {
+    let case = tempfile::tempdir().unwrap();
+    let mut scene = Scene::default();
+    scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -9.81];
+    let floor = scene.plate([0.0, 0.0, -0.1], [30.0, 30.0, 0.1]);
+    // A cone of some hundred spheres on a floor.
+    for (layer, count) in [(0, 8), (1, 6), (2, 4), (3, 2)] {
+        for (i, k) in (0..count * count).map(|n| (n / count, n % count)) {
+            let place = |n: i32| 2.0 * (f64::from(n) - 0.5 * f64::from(count - 1));
+            let grain = scene.grain([place(i), place(k), 1.0 + 2.0 * f64::from(layer)], 1.0);
+            if layer == 0 {
+                scene.contact_at(grain, floor, [place(i), place(k), 0.0], Vector3::new(0.0, 0.0, 1.0));
+            }
+        }
+    }
+    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 0)).unwrap();
+    let page = |flags: &[&str]| {
+        let output = cd_post(&[&["report"], flags].concat(), case.path());
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+        fs::read_to_string(case.path().join("POSTPRO/report.html")).unwrap()
+    };
+    let value = |page: &str, name: &str| {
+        let cell = format!("<td>{name}</td><td class=\"number\">");
+        page[page.find(&cell).expect(name) + cell.len()..].split('<').next().unwrap().to_string()
+    };
+    let postpro = case.path().join("POSTPRO");
+    let mut pages = Vec::new();
+    for (region, reach) in [("ball:5@0,0,3", "3"), ("box:4,4,4@0,0,3", "8")] {
+        let flags = ["--region", region, "--slope-reach", reach];
+        let page = page(&flags);
+        assert_eq!(cd_post(&flags, case.path()).status.code(), Some(0));
+        for name in ["nu", "region_volume", "pressure", "surface_slope"] {
+            let expected = column(&postpro.join("series.csv"), name)[0];
+            let found: f64 = value(&page, name).parse().unwrap();
+            assert!((found - expected).abs() <= 5e-3 * expected.abs(), "{name}: {found}, {expected}");
+        }
+        assert_eq!(cd_post(&["state", "--slope-reach", reach], case.path()).status.code(), Some(0));
+        for figure in ["surface_height.svg", "surface_slope.svg", "slopes.svg"] {
+            let svg = fs::read_to_string(postpro.join("state-000000").join(figure)).unwrap();
+            assert!(page.contains(&svg), "{figure}");
+        }
+        assert!(page.contains(&format!("within {reach} mean radii")));
+        pages.push(page);
+    }
+    let slope = |page: &str| value(page, "surface_slope");
+    assert!(slope(&pages[0]) != slope(&pages[1]), "{}", slope(&pages[0]));
+    let layer = cd_post(&["report", "--region", "layer:0,2"], case.path());
+    assert_eq!(layer.status.code(), Some(1), "{layer:?}");
+    assert!(String::from_utf8_lossy(&layer.stderr).contains("--region: a layer, in 1 of 1 snapshots"), "{layer:?}");
 }
 
 #[test]

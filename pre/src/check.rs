@@ -1,4 +1,4 @@
-//! What no scene may ask for: all faults of the meaning at once, before anything is placed.
+//! Faults of the values of a scene, all at once, before anything is placed.
 
 use cd_formats::compute::{ABOUT_A_PERIOD, Action, Compute, ContactSolver, Event, Field};
 use cd_formats::report::Report;
@@ -25,7 +25,7 @@ pub(crate) fn positive(x: f64) -> bool {
 
 /// Takes every fault of `scene` into `report`.
 pub fn check(scene: &Scene, report: &mut Report) {
-    three(report, "gravity", "", &scene.gravity, "m/s^2");
+    three(report, "gravity", &scene.gravity, "m/s^2");
     names(report, "materials", scene.materials.iter().map(|material| &material.name));
     report.expect(!scene.materials.is_empty(), "materials", "an empty list", "at least one");
     for (k, material) in scene.materials.iter().enumerate() {
@@ -88,7 +88,7 @@ pub(crate) fn driven_in_part<'a>(grains: &'a [Grains], walls: &'a [Wall]) -> imp
     of_grains.map(|(k, _)| format!("grains.{k}.driven")).chain(of_walls.map(|(k, _)| format!("walls.{k}.force")))
 }
 
-/// What is driven in part, by its paths, in axes that turn.
+/// Refuses bodies driven in part, given by their paths, in axes that turn.
 pub(crate) fn check_turning(report: &mut Report, options: &Compute, paths: impl IntoIterator<Item = String>) {
     let turns = |field: &Field| matches!(field, Field::RotatingFrame { rate, .. } if *rate != [0.0; 3]);
     if options.fields.iter().any(turns) {
@@ -107,7 +107,7 @@ pub(crate) fn is_cohesive(kind: &str, parameters: &[f64]) -> bool {
 pub(crate) fn check_laws_of_events(report: &mut Report, events: &[Event], laws: &[(&str, bool)]) {
     for (k, event) in events.iter().enumerate() {
         let (Action::SetFriction(name, _) | Action::SetCohesion(name, _)) = &event.action else { continue };
-        let path = format!("compute.events.{k}");
+        let path = format!("compute.events.{k}.action.0");
         match laws.iter().find(|(known, _)| known == name) {
             None => {
                 let names: Vec<&str> = laws.iter().map(|(name, _)| *name).collect();
@@ -148,7 +148,7 @@ pub(crate) fn five_characters(report: &mut Report, path: &str, name: &str) {
     report.expect(fits, path, format!("'{name}'"), "1 to 5 printable ASCII characters without blanks");
 }
 
-/// What a name is expected to be: `one`, where there are none to choose from.
+/// Expected value of a name: `one`, where there are none to choose from.
 pub(crate) fn one_of(names: &[&str], one: &str) -> String {
     if names.is_empty() { format!("{one}: none is defined") } else { format!("one of {}", names.join(", ")) }
 }
@@ -163,15 +163,21 @@ fn worn(scene: &Scene, report: &mut Report, path: &str, material: &str, colour: 
     five_characters(report, &format!("{path}.colour"), colour);
 }
 
-/// The value of the field `name` of what stands at `path`.
+/// The value of the field `name` of the value at `path`.
 fn value(report: &mut Report, path: &str, name: &str, x: f64, holds: bool, expected: &str) {
-    report.expect(holds && finite(x), path, format!("{name} {x:?}"), expected);
+    report.expect(holds && finite(x), &format!("{path}.{name}"), format!("{x:?}"), expected);
 }
 
-/// Finite components; `name` as in [`value`], empty for the value itself.
-pub(crate) fn three(report: &mut Report, path: &str, name: &str, vector: &[f64; 3], unit: &str) {
-    let found = format!("{name} {vector:?}").trim_start().to_string();
-    report.expect(vector.iter().all(|x| finite(*x)), path, found, &format!("finite numbers ({unit})"));
+/// Numbers of a list or tuple at `path`, each of which must hold a condition.
+fn each(report: &mut Report, path: &str, numbers: &[f64], holds: impl Fn(f64) -> bool, expected: &str) {
+    for (k, x) in numbers.iter().enumerate() {
+        report.expect(holds(*x), &format!("{path}.{k}"), format!("{x:?}"), expected);
+    }
+}
+
+/// Finite components.
+pub(crate) fn three(report: &mut Report, path: &str, vector: &[f64; 3], unit: &str) {
+    each(report, path, vector, finite, &format!("a finite number ({unit})"));
 }
 
 pub(crate) fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
@@ -191,15 +197,16 @@ pub(crate) fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
         && dynamic > fixed
     {
         report.fault(
-            path,
-            format!("dynamic_friction {dynamic:?} is larger than static_friction {fixed:?}"),
+            &format!("{path}.dynamic_friction"),
+            format!("{dynamic:?} is larger than static_friction {fixed:?}"),
             "dynamic_friction <= static_friction",
         );
     }
     if let (Some(0.0), Some(shear)) = (of("normal_cohesion"), of("tangential_cohesion"))
         && shear > 0.0
     {
-        report.fault(path, format!("tangential_cohesion {shear:?} without normal_cohesion"), "both, or none");
+        let path = format!("{path}.tangential_cohesion");
+        report.fault(&path, format!("{shear:?} without normal_cohesion"), "both, or none");
     }
 }
 
@@ -219,7 +226,7 @@ pub(crate) fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
     for (name, vector, unit) in
         [("centre", &grains.centre, "m"), ("velocity", &grains.velocity, "m/s"), ("spin", &grains.spin, "rad/s")]
     {
-        three(report, &format!("{path}.{name}"), "", vector, unit);
+        three(report, &format!("{path}.{name}"), vector, unit);
     }
     check_rotation(report, &format!("{path}.orientation"), &grains.orientation);
     let thermal = grains.thermal_velocity;
@@ -252,24 +259,22 @@ fn check_shape(report: &mut Report, path: &str, grains: &Grains) {
         &Shape::Random { vertices: (fewest, most), ratios, angularity } => {
             let fits = 4 <= fewest && fewest <= most && most <= *CORNERS.end();
             let expected = format!("4 to {}, the fewest first", CORNERS.end());
-            report.expect(fits, &format!("{shape}.vertices"), format!("vertices {fewest} to {most}"), &expected);
-            let found = format!("ratios {ratios:?}");
-            report.expect(ratios.iter().all(|l| positive(*l)), &shape, found, "numbers > 0");
+            report.expect(fits, &format!("{shape}.vertices"), format!("{fewest} to {most}"), &expected);
+            each(report, &format!("{shape}.ratios"), &ratios, positive, "a number > 0");
             value(report, &shape, "angularity", angularity, (0.0..=1.0).contains(&angularity), "0 to 1");
         }
         Shape::Box { lengths } => {
-            let found = format!("lengths {lengths:?}");
-            report.expect(lengths.iter().all(|l| positive(*l)), &shape, found, "lengths > 0 m");
+            each(report, &format!("{shape}.lengths"), lengths, positive, "a length > 0 m");
         }
         &Shape::Prism { sides, slenderness } => {
             let expected = format!("{} to {}", CORNERS.start(), CORNERS.end() / 2);
             let fits = (*CORNERS.start()..=CORNERS.end() / 2).contains(&sides);
-            report.expect(fits, &shape, format!("sides {sides}"), &expected);
+            report.expect(fits, &format!("{shape}.sides"), format!("{sides}"), &expected);
             value(report, &shape, "slenderness", slenderness, positive(slenderness), "a number > 0");
         }
         Shape::Vertices(vertices) => {
             for (k, vertex) in vertices.iter().enumerate() {
-                three(report, &format!("{shape}.vertex.{k}"), "", vertex, "m");
+                three(report, &format!("{shape}.0.{k}"), vertex, "m");
             }
             let fits = (4..=*CORNERS.end()).contains(&vertices.len());
             let expected = format!("4 to {}", CORNERS.end());
@@ -278,15 +283,21 @@ fn check_shape(report: &mut Report, path: &str, grains: &Grains) {
         Shape::Model { file: _, scaled, contact } => {
             check_scaled(report, &shape, scaled);
             if let &ContactSurface::Pieces { most, concavity, vertices } = contact {
-                value(report, &shape, "concavity", concavity, (0.0..=1.0).contains(&concavity), "0 to 1");
+                let pieces = format!("{shape}.contact");
+                value(report, &pieces, "concavity", concavity, (0.0..=1.0).contains(&concavity), "0 to 1");
                 let expected = format!("1 to {MOST_PIECES}");
-                report.expect((1..=MOST_PIECES).contains(&most), &shape, format!("most {most}"), &expected);
+                report.expect(
+                    (1..=MOST_PIECES).contains(&most),
+                    &format!("{pieces}.most"),
+                    format!("{most}"),
+                    &expected,
+                );
                 let expected = format!("8 to {}", CORNERS.end());
                 let fits = (8..=*CORNERS.end()).contains(&vertices);
-                report.expect(fits, &shape, format!("vertices {vertices}"), &expected);
+                report.expect(fits, &format!("{pieces}.vertices"), format!("{vertices}"), &expected);
             }
             if let ContactSurface::Files(files) = contact {
-                report.expect(!files.is_empty(), &shape, "no files of pieces", "at least one");
+                report.expect(!files.is_empty(), &format!("{shape}.contact"), "no files of pieces", "at least one");
             }
         }
         Shape::Sphere if !matches!(grains.place, Place::Fragments { .. }) => {
@@ -331,7 +342,7 @@ fn check_scaled(report: &mut Report, path: &str, scaled: &Scaled) {
         Scaled::Radius(x) => ("Radius", x, "a radius > 0 m"),
         Scaled::Length(x) => ("Length", x, "a length > 0 m"),
     };
-    value(report, path, &format!("scaled {name}"), x, positive(x), expected);
+    report.expect(positive(x), &format!("{path}.scaled"), format!("{name} {x:?}"), expected);
 }
 
 fn check_sizes(report: &mut Report, path: &str, sizes: &Sizes) {
@@ -339,18 +350,20 @@ fn check_sizes(report: &mut Report, path: &str, sizes: &Sizes) {
         return report.fault(path, "an empty list", "at least one radius (m)");
     }
     let radii = match sizes {
-        Sizes::List(radii) => radii.iter().map(|&r| ("radius", r)).collect(),
-        Sizes::Single(radius) => vec![("radius", *radius)],
-        Sizes::Uniform { min, max } => vec![("min", *min), ("max", *max)],
-        Sizes::PowerLaw { min, max, .. } => vec![("min", *min), ("max", *max)],
-        Sizes::LogNormal { median, min, max, .. } => vec![("median", *median), ("min", *min), ("max", *max)],
+        Sizes::List(radii) => (0..).zip(radii).map(|(k, &radius): (usize, _)| (format!("0.{k}"), radius)).collect(),
+        Sizes::Single(radius) => vec![("0".into(), *radius)],
+        Sizes::Uniform { min, max } => vec![("min".into(), *min), ("max".into(), *max)],
+        Sizes::PowerLaw { min, max, .. } => vec![("min".into(), *min), ("max".into(), *max)],
+        Sizes::LogNormal { median, min, max, .. } => {
+            vec![("median".into(), *median), ("min".into(), *min), ("max".into(), *max)]
+        }
     };
-    for &(name, radius) in &radii {
-        value(report, path, name, radius, positive(radius), "a radius > 0 m");
+    for (name, radius) in &radii {
+        value(report, path, name, *radius, positive(*radius), "a radius > 0 m");
     }
     let (min, max) = sizes.range();
     if min > max {
-        return report.fault(path, format!("min {min:?} is larger than max {max:?}"), "min <= max (m)");
+        return report.fault(&format!("{path}.min"), format!("{min:?} is larger than max {max:?}"), "min <= max (m)");
     }
     match *sizes {
         Sizes::PowerLaw { exponent, .. } => {
@@ -377,46 +390,56 @@ fn check_place(report: &mut Report, path: &str, place: &Place) {
         Place::List { positions, .. } => {
             report.expect(!positions.is_empty(), path, "an empty list", "at least one position (m)");
             for (k, position) in positions.iter().enumerate() {
-                three(report, &format!("{path}.positions.{k}"), "", position, "m");
+                three(report, &format!("{path}.positions.{k}"), position, "m");
             }
             return;
         }
         Place::JitteredLattice { envelope, jitter } => (envelope, *jitter),
         Place::RandomSequential { envelope } => (envelope, 0.0),
         Place::Fragments { envelope, relaxation } => {
-            let found = format!("relaxation {relaxation}");
-            report.expect(*relaxation <= MOST_MOVES, path, found, &format!("0 to {MOST_MOVES}"));
+            let expected = format!("0 to {MOST_MOVES}");
+            let path = format!("{path}.relaxation");
+            report.expect(*relaxation <= MOST_MOVES, &path, format!("{relaxation}"), &expected);
             (envelope, 0.0)
         }
     };
     value(report, path, "jitter", jitter, (0.0..=1.0).contains(&jitter), "0 to 1");
-    let (lengths, name) = match *envelope {
-        Envelope::Ball { radius } => (radius.map(|radius| [radius; 3]), "radius"),
-        Envelope::Ellipsoid { semi_axes, ratios } => {
-            (semi_axes.or(ratios), if semi_axes.is_some() { "semi_axes" } else { "ratios" })
-        }
-        Envelope::Box { lengths, ratios } => (lengths.or(ratios), if lengths.is_some() { "lengths" } else { "ratios" }),
-        Envelope::Cylinder { half_height, radius } => (Some([radius, radius, half_height]), "radius and half_height"),
-        Envelope::Model { ref scaled, .. } => {
-            if let Some(scaled) = scaled {
-                check_scaled(report, &format!("{path}.envelope"), scaled);
-            }
-            (None, "scaled")
-        }
+    let path = format!("{path}.envelope");
+    let of_three = [
+        match *envelope {
+            Envelope::Ellipsoid { semi_axes, .. } => ("semi_axes", semi_axes),
+            Envelope::Box { lengths, .. } => ("lengths", lengths),
+            _ => ("", None),
+        },
+        match *envelope {
+            Envelope::Ellipsoid { ratios, .. } | Envelope::Box { ratios, .. } => ("ratios", ratios),
+            _ => ("", None),
+        },
+    ];
+    for (name, lengths) in of_three {
+        each(
+            report,
+            &format!("{path}.{name}"),
+            lengths.as_ref().map_or(&[], |three| &three[..]),
+            positive,
+            "a length > 0 m",
+        );
+    }
+    let of_one = match *envelope {
+        Envelope::Ball { radius } => [("radius", radius), ("", None)],
+        Envelope::Cylinder { half_height, radius } => [("radius", Some(radius)), ("half_height", Some(half_height))],
+        _ => [("", None); 2],
     };
-    if let Some(lengths) = lengths {
-        let found = match envelope {
-            Envelope::Ball { .. } => format!("{:?}", lengths[0]),
-            Envelope::Cylinder { .. } => format!("{:?}, {:?}", lengths[0], lengths[2]),
-            _ => format!("{lengths:?}"),
-        };
-        let path = format!("{path}.envelope");
-        report.expect(lengths.iter().all(|l| positive(*l)), &path, format!("{name} {found}"), "lengths > 0 m");
+    for (name, length) in of_one {
+        length.into_iter().for_each(|length| value(report, &path, name, length, positive(length), "a length > 0 m"));
+    }
+    if let Envelope::Model { scaled: Some(scaled), .. } = envelope {
+        check_scaled(report, &path, scaled);
     }
     if let Envelope::Ellipsoid { semi_axes: Some(_), ratios: Some(_) }
     | Envelope::Box { lengths: Some(_), ratios: Some(_) } = envelope
     {
-        report.fault(&format!("{path}.envelope"), "both its size and ratios", "one of them");
+        report.fault(&path, "both its size and ratios", "one of them");
     }
 }
 
@@ -494,13 +517,13 @@ pub(crate) fn check_rotation(report: &mut Report, path: &str, rotation: &Rotatio
 
 fn direction(report: &mut Report, path: &str, name: &str, vector: &[f64; 3]) {
     let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
-    report.expect(positive(length), path, format!("{name} {vector:?}"), "a finite vector that is not 0");
+    report.expect(positive(length), &format!("{path}.{name}"), format!("{vector:?}"), "a finite vector that is not 0");
 }
 
 pub(crate) fn check_wall(report: &mut Report, path: &str, wall: &Wall) {
     match wall {
         Wall::Cylinder { centre, axis, half_height, radius, velocity, force, rotation, .. } => {
-            three(report, &format!("{path}.centre"), "", centre, "m");
+            three(report, &format!("{path}.centre"), centre, "m");
             direction(report, path, "axis", axis);
             for (name, length) in [("half_height", half_height), ("radius", radius)] {
                 report.expect(positive(*length), &format!("{path}.{name}"), format!("{length:?}"), "a length > 0 m");
@@ -509,24 +532,23 @@ pub(crate) fn check_wall(report: &mut Report, path: &str, wall: &Wall) {
             check_evolutions(report, &format!("{path}.rotation"), [rotation], "rad/s");
         }
         Wall::Plate { centre, normal, first_axis, half_lengths, velocity, force, rotation, .. } => {
-            three(report, &format!("{path}.centre"), "", centre, "m");
+            three(report, &format!("{path}.centre"), centre, "m");
             direction(report, path, "normal", normal);
             if let Some(first) = first_axis {
                 direction(report, path, "first_axis", first);
                 let (first, normal) = (Vector3::from(*first), Vector3::from(*normal));
                 let parallel = first.cross(&normal).norm() <= 1e-6 * first.norm() * normal.norm();
                 // Nearer to parallel than that, round-off decides which way it points.
-                report.expect(!parallel, path, "first_axis is parallel to normal", "two different directions");
+                let path = format!("{path}.first_axis");
+                report.expect(!parallel, &path, "parallel to normal", "two different directions");
             }
-            let fits = half_lengths.iter().all(|length| positive(*length));
-            report.expect(fits, &format!("{path}.half_lengths"), format!("{half_lengths:?}"), "lengths > 0 m");
+            each(report, &format!("{path}.half_lengths"), half_lengths, positive, "a length > 0 m");
             check_pushed(report, path, velocity, force);
             check_evolutions(report, &format!("{path}.rotation"), rotation, "rad/s");
         }
         Wall::Box { centre, lengths, orientation, half_thickness, velocity, .. } => {
-            three(report, &format!("{path}.centre"), "", centre, "m");
-            let fits = lengths.iter().all(|length| positive(*length));
-            report.expect(fits, &format!("{path}.lengths"), format!("{lengths:?}"), "lengths > 0 m");
+            three(report, &format!("{path}.centre"), centre, "m");
+            each(report, &format!("{path}.lengths"), lengths, positive, "a length > 0 m");
             check_rotation(report, &format!("{path}.orientation"), orientation);
             let thickness = format!("{half_thickness:?}");
             report.expect(positive(*half_thickness), &format!("{path}.half_thickness"), thickness, "a length > 0 m");
@@ -587,7 +609,7 @@ fn colours(scene: &Scene) -> (Vec<&str>, Vec<&str>) {
     (spheres, plates)
 }
 
-/// What a law between walls is told.
+/// Expected value in place of a law between walls.
 pub(crate) const WALLS: &str = "no law: walls do not touch each other";
 
 fn check_contacts(scene: &Scene, report: &mut Report) {
@@ -601,14 +623,16 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
     for (k, contact) in scene.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
         let (a, b) = &contact.between;
-        for colour in [a].into_iter().chain((a != b).then_some(b)) {
+        for (side, colour) in [a].into_iter().chain((a != b).then_some(b)).enumerate() {
             if !all.contains(&colour.as_str()) {
                 let expected = one_of(&all, "a body of this colour");
+                let path = format!("{path}.between.{side}");
                 report.fault(&path, format!("no grains and no wall have the colour '{colour}'"), expected);
             }
         }
         let pair = sorted(a, b);
-        report.expect(!known.contains(&pair), &path, format!("'{a}' and '{b}' are there twice"), "each pair once");
+        let between = format!("{path}.between");
+        report.expect(!known.contains(&pair), &between, format!("'{a}' and '{b}' are there twice"), "each pair once");
         known.push(pair);
         let law = contact.law.as_ref().map(|name| (name, scene.laws.iter().find(|law| law.name == *name)));
         if let Some((name, None)) = law {

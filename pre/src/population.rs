@@ -24,7 +24,7 @@ use crate::{check, motion, sizes, write};
 /// the user has computed by hand.
 const TOUCHING: f64 = 1e-6;
 
-/// So many overlaps are told one by one.
+/// Overlaps that are reported one by one.
 const TOLD: usize = 5;
 
 /// Bodies in the order of their numbers: grains, then walls.
@@ -34,7 +34,7 @@ pub struct Population {
     pub walls: Vec<WallBody>,
     /// The envelope of each body of grains.
     pub rooms: Vec<Option<Room>>,
-    /// What is to be told of the file of each body of grains, empty without one.
+    /// Notes on the file of each body of grains, empty without one.
     pub told: Vec<String>,
 }
 
@@ -53,9 +53,9 @@ impl Population {
 pub struct Grain {
     /// Which body of grains it belongs to, 0-based.
     pub group: usize,
-    /// Of the sphere of equal volume, m.
+    /// Radius of the sphere of equal volume, m.
     pub radius: f64,
-    /// Of the ball about the centre of mass that holds the grain, m.
+    /// Radius of the ball about the centre of mass that holds the grain, m.
     pub reach: f64,
     /// None for a sphere.
     pub polyhedron: Option<Polyhedron>,
@@ -252,7 +252,7 @@ pub(crate) fn images(options: &Compute, way: &Vector3<f64>) -> Vec<Vector3<f64>>
     shifts
 }
 
-/// What numbers of a scene make together must fit the files, whose exponents have two digits.
+/// Refuses products of numbers of a scene that do not fit the files, whose exponents have two digits.
 fn check_numbers(scene: &Scene, population: &Population, report: &mut Report) {
     let grains = &population.grains;
     let mut told = Vec::new();

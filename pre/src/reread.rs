@@ -50,7 +50,7 @@ pub fn check<'a>(
         let fault = match body.checked(density) {
             Err(fault) => fault,
             Ok(checked) => {
-                // Of what is larger not only the nearest image would be met.
+                // A larger body would meet more than the nearest image.
                 let extent = 2.0 * checked.reach(body);
                 let short = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period);
                 let Some(period) = short else { continue };

@@ -1,4 +1,4 @@
-//! What stands in `scene.ron`: the types, each field with its unit. `docs/scene.md` tells the same to users.
+//! Contents of `scene.ron`: the types, each field with its unit. `docs/scene.md` describes them for users.
 //!
 //! SI units and radians throughout. No meaning is checked here but the shape of the text; see [`crate::check`].
 

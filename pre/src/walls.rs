@@ -34,7 +34,7 @@ impl WallBody {
         Contactor { colour: self.colour.clone(), shape: self.shape.clone(), local_frame: None }
     }
 
-    /// Of the density 1, about its own axes.
+    /// Mass properties for the density 1, about its own axes.
     pub fn mass_properties(&self) -> MassProperties {
         // Polyhedra alone can be without.
         self.contactor().mass_properties().unwrap_or_default()

@@ -1,38 +1,20 @@
 //! Messages of cd-pre as a user meets them: mistakes in the text of a scene with line and column, warnings, exit codes.
 
-use std::path::Path;
+mod good;
+
 use std::process::{Command, Output};
+use std::sync::LazyLock;
 
-const GOOD: &str = r#"(
-    gravity: (0.0, 0.0, -9.81),
-    materials: [(name: "ROCKx", density: 2700.0)],
-    laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
-    contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "WALLx"), law: "iqsc0")],
-    grains: [(
-        material: "ROCKx", colour: "BLUEx",
-        number: 20,
-        sizes: Uniform(min: 0.5, max: 1.0),
-        place: JitteredLattice(envelope: Ball(radius: 10.0)),
-        spin: (0.0, 0.0, 0.1),
-    )],
-    walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0.0, 0.0, -11.0), half_lengths: (9.0, 9.0, 0.5))],
-    compute: (dt: 1.0e-3, output_every: 10, self_gravity: true),
-)
-"#;
+use good::faults;
 
-/// The faults of a scene, a line each.
-fn faults(scene: &str) -> String {
-    match cd_pre::read(Path::new("scene.ron"), scene, &[]) {
-        Ok(_) => String::from("nothing"),
-        Err(faults) => faults.to_string(),
-    }
-}
+/// The good scene with more options.
+static GOOD: LazyLock<String> =
+    LazyLock::new(|| good::GOOD.replace("(dt: 1.0e-3)", "(dt: 1.0e-3, output_every: 10, self_gravity: true)"));
 
-/// What is said when `from` stands as `to` in the good scene.
+/// Faults of the good scene in which `from` is replaced by `to`.
 #[track_caller]
 fn said(from: &str, to: &str) -> String {
-    assert!(GOOD.contains(from), "{from}");
-    faults(&GOOD.replacen(from, to, 1))
+    good::said_of(&GOOD, from, to)
 }
 
 /// Runs the program.
@@ -194,13 +176,14 @@ fn no_text_of_the_library_reaches_the_user() {
 
 #[test]
 fn settings_are_refused_by_their_own_text() {
-    let said = |set: &str| made(GOOD, &["--set", set]);
+    let said = |set: &str| made(&GOOD, &["--set", set]);
     for (set, message) in [
         ("grains.1.number=5.5", "5.5; expected an integer"),
         ("grains.1.numbr=5", "unknown field 'numbr'; did you mean number?"),
         ("compute.output_evry=5", "unknown field 'output_evry'; did you mean output_every?"),
         ("grain.1.number=5", "no 'grain' in the file; did you mean grains?"),
         ("grains.1.material=\"ROCK", "value: no '\"' behind \"ROCK; expected '\"' at the end of the text"),
+        ("laws.1.kind.friction=-1", "-1.0; expected a finite number >= 0"),
         ("walls.1.velocity=(0, 0, 1)", "0; expected a function, one of Constant, Harmonic, Table, such as Constant(0)"),
     ] {
         assert_eq!(said(set), (2, format!("cd-pre: options: set {set}: {message}\n")));
@@ -210,35 +193,35 @@ fn settings_are_refused_by_their_own_text() {
 #[test]
 fn doubtful_values_are_asked_about_and_accepted() {
     for (from, to, warning) in [
-        ("2700.0", "2.7", "3: material 1, density: 2.7; did you mean kg/m^3? 2.7 g/cm^3 are 2700.0 kg/m^3"),
+        ("2700.0", "2.7", "3:42: material 1, density: 2.7; did you mean kg/m^3? 2.7 g/cm^3 are 2700.0 kg/m^3"),
         (
             "2700.0",
             "2700e3",
-            "3: material 1, density: 2700000.0; did you mean kg/m^3? water has 1000, rock 2500 to 3500",
+            "3:42: material 1, density: 2700000.0; did you mean kg/m^3? water has 1000, rock 2500 to 3500",
         ),
         (
             "friction: 0.4",
             "friction: 50",
-            "4: law 1, kind, friction: 50.0; did you mean an angle? 50.0 degrees are 1.192",
+            "4:52: law 1, kind, friction: 50.0; did you mean an angle? 50.0 degrees are 1.192",
         ),
         (
             "-11.0),",
             "-11.0), velocity: (Constant(0), Constant(0), Harmonic(amplitude: 1, omega: 3, ramp_start: 0)),",
-            "13: wall 1, velocity 3: ramp_start 0 without ramp_rate: the function is 0 at all times; \
+            "13:119: wall 1, velocity 3: ramp_start 0 without ramp_rate: the function is 0 at all times; \
              leave ramp_start out, or give a ramp_rate in 1/s",
         ),
         (
             "-11.0),",
             "-11.0), rotation: (Table([(0, 0), (1, 0)]), Constant(0), Constant(0)),",
-            "13: wall 1, rotation 1: the function is 0 at all times; give values, or Constant(0.0)",
+            "13:93: wall 1, rotation 1: the function is 0 at all times; give values, or Constant(0.0)",
         ),
     ] {
         let expected = format!("cd-pre: warning: scene.ron:{warning}\n");
         assert_eq!(made(&GOOD.replacen(from, to, 1), &[]), (0, expected), "{to}");
     }
-    assert_eq!(made(GOOD, &[]), (0, String::new()));
-    // What is set is named, not a line.
-    let (code, said) = made(GOOD, &["--set", "materials.1.density=3.1"]);
+    assert_eq!(made(&GOOD, &[]), (0, String::new()));
+    // A setting is named in place of a line.
+    let (code, said) = made(&GOOD, &["--set", "materials.1.density=3.1"]);
     assert!(
         code == 0 && said.starts_with("cd-pre: warning: options: set materials.1.density=3.1: 3.1; did you"),
         "{said}"
@@ -248,7 +231,7 @@ fn doubtful_values_are_asked_about_and_accepted() {
 #[test]
 fn events_before_the_start_are_refused() {
     let event = "events: [(time: 1, action: Bond),\n (time: -1, action: AddSpin((0, 0, 1)))]";
-    let message = "15: compute, event 2, time: -1.0 s is before the start of the run; expected at least 0.0 s";
+    let message = "15:9: compute, event 2, time: -1.0 s is before the start of the run; expected at least 0.0 s";
     assert_eq!(said("self_gravity: true", event), format!("scene.ron:{message}"));
 }
 
@@ -256,7 +239,7 @@ fn events_before_the_start_are_refused() {
 fn grains_larger_than_their_room_are_named() {
     let cm = "Uniform(min: 80.0, max: 120.0)";
     let said = said("Uniform(min: 0.5, max: 1.0)", cm);
-    assert!(said.starts_with("scene.ron:10: grains 1, place: the smallest grain, of radius 8"), "{said}");
+    assert!(said.starts_with("scene.ron:10:16: grains 1, place: the smallest grain, of radius 8"), "{said}");
     assert!(
         said.ends_with(
             " m, is larger than a ball of radius 10.00000 m; expected smaller grains or a larger envelope, lengths in m"
@@ -275,7 +258,7 @@ fn grains_larger_than_their_room_are_named() {
 #[test]
 fn a_missing_surface_is_a_fault_of_the_grains_that_name_it() {
     let (code, said) = made(&GOOD.replacen("number: 20,", "number: 20, shape: Model(file: \"rock.obj\"),", 1), &[]);
-    let expected = "cd-pre: scene.ron:8: grains 1, shape: rock.obj cannot be read: there is no such file; \
+    let expected = "cd-pre: scene.ron:8:28: grains 1, shape: rock.obj cannot be read: there is no such file; \
                     expected a file next to the scene, or an absolute path\n";
     assert_eq!((code, said.as_str()), (2, expected));
 }
@@ -302,7 +285,7 @@ fn commands_and_files_that_are_not_there() {
 fn datbox_names_the_scene_that_it_is_from() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ron");
-    std::fs::write(&path, GOOD).unwrap();
+    std::fs::write(&path, GOOD.as_str()).unwrap();
     let compute = |arguments: &[&str], case: &str| {
         let (code, said) = cd_pre(&[&[path.to_str().unwrap()], arguments].concat());
         assert_eq!((code, said), (0, String::new()));

@@ -10,7 +10,7 @@ use crate::integrate::{fastest_turn, shortest_orbit};
 use crate::math::Vec3;
 use crate::scene::{Body, Drive, Geometry, Part, Scene, Shape};
 use crate::solve::batches::Batch;
-use crate::state::{Contact, SolvedContact, State};
+use crate::state::{Contact, Exchange, SolvedContact, State};
 use crate::step::{Clock, StepReport, step};
 use crate::write;
 
@@ -174,6 +174,17 @@ pub fn not_needed(scene: &Scene) -> Vec<&'static str> {
     absent.into_iter().filter(|(absent, _)| *absent).map(|(_, what)| what).collect()
 }
 
+/// Moments at which a plan looks whether imposed motion changes.
+const MOMENTS: u32 = 1000;
+
+/// Share of the time from `start` (s) to the end of the run in which no imposed velocity or force changes, so that steps may be longer
+/// than dt, to a thousandth.
+fn share_of_constant_motion(scene: &Scene, start: f64) -> f64 {
+    let moment = |k: u32| start + (f64::from(k) + 0.5) / f64::from(MOMENTS) * (scene.end_time() - start);
+    let constant = (0..MOMENTS).map(moment).filter(|time| scene.constant_until(*time) > *time).count();
+    constant as f64 / f64::from(MOMENTS)
+}
+
 /// Most bytes of memory that this program has held so far; known on Linux.
 fn held() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
@@ -202,7 +213,11 @@ pub fn text(scene: &Scene, state: &State) -> String {
     let until_now = held().map_or(String::new(), |held| format!("{:.1} MB at most until now; ", held as f64 / 1e6));
     lines.push((
         "memory",
-        format!("{until_now}{:.1} kB more for each further contact, about", contact_size() as f64 / 1e3),
+        format!(
+            "{until_now}{:.1} kB more for each further contact, about, and {} bytes for each pair that touches between two snapshots",
+            contact_size() as f64 / 1e3,
+            size_of::<Exchange>()
+        ),
     ));
     lines.push(("time", tried.as_ref().map_or("no step tried, h is far too long".into(), Trial::times)));
     let knob = |(name, value, alone): (&str, String, bool)| {
@@ -214,10 +229,19 @@ pub fn text(scene: &Scene, state: &State) -> String {
     lines.push(("accuracy", format!("{preset}: {}", knobs.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);
     let at_once = |Trial { steps, units, .. }: &Trial| (*units).max(1) as f64 / (*steps).max(1) as f64;
-    let most = if scene.changes_in_time() { 1 } else { scene.options.adaptive().most };
+    let constant = share_of_constant_motion(scene, state.time);
+    let most = if constant > 0.0 { scene.options.adaptive().most } else { 1 };
     let longer = match (most, &tried) {
+        (1, _) if scene.options.adaptive().is_on() => ", each dt, as imposed motion changes all the time".into(),
         (1, _) | (_, None) => String::new(),
-        (most, Some(tried)) => format!(" of dt, up to {most} of them at once, now {:.1}", at_once(tried)),
+        (most, Some(tried)) => {
+            let when = if constant < 1.0 {
+                format!(" in the {:.3} % of the time in which imposed motion is constant", 100.0 * constant)
+            } else {
+                String::new()
+            };
+            format!(" of dt, up to {most} of them at once{when}, now {:.1}", at_once(tried))
+        }
     };
     let seconds = |tried: &Trial| format!(" {:.3e} s as now;", left as f64 * tried.each() / at_once(tried));
     let seconds = tried.as_ref().map_or(String::new(), seconds);

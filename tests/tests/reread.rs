@@ -172,7 +172,9 @@ fn a_missing_model_is_named_with_its_place_in_the_scene() {
     fs::write(&file, scene("Model(file: \"rock.obj\")", ALONE)).unwrap();
     let faults = cd_pre::write_datbox(&file, &[], Path::new("none")).unwrap_err().to_string();
     assert!(
-        faults.contains("scene.ron:5: grains 1, shape: ") && faults.contains("rock.obj cannot be read"),
+        faults.contains("scene.ron:5:")
+            && faults.contains(": grains 1, shape: ")
+            && faults.contains("rock.obj cannot be read"),
         "{faults}"
     );
 }

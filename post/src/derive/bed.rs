@@ -15,7 +15,7 @@ pub struct Bed {
     pub up: Vec3,
     /// Where the floor is along it, m.
     pub floor: f64,
-    /// Of the section of the room, m^2.
+    /// Area of the section of the room, m^2.
     pub area: f64,
     /// Thickness of the uniform bed of the same centre of mass, m: twice the height of that above the floor.
     pub height: f64,
@@ -242,7 +242,7 @@ pub struct Across {
     pub vertical: f64,
     /// The mean of the two components across.
     pub horizontal: f64,
-    /// What acts across a plane of the layer along it: on the grains below by those above.
+    /// Stress across a plane of the layer along it: on the grains below by those above.
     pub shear: Vec3,
 }
 

@@ -224,7 +224,7 @@ mod tests {
     use crate::frame::Vec3;
     use crate::samples::Scene;
 
-    /// Of all grains.
+    /// Mean over all grains.
     fn coordination(frame: &Frame) -> Coordination {
         super::coordination(frame, &(0..frame.grains.len()).collect::<Vec<_>>())
     }

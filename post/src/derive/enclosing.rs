@@ -32,7 +32,7 @@ pub fn enclosing_ball(grains: &[Grain]) -> Ball {
     smallest_enclosing(&spheres.chain(vertices).collect::<Vec<Ball>>())
 }
 
-/// What sticks out less than this share of the radius is inside: some hundred roundings.
+/// Share of the radius by which a point may stick out and count as inside: some hundred roundings.
 const ROUNDING: f64 = 1e-13;
 
 /// The smallest ball that contains `balls`, to round-off, wherever they are.

@@ -120,7 +120,7 @@ impl FreeSurface {
         Some(surface)
     }
 
-    /// What the axes are called.
+    /// Names of the axes.
     pub fn names(&self) -> [String; 2] {
         let name = |axis: &Vec3| {
             let along = ["x", "y", "z"].into_iter().zip(axis.iter()).find(|(_, part)| **part == 1.0);
@@ -245,7 +245,7 @@ impl Grid {
         with_ways.filter(move |(_, [x, y])| x * x + y * y < reach * reach)
     }
 
-    /// Of each column the height of the highest sphere on its vertical, m; NaN without.
+    /// Height, by column, of the highest sphere on its vertical, m; NaN without.
     fn heights(&self, grains: &[&Grain]) -> Vec<f64> {
         let mut heights = vec![f64::NAN; self.counts[0] * self.counts[1]];
         for grain in grains {

@@ -1,4 +1,4 @@
-//! What is measured on a frame, one idea a file, and the row of `series.csv` they make together.
+//! Observables of a frame, one idea a file, and the row of `series.csv` they make together.
 //!
 //! | module | observables |
 //! |---|---|
@@ -187,7 +187,7 @@ columns! {
     n_pulling: u64, "1", "pairs of bodies that only pull at a distance";
 }
 
-/// What a user may choose of the observables.
+/// Choices of a user about the observables.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choices {
     pub summation: Summation,

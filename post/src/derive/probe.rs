@@ -38,7 +38,7 @@ pub enum Shape {
     Layer { up: Vec3, from: f64, to: f64 },
 }
 
-/// What a probe is expected to be.
+/// Forms of a probe, as messages list them.
 const EXPECTED: &str = "expected ball:RADIUS, box:X,Y,Z, cylinder:RADIUS,LENGTH or cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z, \
                         each with @X,Y,Z, @com or @largest for its centre, or layer:FROM,TO above the floor; lengths in m, > 0";
 

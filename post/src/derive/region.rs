@@ -19,7 +19,7 @@ use crate::derive::motion::Axes;
 use crate::derive::probe::{Probe, Shape};
 use crate::frame::{Exchange, Frame, Grain, Interval, Mat3, Side, Vec3};
 
-/// What a region is; the number is that of the column `region`.
+/// Kind of a region; the number is that of the column `region`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Kind {
@@ -82,7 +82,7 @@ pub struct Region {
     pub volume: f64,
     /// Indices of the grains with their centre inside, rising.
     pub members: Vec<usize>,
-    /// What a user gives instead, with its centre where it is in this frame.
+    /// Probe of a user in its place, with its centre where it is in this frame.
     probe: Option<Shape>,
 }
 

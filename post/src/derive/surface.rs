@@ -79,7 +79,7 @@ pub struct Facet {
     pub height: f64,
     /// Gravity and centrifugal acceleration in the frame that moves and turns with the aggregate, m/s^2.
     pub gravity: Vec3,
-    /// Of the surface in the cell, m^2.
+    /// Area of the surface in the cell, m^2.
     pub area: f64,
     /// Angle between the outward normal and the direction against gravity less what noise makes of it, rad: 0 level, above
     /// pi/2 where loose material is shed. NaN without gravity and spin, where nothing is level.
@@ -124,7 +124,7 @@ pub fn noise(facets: &[Facet]) -> f64 {
     (sum / known().map(|facet| facet.area).sum::<f64>()).sqrt().atan()
 }
 
-/// What is felt everywhere in axes that move with the centre of mass of the grains `members`, m/s^2.
+/// Acceleration everywhere in axes that move with the centre of mass of the grains `members`, m/s^2.
 ///
 /// Where a wall touches one of them with force they rest in the axes of the scene: uniform gravity, and of axes that turn
 /// the centrifugal acceleration of their centre of mass. Else they fall freely: against the mean pull of primaries and other

@@ -2,7 +2,7 @@
 
 mod grains;
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -15,10 +15,10 @@ use crate::frame::Frame;
 use crate::study::TIMED;
 use crate::write::plots::PLOTS;
 use crate::write::scale::significant;
-use crate::{Options, compare, series, state, write};
+use crate::{Measures, Options, compare, outside_of_layers, series, state, write};
 
-/// Figures of the last state, with their captions.
-const STATE_FIGURES: [(&str, &str); 11] = [
+/// Figures of the last state, with their captions, in which REACH is that of slopes.
+const STATE_FIGURES: [(&str, &str); 12] = [
     ("layers_nu.svg", "Share of layers parallel to the floor that the grains of the bed fill."),
     ("layers_Z.svg", "Neighbours that a grain touches with force, by the layer of the grain's centre."),
     (
@@ -38,12 +38,13 @@ const STATE_FIGURES: [(&str, &str); 11] = [
     ("mobilisation.svg", "Tangential force of a contact over the largest that friction allows; 1 is sliding."),
     (
         "surface_height.svg",
-        "Surface of the largest remnant, polyhedra as spheres of equal volume, by planes through the heights within ten grain radii.",
+        "Surface of the largest remnant, polyhedra as spheres of equal volume, by planes through the heights within REACH mean radii.",
     ),
     (
         "surface_slope.svg",
-        "Angle between the surface and the level of gravity and rotation, by planes through the heights within ten grain radii; the title has the standard error that single grains leave, whose share in the square is taken away.",
+        "Angle between the surface and the level of gravity and rotation, by planes through the heights within REACH mean radii; the title has the standard error that single grains leave, whose share in the square is taken away.",
     ),
+    ("slopes.svg", "Share of that surface whose slope is below an angle."),
     ("ejecta.svg", "Speed of the grains that are not part of the largest remnant."),
 ];
 
@@ -69,32 +70,41 @@ const CAPTIONS: [(&str, &str); 6] = [
     ("dissipation.svg", "Work of the contacts since the start, by friction and by shocks; negative is dissipated."),
 ];
 
-/// Measures the case as cd-post does without ParaView files, and writes `POSTPRO/report.html`.
-pub fn write(dir: &Path, every: u32) -> Result<PathBuf, Faults> {
-    let options = Options { dir: dir.to_path_buf(), every, no_plots: true, no_vtk: true, ..Options::default() };
+/// Measures the case as cd-post does without ParaView files, and writes `POSTPRO/report.html`; returns its path and notes for
+/// the user.
+pub fn write(dir: &Path, every: u32, measures: &Measures) -> Result<(PathBuf, Vec<String>), Faults> {
+    let measures = measures.clone();
+    let options =
+        Options { dir: dir.to_path_buf(), every, no_plots: true, no_vtk: true, measures, ..Options::default() };
     let (rows, kept) = series(&options, |k, count, frame| {
         grains::State::of(k, count, &frame).map(|state| (state, (k + 1 == count).then_some(frame)))
     })?;
     let (states, mut frames): (Vec<_>, Vec<_>) = kept.into_iter().unzip();
     let last = frames.pop().flatten().expect("the last snapshot is taken");
     let seconds = seconds(&dir.join("TIMER.csv"))?;
-    let newcomers = state::newcomers(dir)?;
+    let reach = options.measures.slope.slope_reach;
+    let depth = match last.grains.is_empty() {
+        true => Vec::new(),
+        false => state::files(&last, &state::newcomers(dir)?, reach),
+    };
     let path = dir.join("POSTPRO/report.html");
-    atomic::write(&path, page(dir, &rows, &states, &last, &newcomers, &seconds).as_bytes())?;
-    Ok(path)
+    atomic::write(&path, page(dir, &rows, &states, &last, depth, reach, &seconds).as_bytes())?;
+    Ok((path, outside_of_layers(&rows).into_iter().collect()))
 }
 
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
-/// The text of the page; `rows` and `states` hold at least that of `last`, of which some bodies are `newcomers`.
+/// The text of the page; `rows` and `states` hold at least that of `last`, whose tables and figures, with
+/// slopes over `reach` mean radii, are `depth`.
 fn page(
     dir: &Path,
     rows: &[Row],
     states: &[grains::State],
     last: &Frame,
-    newcomers: &HashSet<u64>,
+    depth: Vec<state::File>,
+    reach: f64,
     seconds: &[(&str, f64)],
 ) -> String {
     let whole = std::fs::canonicalize(dir).unwrap_or(dir.to_path_buf());
@@ -136,14 +146,13 @@ fn page(
     put("</div>\n");
     if !last.grains.is_empty() {
         put("<h2>In depth, at the end</h2>\n<div class=\"figures\">\n");
-        let files: BTreeMap<&str, Vec<u8>> =
-            state::files(last, newcomers, crate::derive::plane_fit::REACH).into_iter().collect();
+        let files: BTreeMap<&str, Vec<u8>> = depth.into_iter().collect();
         for (file, caption) in STATE_FIGURES {
             // Where nothing has left, there is nothing to draw.
             let table = files.get(file.replace(".svg", ".csv").as_str());
             let empty = table.is_some_and(|csv| csv.iter().filter(|byte| **byte == b'\n').count() < 2);
             if let Some(svg) = files.get(file).filter(|_| !empty) {
-                put(&figure(&String::from_utf8_lossy(svg), caption));
+                put(&figure(&String::from_utf8_lossy(svg), &caption.replace("REACH", &significant(reach))));
             }
         }
         // Its gradients have names that only one picture of a page may use.
@@ -167,7 +176,7 @@ fn figure(svg: &str, caption: &str) -> String {
 fn numbers(row: &Row) -> String {
     let mut text = String::from("<table><tr><th>quantity</th><th>value</th><th>unit</th><th></th></tr>\n");
     for ((name, unit, help), (value, exact)) in Row::COLUMNS.iter().zip(row.numbers().into_iter().zip(row.texts())) {
-        // Counts are told to the last digit.
+        // Counts have all their digits.
         let value = match value.is_finite() {
             true if *name == "region" => format!("{exact}: {}", Kind::ALL[row.region as usize].name()),
             true if exact.parse::<u64>().is_ok() => exact,

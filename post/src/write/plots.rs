@@ -9,7 +9,7 @@ pub struct Plot {
     /// Name of the file in `POSTPRO/`.
     pub file: &'static str,
     pub title: &'static str,
-    /// What the vertical axis shows.
+    /// Quantity of the vertical axis.
     pub quantity: &'static str,
     /// Whether the first curve is of the region of means, which the title then names.
     pub of_region: bool,

@@ -8,7 +8,7 @@
 //! | [`source`] | a case with one of its snapshots; the bodies that are kept, moved |
 //! | [`tables`] | materials, laws and visibility of several cases in one |
 //!
-//! `docs/from-outbox.md` tells users what [`Changes`] can ask for.
+//! `docs/from-outbox.md` describes [`Changes`] for users.
 
 pub mod digits;
 pub mod options;
@@ -42,11 +42,11 @@ use tables::Tables;
 /// Where each body comes from, beside the files of DATBOX.
 pub const ORIGIN: &str = "ORIGIN.csv";
 
-/// What is to be another than in the run that is gone on from; by default nothing.
+/// Changes against the run that is continued; by default none.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Changes {
-    /// What is taken from which run; left out, all of the case.
+    /// Parts taken from each run; left out, all of the case.
     pub bodies: Vec<Taken>,
     /// Further bodies, as in a scene.
     pub grains: Vec<Grains>,
@@ -66,7 +66,7 @@ pub struct Changes {
     pub compute: Option<Compute>,
 }
 
-/// What is taken from one run, and how it is moved.
+/// Part taken from one run, and how it is moved.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Taken {
@@ -81,7 +81,7 @@ pub struct Taken {
     pub walls_except: Vec<Which>,
     /// New colour of the free bodies.
     pub colour: Option<String>,
-    /// What of the motion is taken away first.
+    /// Motion that is taken away first.
     pub stop: Stop,
     /// Turns the free bodies and their motion about their centre of mass.
     pub turn: Rotation,
@@ -132,7 +132,7 @@ pub enum Keep {
     Largest,
 }
 
-/// What of the motion of the free bodies is taken away.
+/// Motion of the free bodies that is taken away.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 pub enum Stop {
     Nothing,
@@ -292,9 +292,9 @@ pub fn clear(datbox: &Path) -> Result<(), Faults> {
 fn check(changes: &Changes, report: &mut Report) {
     for (k, taken) in changes.bodies.iter().enumerate() {
         let path = format!("bodies.{k}");
-        three(report, &format!("{path}.velocity"), "", &taken.velocity, "m/s");
-        three(report, &format!("{path}.spin"), "", &taken.spin, "rad/s");
-        three(report, &format!("{path}.centre"), "", &taken.centre.unwrap_or_default(), "m");
+        three(report, &format!("{path}.velocity"), &taken.velocity, "m/s");
+        three(report, &format!("{path}.spin"), &taken.spin, "rad/s");
+        three(report, &format!("{path}.centre"), &taken.centre.unwrap_or_default(), "m");
         crate::check::check_rotation(report, &format!("{path}.turn"), &taken.turn);
         if let Some(colour) = &taken.colour {
             crate::check::five_characters(report, &format!("{path}.colour"), colour);
@@ -332,7 +332,7 @@ struct New {
 }
 
 impl New {
-    /// What cannot be placed goes into the report.
+    /// Reports bodies that cannot be placed.
     fn of(changes: &Changes, parts: &[Part], options: &Compute, folder: &Path, report: &mut Report) -> New {
         let known = parts.iter().flat_map(|part| &part.source.bulk.materials);
         let known = known.map(|known| Material { name: known.name.clone(), density: known.density });
@@ -426,7 +426,7 @@ fn quoted(path: &Path) -> String {
     if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
 }
 
-/// What drives the bodies, under their new numbers; equal tables share a file.
+/// Imposed motion of the bodies, under their new numbers; equal tables share a file.
 fn driven(parts: &[Part], new: &New) -> DrvDof {
     let (mut all, mut first) = (Vec::new(), 0);
     for part in parts {

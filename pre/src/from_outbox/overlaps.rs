@@ -37,7 +37,7 @@ struct Solid {
 }
 
 impl Solid {
-    /// Of a body of BODIES.DAT with its centre of mass at `x`, `shift` from its position in the file, turned by `q`.
+    /// Shape of a body of BODIES.DAT with its centre of mass at `x`, `shift` from its position in the file, turned by `q`.
     fn of(body: &Body, shift: &Vec3, x: &Vec3, q: &UnitQuaternion<f64>) -> Solid {
         let mut solid = Solid::default();
         let lone = body.contactors.len() == 1;

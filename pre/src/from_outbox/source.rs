@@ -31,7 +31,7 @@ const TOUCHING_GAP: f64 = 1e-3;
 pub struct Source {
     pub case: PathBuf,
     pub bodies: Bodies,
-    /// Of each body, from its position in BODIES.DAT to its centre of mass, m.
+    /// Vector, by body, from its position in BODIES.DAT to its centre of mass, m.
     pub shifts: Vec<Vec3>,
     pub bulk: BulkBehav,
     pub tact: TactBehav,
@@ -39,11 +39,11 @@ pub struct Source {
     /// Those of the run, see [`of_run`].
     pub options: Compute,
     pub snapshot: Snapshot,
-    /// What of the run the files do not say: name, and in words.
+    /// Facts of the run that are not in the files: name, and in words.
     notes: Vec<(&'static str, String)>,
 }
 
-/// What is taken of a source, where it is to be; row k is body `rows[k]` of the source, from 0.
+/// Bodies taken of a source, where it is to be; row k is body `rows[k]` of the source, from 0.
 pub struct Part<'a> {
     pub source: &'a Source,
     pub rows: Vec<usize>,
@@ -114,7 +114,7 @@ impl Source {
         Ok(Source { case: case.to_path_buf(), bodies, shifts, bulk, tact, driven, options, snapshot, notes })
     }
 
-    /// What of the run is not as the files of its DATBOX say, a line each; of options those that are the same `now`.
+    /// Differences of the run from the files of its DATBOX, a line each; of options those that are the same `now`.
     pub fn notes(&self, now: Option<&Compute>) -> String {
         let (own, now) = (self.options.values(), now.map(Compute::values).unwrap_or_default());
         let holds = |name| own.iter().find(|(known, _)| *known == name).is_none_or(|value| now.contains(value));
@@ -122,7 +122,7 @@ impl Source {
         notes.map(|(name, text)| format!("{}: {name}: {text}\n", self.case.display())).collect()
     }
 
-    /// What events have set up to the snapshot holds from the start on, and no event is to come.
+    /// Values that events have set up to the snapshot holds from the start on, and no event is to come.
     pub fn end_events(&mut self) {
         let meta = &self.snapshot.meta;
         for law in &mut self.tact.laws {

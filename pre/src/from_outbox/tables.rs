@@ -119,7 +119,7 @@ fn range(law: &Law) -> f64 {
     labels(&law.kind).zip(&law.parameters).find(|(label, _)| *label == "Wthk").map_or(0.0, |(_, range)| *range)
 }
 
-/// Candidate and antagonist are told apart by the shapes, as in LMGC90: spheres before polyhedra before walls.
+/// Candidate and antagonist are distinguished by the shapes, as in LMGC90: spheres before polyhedra before walls.
 fn rank(contactor: &str) -> usize {
     match contactor {
         "SPHER" | "SPHEb" => 0,
@@ -214,13 +214,14 @@ fn visibility(
     for (k, contact) in changes.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
         let (a, b) = named[k];
-        for colour in [a, b] {
-            if all.iter().all(|(known, _)| *known != colour) {
+        for (side, colour) in [&contact.between.0, &contact.between.1].into_iter().enumerate() {
+            if all.iter().all(|(known, _)| known != colour) {
+                let path = format!("{path}.between.{side}");
                 report.fault(&path, format!("no body has the colour '{colour}'"), "a colour of the bodies");
             }
         }
         if named[..k].contains(&named[k]) {
-            report.fault(&path, format!("'{a}' and '{b}' are there twice"), "each pair once");
+            report.fault(&format!("{path}.between"), format!("'{a}' and '{b}' are there twice"), "each pair once");
         }
         let Some(name) = &contact.law else {
             let found = "given without a law";

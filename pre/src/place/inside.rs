@@ -11,7 +11,7 @@ use parry3d_f64::shape::{TriMesh, TriMeshFlags};
 /// A closed surface about its centre of mass.
 #[derive(Clone)]
 pub struct Inside {
-    /// Of volume 1, about its centre of mass.
+    /// Solid of volume 1, about its centre of mass.
     surface: Rc<Surface>,
     /// The same, for distances.
     mesh: Rc<TriMesh>,

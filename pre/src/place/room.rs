@@ -36,7 +36,7 @@ impl Envelope {
         }
     }
 
-    /// The room, and what is to be told of a model's file; without a size it has the right proportions only. `folder` is where
+    /// The room, and notes on a model's file; without a size it has the right proportions only. `folder` is where
     /// paths of models begin.
     ///
     /// Errors: those of a model's file.

@@ -64,7 +64,7 @@ fn times(path: &Path, surface: &Surface, factor: f64) -> Result<Surface, Faults>
     })
 }
 
-/// The solid of a model, and what is to be told about it.
+/// The solid of a model, and notes on it.
 pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface) -> Result<(Solid, String), Faults> {
     let path = folder.join(file);
     let refuse =
@@ -181,7 +181,7 @@ fn joined(mut all: Vec<Surface>, most: usize, vertices: usize) -> Result<Vec<Sur
     let hull = |a: &Surface, b: &Surface| {
         hull::convex(&[a.vertices(), b.vertices()].concat()).and_then(|hull| fewer(hull, vertices))
     };
-    // What is left of all, and what each two of it would add, m^3.
+    // Pieces that are left, and the volume that joining each two of them would add, m^3.
     let (mut left, mut pairs) = (Vec::new(), Vec::<(f64, [usize; 2])>::new());
     let mut new = 0;
     loop {

@@ -255,7 +255,7 @@ pub fn check_text(scene: &mut Scene) {
 pub fn check_events(scene: &Scene, report: &mut Report) {
     for (k, event) in scene.options.events.iter().enumerate() {
         let (Action::SetFriction(name, _) | Action::SetCohesion(name, _)) = &event.action else { continue };
-        let path = format!("events.{k}");
+        let path = format!("events.{k}.action.0");
         match scene.law_names.iter().position(|law| law.nickname == *name) {
             None => {
                 let known: Vec<&str> = scene.law_names.iter().map(|law| law.nickname.as_str()).collect();

@@ -1,5 +1,6 @@
 //! One time step as the list of its rooms; the equations are numbered as in `docs/method.md`.
 
+mod drift;
 mod ends;
 mod ledger;
 mod motion;
@@ -99,6 +100,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut Clock) -> Option<StepR
     }
     integrate::advance(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.order) = (solved.contacts, q_c.order);
+    drift::close_bonds(scene, state, &system);
     state.bonding = Bonding::No;
     lap.stop(&mut clock.integration);
     Some(report)

@@ -8,8 +8,9 @@
 
 use rayon::prelude::*;
 
+use super::drift::LARGEST_OPENING;
 use crate::assemble::{Record, Row, System};
-use crate::laws::{Law, TOUCHING};
+use crate::laws::Law;
 use crate::math::{MANY, Vec3};
 use crate::scene::Scene;
 use crate::solve::{Solution, Task, Until, nlgs};
@@ -63,8 +64,8 @@ impl Motion {
     }
 
     /// Whether it is open if the bond of row `k` with the impulse `r` breaks: it is at its limit but for errors, which are not small against
-    /// what its strength does, and it does not move by more than they are. Or what the errors open in `h` is more than what
-    /// counts as touching, at the effective radius `radius` (m).
+    /// what its strength does, and it does not move by more than they are. Or the errors open more in `h` than positions are
+    /// corrected for, at the effective radius `radius` (m).
     fn is_open(&self, system: &System, solution: &Solution, k: usize, h: f64, radius: f64) -> bool {
         let row = &system.rows[k];
         let error = self.error(row.bodies);
@@ -81,7 +82,7 @@ impl Motion {
         let near = |left: f64, w: f64| w * left <= MARGIN * error;
         near(normal, row.w_n) && error > RESOLVED * traction
             || near(row.friction * normal - tangential, row.w_t) && error > RESOLVED * shear
-            || error * h > TOUCHING * radius
+            || error * h > LARGEST_OPENING * radius
     }
 }
 

@@ -4,6 +4,9 @@
 use std::path::Path;
 use std::process::Command;
 
+use cd_formats::compute::Adaptive;
+use cd_formats::drv_dof::Evolution;
+
 use crate::case::{Case, shaken_lattice};
 
 /// Functions of models that some scenes have not.
@@ -163,5 +166,31 @@ fn a_plan_names_the_unknowns_that_friction_adds() {
         let line = text.lines().find_map(|line| line.trim().strip_prefix("not needed")).expect("a line of the plan");
         let found = line.trim().split("; ").find(|name| name.starts_with("friction"));
         assert_eq!(found, expected, "{law} {parameters:?}: {line}");
+    }
+}
+
+/// Steps are longer than dt where imposed motion is constant.
+#[test]
+fn a_plan_says_in_what_share_of_the_time_steps_may_be_longer() {
+    let table = |points: &[[f64; 2]]| Evolution::Table { name: "speed.dat".into(), points: points.to_vec() };
+    for (points, expected) in [
+        // The wall starts in the first second of four.
+        (&[[0.0, 0.0], [1.0, 1.0], [2.0, 1.0]][..], "of dt, up to 16 of them at once in the 75.000 % of the time"),
+        (&[[0.0, 0.0], [9.0, 1.0]], "400 steps, each dt, as imposed motion changes all the time;"),
+        (&[[0.0, 1.0], [9.0, 1.0]], "of dt, up to 16 of them at once, now"),
+    ] {
+        let mut case = Case::new();
+        case.law("IQS_CLB", &[0.0]);
+        case.sphere(0.5, [0.0, 0.0, 20.0]);
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let wall = case.plate([2.0, 2.0, 0.5], [0.0, 0.0, -9.0], axes);
+        case.drive_along(wall, 0, table(points));
+        (case.options.dt, case.options.steps) = (0.01, Some(400));
+        case.options.adaptive = Some(Adaptive { most: 16, ..Adaptive::default() });
+        case.write();
+        let plan = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).arg("--plan").output().unwrap();
+        let text = String::from_utf8(plan.stdout).unwrap();
+        assert!(text.contains(expected), "{expected}: {text}");
+        assert!(text.contains("16 bytes for each pair that touches between two snapshots"), "{text}");
     }
 }

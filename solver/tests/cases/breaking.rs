@@ -74,14 +74,15 @@ fn settings(load: Load) -> impl Iterator<Item = Setting> {
     [false, true].into_iter().flat_map(all)
 }
 
+/// Steps that a bond must hold: at dt = 1 s the errors of ten to eighty of them add up to more than its range.
+const STEPS: u64 = 100;
+
 #[track_caller]
 fn check(load: Load) {
     for setting in settings(load) {
         assert_eq!(bonds(setting, 1.11, 1), [0.0], "{setting:?}");
         let count = if setting.cube { 4.0 } else { 1.0 };
-        // In steps of a second what `tol` leaves of velocity opens a gap of a thousandth of the size in a few steps.
-        let steps = if setting.dt < 1.0 { 10 } else { 5 };
-        assert_eq!(bonds(setting, 0.9, steps), vec![count; steps as usize], "{setting:?}");
+        assert_eq!(bonds(setting, 0.9, STEPS), vec![count; STEPS as usize], "{setting:?}");
     }
 }
 
@@ -103,6 +104,34 @@ fn in_shear_under_pressure() {
 #[test]
 fn in_shear_under_traction() {
     check(Load::Drawn);
+}
+
+/// Bonds of cubes under each other share the errors, and so the corrections of their positions.
+#[test]
+fn in_tension_in_a_row() {
+    for (dt, tol) in [(1.0, 1e-1), (1.0, 1e-2), (1.0, 1e-6), (1e-2, 1e-1)] {
+        let run = |share: f64, steps: u64| {
+            let mut case = Case::new();
+            // A larger ratio leaves so little shear that a tilt of 1e-5 rad of the load exceeds it.
+            let normal = 10.0 * SHEAR;
+            case.law_of_all("IQS_MOHR_DS_CLB", &[normal, SHEAR, 0.2, 0.3]);
+            // The first bond carries all five.
+            case.gravity = [0.0, 0.0, -share * normal / 5.0];
+            case.plate([1e9, 1e9, 0.5], [0.0, 0.0, 0.5], AXES);
+            for k in 0..5 {
+                case.block([0.5; 3], [0.0, 0.0, -0.5 - f64::from(k)], AXES);
+            }
+            (case.options.dt, case.options.tol) = (dt, Some(tol));
+            let end = case.run(steps);
+            (case.column("bonds"), [0, 4].map(|k| end.x(end.free()[k]).z))
+        };
+        let (bonds, [first, last]) = run(0.9, 200);
+        assert_eq!(bonds, [20.0; 200], "dt {dt}, tol {tol}");
+        // What a correction leaves of each gap, and what one step opens.
+        equal(first, -0.5, 5e-4);
+        equal(last, -4.5, 2e-3);
+        assert!(run(1.11, 1).0 < vec![20.0], "dt {dt}, tol {tol}");
+    }
 }
 
 /// Slid away from the start, the cube has moved by ½ g t² less what the bond took in the first step.

@@ -303,8 +303,8 @@ fn times_and_events_that_cannot_be() {
     unknown.options.events =
         vec![Event::once(0.0, friction), Event::once(0.0, Action::SetCohesion("law00".into(), 1.0))];
     let lines = [
-        "CASE/DATBOX/COMPUTE.RON:38: event 1: law 'other' is not in use; expected one of law00, law01",
-        "CASE/DATBOX/COMPUTE.RON:39: event 2: law 'law00' has no cohesion; expected a law with cohesion",
+        "CASE/DATBOX/COMPUTE.RON:38:41: event 1, action 1: law 'other' is not in use; expected one of law00, law01",
+        "CASE/DATBOX/COMPUTE.RON:39:41: event 2, action 1: law 'law00' has no cohesion; expected a law with cohesion",
     ];
     written_refused(&unknown, &[], &lines);
     let twice =
@@ -400,13 +400,13 @@ fn options_in_the_file() {
                 events: [\n (time: 1.0, action: Bond),\n (time: 1.0, action: SetQuench(3.0)),\n ])";
     let case = with_file("COMPUTE.RON", Some(text));
     let lines = [
-        "CASE/DATBOX/COMPUTE.RON:1: dt: -1; expected a finite time step > 0 s",
-        "CASE/DATBOX/COMPUTE.RON:2: gravity_opening: 1.5; expected more than 0 and less than 1",
-        "CASE/DATBOX/COMPUTE.RON:3: gravity_moved: 0; expected a finite number > 0",
-        "CASE/DATBOX/COMPUTE.RON:4: field 1: PointMass(mass:0.0,position:(0.0,0.0,0.0)); \
+        "CASE/DATBOX/COMPUTE.RON:1:6: dt: -1; expected a finite time step > 0 s",
+        "CASE/DATBOX/COMPUTE.RON:2:19: gravity_opening: 1.5; expected more than 0 and less than 1",
+        "CASE/DATBOX/COMPUTE.RON:3:17: gravity_moved: 0; expected a finite number > 0",
+        "CASE/DATBOX/COMPUTE.RON:4:11: field 1: PointMass(mass:0.0,position:(0.0,0.0,0.0)); \
          expected finite values, mass and radius > 0, an axis other than 0",
-        "CASE/DATBOX/COMPUTE.RON:7: event 2: (time:1.0,action:SetQuench(3.0)); \
-         expected a finite time and finite values, quench from 0 to 1, friction, cohesion and speed >= 0",
+        "CASE/DATBOX/COMPUTE.RON:7:22: event 2, action: SetQuench(3.0); \
+         expected finite values, quench from 0 to 1, friction, cohesion and speed >= 0",
     ];
     refused(&case, &[], &lines);
 }

@@ -22,7 +22,7 @@ pub fn read(bytes: &[u8]) -> Result<Mesh, Refusal> {
 struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
-    /// Of the last word, in ASCII files.
+    /// Line of the last word, in ASCII files.
     line: usize,
 }
 

@@ -28,7 +28,7 @@ pub struct Read {
     pub surface: Surface,
     /// Number of triangles that were turned to point outward with the others.
     pub turned: usize,
-    /// What was ignored, dropped or welded, each in a phrase such as `dropped 1 degenerate triangle`.
+    /// Parts that were ignored, dropped or welded, each in a phrase such as `dropped 1 degenerate triangle`.
     pub repairs: Vec<String>,
 }
 

@@ -145,7 +145,7 @@ fn clean(vertices: &[[f64; 3]], triangles: &[[u32; 3]], mut notes: Vec<String>) 
     (used, kept, notes)
 }
 
-/// Of a triangle without area, the position of the corner on its longest side.
+/// Returns, for a triangle without area, the position of the corner on its longest side.
 fn apex(vertices: &[[f64; 3]], t: &[u32; 3]) -> Option<usize> {
     let [a, b, c] = t.map(|v| Vector3::from(vertices[v as usize]));
     let lengths = [(c - b).norm(), (a - c).norm(), (b - a).norm()];

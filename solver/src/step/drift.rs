@@ -1,0 +1,93 @@
+//! Correction of positions where the errors of many steps have opened bonds.
+//!
+//! A bond holds û_n = 0 only as well as the solution is converged: each step opens or closes its gap by the error of a velocity
+//! times h, and these errors add up. The impulses of the next step do not close the gap again, since several bonds may
+//! hold the same bodies and one that closes would load the others. So positions are corrected by themselves: once a bond has
+//! opened by more than [`LARGEST_OPENING`], the bodies that bonds join to it are moved so that the gaps g_k of their bonds return
+//! to the gaps b_k at which they were made. One sweep solves for each bond
+//!
+//! ```text
+//! w_n λ = -(g_k - b_k + n·(Δx_a + Δφ_a × l_a - Δx_b - Δφ_b × l_b)),   Δx = ± λ n / m,   Δφ = ± J⁻¹ (l × λ n)
+//! ```
+//!
+//! The centre of mass of the two stays, velocities and impulses stay, and walls do not move. Bonds that contradict each other share
+//! what is left.
+
+use rayon::prelude::*;
+
+use crate::assemble::{self, System};
+use crate::laws::{Law, TOUCHING};
+use crate::math::rotation::angular_velocity;
+use crate::math::{MANY, Vec3, rotate};
+use crate::scene::Scene;
+use crate::state::{Contact, SolvedContact, State};
+
+/// Opening of a bond over its effective radius from which on positions are corrected. A bond is made at a gap of up to [`TOUCHING`]
+/// and acts up to twice that; one step opens a corner by up to three times the error that [`super::motion`] accepts, which is
+/// this opening as well.
+pub const LARGEST_OPENING: f64 = 0.25 * TOUCHING;
+
+/// Sweeps of a correction: the four corners of a cube are then closed to a hundredth of their opening. What is left of a long chain
+/// is corrected in the steps that follow.
+const SWEEPS: usize = 10;
+
+/// Moves the bodies of bonds that have opened too far. `state` is that of the step's end, with the contacts of `system`.
+pub fn close_bonds(scene: &Scene, state: &mut State, system: &System) {
+    if !state.laws.iter().any(Law::has_stress) {
+        return;
+    }
+    let opening = |solved: &SolvedContact| {
+        let bond = solved.bond.filter(|_| state.laws[solved.contact.law as usize].has_stress());
+        bond.map(|bond| solved.contact.gap - bond)
+    };
+    let is_too_far = |solved: &SolvedContact| {
+        let contact = &solved.contact;
+        let [a, b] = [(contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1)];
+        opening(solved).is_some_and(|opening| opening > LARGEST_OPENING * scene.effective_radius(a, b))
+    };
+    if !state.contacts.par_iter().with_min_len(MANY).any(is_too_far) {
+        return;
+    }
+    let bonded: Vec<(usize, f64)> =
+        state.contacts.iter().enumerate().filter_map(|(k, solved)| Some((k, opening(solved)?))).collect();
+    let contacts: Vec<Contact> = bonded.iter().map(|(k, _)| state.contacts[*k].contact).collect();
+    let too_far = bonded.iter().zip(&contacts).filter(|((k, _), _)| is_too_far(&state.contacts[*k]));
+    let too_far: Vec<&Contact> = too_far.map(|(_, contact)| contact).collect();
+    let moves = assemble::meeting(scene, &contacts, &too_far);
+    let is_corrected =
+        |contact: &Contact| [contact.candidate, contact.antagonist].iter().any(|body| moves[*body as usize]);
+    let corrected = bonded.iter().zip(&contacts).filter(|(_, contact)| is_corrected(contact));
+    let corrected: Vec<(usize, f64)> = corrected.map(|(bond, _)| *bond).collect();
+    let (shifts, turns) = corrections(system, &corrected, scene.bodies.len());
+    for (i, (shift, turn)) in shifts.into_iter().zip(turns).enumerate() {
+        state.x[i] += shift;
+        if scene.oriented[i] && turn != Vec3::zeros() {
+            state.q[i] = rotate(&state.q[i], &turn);
+        }
+    }
+    // The angular momentum stays, so bodies of unequal moments turn otherwise.
+    for (&i, momentum) in scene.turning.iter().zip(&state.spin) {
+        let i = i as usize;
+        state.w[i] = angular_velocity(&state.q[i], &scene.bodies[i].inertia, momentum);
+    }
+}
+
+/// Displacements (m) and turns (rad) of all bodies that close the `openings` (m) of rows.
+fn corrections(system: &System, openings: &[(usize, f64)], bodies: usize) -> (Vec<Vec3>, Vec<Vec3>) {
+    let (mut shifts, mut turns) = (vec![Vec3::zeros(); bodies], vec![Vec3::zeros(); bodies]);
+    for _ in 0..SWEEPS {
+        for &(k, opening) in openings {
+            let row = &system.rows[k];
+            let [a, b] = row.bodies;
+            let arms = [system.arm(k, 0), system.arm(k, 1)];
+            let moved = |body: u32, arm: &Vec3| shifts[body as usize] + turns[body as usize].cross(arm);
+            let left = opening + row.normal.dot(&(moved(a, &arms[0]) - moved(b, &arms[1])));
+            for ((body, arm), sign) in [a, b].into_iter().zip(&arms).zip([-1.0, 1.0]) {
+                let push = row.normal * (sign * left / row.w_n);
+                shifts[body as usize] += system.push(body, &push);
+                turns[body as usize] += system.spin(body, &arm.cross(&push));
+            }
+        }
+    }
+    (shifts, turns)
+}
