@@ -8,7 +8,7 @@ use cd_formats::compute::FaceFriction;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-use super::faces::friction_offsets;
+use super::faces::{Joints, friction_offsets, has_joints};
 use super::history::{Hold, warm_start};
 use crate::integrate::Configuration;
 use crate::laws::{Approach, Course, DEPTH, Law, Rolling, Shift};
@@ -251,6 +251,10 @@ pub fn contact_problem(
         };
         let sticks = |k: usize| history[k].is_some_and(|old| state.contacts[old as usize].status == Status::Stick);
         full.friction_offsets = friction_offsets(contacts, &rows, full, load, sticks);
+        if has_joints(scene) {
+            let joints = Joints { contacts, rows: &rows, records: &records, full, scene };
+            full.friction_offsets = joints.with_joined_faces(load, sticks);
+        }
         if !full.friction_offsets.is_empty() {
             setting.shift_friction(full, contacts, &mut rows);
         }
