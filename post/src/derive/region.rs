@@ -519,7 +519,7 @@ mod tests {
     use crate::derive::{Choices, Row};
     use crate::frame::{Wall, WallShape};
     use crate::samples::Scene;
-    use crate::shapes::Solid;
+    use crate::shapes::{Hollow, Solid};
     use nalgebra::UnitQuaternion;
 
     #[track_caller]
@@ -706,7 +706,7 @@ mod tests {
             lattice(&mut scene, COUNTS, r, p);
             plates(&mut scene, COUNTS, r, p, &ends);
             let mut frame = scene.frame();
-            let shape = WallShape::Polyhedron(Solid { bore: Some(8.0), ..Default::default() }.into());
+            let shape = hollow(8.0, 50.0);
             let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &Vec3::ith(axis, 1.0)).unwrap();
             frame.walls.push(Wall { id: 99, x: Vec3::new(2.5, 2.0, 4.0), v: None, rotation, shape });
             let found = region(&frame);
@@ -721,6 +721,60 @@ mod tests {
                 assert_eq!(bed.kind, Kind::Bed);
                 assert!((5.0 * below(1.5)..=5.0 * below(2.0) * 1.0001).contains(&bed.volume), "{}", bed.volume);
             }
+        }
+    }
+
+    fn hollow(radius: f64, half_height: f64) -> WallShape {
+        WallShape::Polyhedron(Solid { hollow: Some(Hollow { radius, half_height }), ..Default::default() }.into())
+    }
+
+    #[test]
+    fn the_ends_of_a_hollow_cylinder_close_it() {
+        let (r, p) = (0.5, [2.0; 3]);
+        let gravity = |frame: &mut Frame| frame.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+        for axis in 0..3 {
+            let mut scene = Scene::default();
+            lattice(&mut scene, COUNTS, r, p);
+            let mut frame = scene.frame();
+            let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &Vec3::ith(axis, 1.0)).unwrap();
+            let x = Vec3::new(2.5, 2.0, 3.0);
+            frame.walls.push(Wall { id: 99, x, v: None, rotation, shape: hollow(8.0, 5.0) });
+            let found = region(&frame);
+            assert_eq!((found.kind, found.members.len()), (Kind::Walls, 120));
+            assert_close(found.volume, PI * 64.0 * 10.0, 1e-12);
+            // Two of 121 grains may have left through an end.
+            frame.grains[0].x[axis] -= 30.0;
+            assert_close(region(&frame).volume, PI * 64.0 * 10.0, 1e-12);
+            // One that stands empty elsewhere bounds nothing, with its ends neither.
+            frame.walls[0].x += Vec3::ith(axis, 40.0);
+            assert_eq!(region(&frame).kind, Kind::LargestGroup);
+        }
+        // A piston in it is where the space ends, and a bed within ends at its surface, for a lying one too.
+        for axis in 0..3 {
+            let mut scene = Scene::default();
+            lattice(&mut scene, COUNTS, r, p);
+            plates(&mut scene, COUNTS, r, p, &[4]);
+            if axis == 2 {
+                plates(&mut scene, COUNTS, r, p, &[5]);
+            }
+            let mut frame = scene.frame();
+            let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &Vec3::ith(axis, 1.0)).unwrap();
+            let x = Vec3::new(2.5, 2.0, 3.0);
+            frame.walls.push(Wall { id: 99, x, v: None, rotation, shape: hollow(8.0, 5.0) });
+            gravity(&mut frame);
+            let found = region(&frame);
+            if axis == 2 {
+                assert_eq!(found.kind, Kind::Walls);
+                assert_close(found.volume, PI * 64.0 * 6.0, 1e-12);
+            } else {
+                assert_eq!(found.kind, Kind::Bed);
+                // Up to half a radius below the highest points.
+                let below = |s: f64| 64.0 * (s / 8.0).asin() + s * (64.0 - s * s).sqrt();
+                let between = |top: f64| 10.0 * (below(top) - below(-3.0));
+                assert!((between(2.5)..=between(3.0) * 1.0001).contains(&found.volume), "{}", found.volume);
+            }
+            let layer: Probe = "layer:0,1".parse().unwrap();
+            assert_eq!(Region::of_probe(&frame, &fragments(&frame), &layer).kind, Kind::Layer);
         }
     }
 
