@@ -12,6 +12,7 @@ use std::fs::{self, File, TryLockError};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
+use cd_formats::case::{CaseFolder, misplaced, no_case};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::ron_text::nearest;
 use cd_formats::tell::{complain, tell};
@@ -179,6 +180,17 @@ impl Arguments {
             Some(Command::Compare { .. } | Command::Study { .. } | Command::Trade { .. }) => None,
         }
     }
+
+    /// Errors: the folders that are none of cases.
+    fn folders(&self) -> Result<(), Faults> {
+        let (dirs, part) = match &self.command {
+            Some(Command::Compare { dirs, .. } | Command::Study { dirs, .. } | Command::Trade { dirs, .. }) => {
+                (dirs.iter().map(PathBuf::as_path).collect(), CaseFolder::Any)
+            }
+            _ => (Vec::from_iter(self.case()), CaseFolder::Outbox),
+        };
+        Faults(dirs.into_iter().filter_map(|dir| no_case(dir, part, "cd-post")).collect()).into_result(())
+    }
 }
 
 /// What to say of a first argument that is neither a folder nor a command, but nearly one.
@@ -272,13 +284,20 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         complain(format_args!("cd-post: {message}"));
         return 2;
     }
-    let arguments = match Arguments::try_parse_from(args) {
+    let arguments = match Arguments::try_parse_from(&args) {
         Ok(arguments) => arguments,
         Err(error) => {
-            let _ = error.print();
+            match misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr()) {
+                Some(message) => complain(format_args!("cd-post: {message}")),
+                None => drop(error.print()),
+            }
             return error.exit_code();
         }
     };
+    if let Err(faults) = arguments.folders() {
+        complain(faults.report("cd-post").trim_end());
+        return 2;
+    }
     let Arguments { command, options } = &arguments;
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {
         Ok(pool) => pool,
