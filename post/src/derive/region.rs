@@ -71,7 +71,8 @@ impl Kind {
     }
 }
 
-/// A group of touching grains with less of the mass than this is a clump of a cloud and no remnant: then all grains count.
+/// A group of touching grains with less than this share of the mass and of the grains is a clump of a cloud and no remnant: then
+/// all grains count.
 const REMNANT: f64 = 0.1;
 
 /// Grains, walls and volume of a region of a frame.
@@ -91,10 +92,10 @@ impl Region {
     ///
     /// Walls bound it by the faces of plates and convex polyhedra that have the centres of nearly all grains before them, and by
     /// hollow cylinders around these; which are the grains of groups that a wall touches with force if these have half of the
-    /// mass, else all. Under uniform gravity it ends at the mean plane of their surface, unless a lid is less than a mean diameter
+    /// mass or of the grains, else all. Under uniform gravity it ends at the mean plane of their surface, unless a lid is less than a mean diameter
     /// above; without a plate below, at their lowest point. Where walls and periods leave a side open, or where nothing touches
     /// them in a scene with self-gravity, it is the hull of the largest group (of those that a wall touches, if any), or of
-    /// all grains if that group has a single grain among others or less than a tenth of the mass.
+    /// all grains if that group has a single grain among others or less than a tenth of the mass and of the grains.
     pub fn of(frame: &Frame, fragments: &[Fragment]) -> Region {
         if frame.grains.is_empty() {
             return Region { kind: Kind::None, volume: f64::NAN, members: Vec::new(), probe: None };
@@ -266,7 +267,8 @@ fn aggregate(frame: &Frame, fragments: &[Fragment]) -> Region {
     let largest = borne.or(fragments.first());
     let remnant = |fragment: &&Fragment| {
         let alone = fragment.grains.len() == 1 && frame.grains.len() > 1;
-        !alone && fragment.whole.mass >= REMNANT * frame.mass()
+        let share = fragment.grains.len() as f64 / frame.grains.len() as f64;
+        !alone && (fragment.whole.mass >= REMNANT * frame.mass() || share >= REMNANT)
     };
     let (kind, members) = match largest.filter(remnant) {
         Some(fragment) => (Kind::LargestGroup, fragment.grains.clone()),
@@ -306,7 +308,8 @@ impl<'a> Enclosure<'a> {
             return None;
         }
         let mass = |grains: &[usize]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
-        let half = |grains: &[usize]| 2.0 * mass(grains) >= frame.mass();
+        // Half of the grains are enough, too: a heavy lander above a bed.
+        let half = |grains: &[usize]| 2.0 * mass(grains) >= frame.mass() || 2 * grains.len() >= frame.grains.len();
         // Without walls that touch, what has not been thrown off.
         let largest = fragments.first().map_or(&[][..], |first| &first.grains);
         let core = [&held[..], if held.is_empty() { largest } else { &[] }].into_iter().find(|grains| half(grains));
@@ -833,6 +836,48 @@ mod tests {
         assert_eq!((row(&scene).region, row(&scene).Z), (Kind::AllGrains.number(), 0.0));
         let none = row(&Scene::default());
         assert!(none.region == 0 && none.nu.is_nan() && none.Z.is_nan() && none.pressure.is_nan());
+    #[test]
+    fn a_planet_among_the_grains_is_not_the_remnant() {
+        let (r, p) = (0.5, [3.0; 3]);
+        let mut scene = Scene::self_gravitating(1e-9);
+        lattice(&mut scene, [6, 6, 6], r, p);
+        let alone = row(&scene);
+        let planet = scene.grain([4000.0, 0.0, 0.0], 900.0);
+        let with = row(&scene);
+        assert_eq!(with.region, Kind::LargestGroup.number());
+        let found = [with.nu, with.Z, with.pressure, with.largest_mass, with.largest_a];
+        assert_eq!(found, [alone.nu, alone.Z, alone.pressure, alone.largest_mass, alone.largest_a]);
+        // Pebbles on the planet: a heavy group of few.
+        for angle in 0..12 {
+            let (sin, cos) = (0.5 * f64::from(angle)).sin_cos();
+            let pebble = scene.grain([4000.0 + 900.5 * cos, 900.5 * sin, 0.0], r);
+            scene.push(pebble, planet, 1.0);
+        }
+        assert_eq!(row(&scene).nu, alone.nu);
+        assert_close(probed(&scene, "ball:2@largest").nu, PI / 6.0, 0.1);
+        // Of two remnants of many grains the heavier one counts, though it has fewer.
+        let first = scene.snapshot.bodies.body_id.len();
+        for k in 0..40 {
+            scene.grain([-900.0 + 6.0 * f64::from(k), 0.0, 0.0], 3.0);
+            if k > 0 {
+                scene.push(first + k as usize, first + k as usize - 1, 1.0);
+            }
+        }
+        assert_close(row(&scene).largest_mass, 40.0 * 27.0 * 8.0 * alone.largest_mass / 216.0, 1e-12);
+    }
+
+    #[test]
+    fn a_heavy_lander_above_a_bed_does_not_open_its_box() {
+        let (r, p) = (0.5, [1.0; 3]);
+        let mut scene = Scene::default();
+        lattice(&mut scene, COUNTS, r, p);
+        plates(&mut scene, COUNTS, r, p, &[0, 1, 2, 3, 4, 5]);
+        let closed = row(&scene);
+        scene.grain([2.5, 2.0, 60.0], 20.0);
+        let with = row(&scene);
+        assert_eq!((with.region, with.nu), (Kind::Walls.number(), closed.nu));
+    }
+
     }
 
     #[test]
