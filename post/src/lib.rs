@@ -386,8 +386,9 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
     let mut notes = notes(&rows);
     let outside = rows.iter().filter(|row| row.n_grains > 0 && row.region == 0).count();
     if outside > 0 {
-        notes.push(format!("--region: a layer, in {outside} of {} snapshots without walls or periods on all sides: Z, ν, pressure and stress are empty; expected ball, box or cylinder", rows.len()));
+        notes.push(format!("--region: a layer without walls or periods on all sides, or a shape over ten thousand periods, in {outside} of {} snapshots: Z, ν, pressure and stress are empty; expected ball, box or cylinder", rows.len()));
     }
+    notes.extend(empty_region(options, &rows, last));
     if !options.no_vtk {
         notes.extend(finish_display(&options.dir, &rows, last)?);
         tell(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
@@ -536,6 +537,28 @@ fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<Strin
             display.display()
         )
     }))
+}
+
+/// A warning where the region that a user gives holds no part of a grain.
+fn empty_region(options: &Options, rows: &[Row], last: &Frame) -> Option<String> {
+    options.region.as_ref()?;
+    let empty = rows.iter().filter(|row| row.n_grains > 0 && row.region != 0 && row.nu == 0.0).count();
+    if empty == 0 {
+        return None;
+    }
+    let ends = |axis: usize| {
+        let places = || last.grains.iter().map(|grain| grain.x[axis]);
+        let (low, high) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
+        let name = ["x", "y", "z"][axis];
+        if low > high { format!("{name} anywhere") } else { format!("{name} = {low:.4} to {high:.4}") }
+    };
+    Some(format!(
+        "--region: no grain is in it in {empty} of {} snapshots; expected a region where grains are: in the last {}, {} and {} m",
+        rows.len(),
+        ends(0),
+        ends(1),
+        ends(2)
+    ))
 }
 
 /// What a user should know though the work is done.

@@ -83,8 +83,16 @@ pub struct Region {
     pub volume: f64,
     /// Indices of the grains with their centre inside, rising.
     pub members: Vec<usize>,
-    /// What a user gives instead, with its centre where it is in this frame.
-    probe: Option<Shape>,
+    /// Region that a user gives instead.
+    probe: Option<Probed>,
+}
+
+/// A region that a user gives, in one frame.
+#[derive(Debug, Clone, PartialEq)]
+struct Probed {
+    shape: Shape,
+    /// Sums of whole periods that bring grains of the cell into it, m.
+    shifts: Vec<Vec3>,
 }
 
 impl Region {
@@ -104,7 +112,8 @@ impl Region {
         enclosed.unwrap_or_else(|| aggregate(frame, fragments))
     }
 
-    /// The region that a user gives; of a layer without walls or periods around it [`Kind::None`].
+    /// The region that a user gives; of a layer without walls or periods around it, and of a shape over more than
+    /// `MOST_IMAGES` cells, [`Kind::None`].
     pub fn of_probe(frame: &Frame, fragments: &[Fragment], probe: &Probe) -> Region {
         let placed = match probe.placed(frame, fragments) {
             Some(Shape::Layer { from, to, .. }) => Enclosure::of(frame, fragments).and_then(|e| e.layer(from, to)),
@@ -113,9 +122,12 @@ impl Region {
         let Some((shape, volume)) = placed else {
             return Region { kind: Kind::None, volume: f64::NAN, members: Vec::new(), probe: None };
         };
-        let inside = |x: &Vec3| images(frame, &shape).any(|shift| shape.holds(&(x + shift)));
+        let Some(shifts) = shifts(frame, &shape) else {
+            return Region { kind: Kind::None, volume: f64::NAN, members: Vec::new(), probe: None };
+        };
+        let inside = |x: &Vec3| shifts.iter().any(|shift| shape.holds(&(x + shift)));
         let members = (0..frame.grains.len()).filter(|&i| inside(&frame.grains[i].x)).collect();
-        Region { kind: shape.kind(), volume, members, probe: Some(shape) }
+        Region { kind: shape.kind(), volume, members, probe: Some(Probed { shape, shifts }) }
     }
 
     fn is_member(&self, grain: usize) -> bool {
@@ -130,7 +142,7 @@ impl Region {
     fn shares(&self, frame: &Frame) -> Vec<(usize, f64)> {
         let Some(probe) = &self.probe else { return self.members.iter().map(|&i| (i, 1.0)).collect() };
         let share = |grain: &Grain| -> f64 {
-            images(frame, probe).map(|shift| probe.share_of_grain(&grain.moved_by(shift))).sum()
+            probe.shifts.iter().map(|shift| probe.shape.share_of_grain(&grain.moved_by(*shift))).sum()
         };
         let all = frame.grains.iter().enumerate().map(|(i, grain)| (i, share(grain)));
         all.filter(|(_, share)| *share > 0.0).collect()
@@ -156,8 +168,8 @@ impl Region {
                 Some(probe) => {
                     let to = end(contact.candidate, Vec3::zeros(), contact.point);
                     let from = end(contact.antagonist, contact.image, contact.point);
-                    let inside = |shift: Vec3| probe.share_of_segment(&(from + shift), &(to + shift));
-                    let share: f64 = images(frame, probe).map(inside).sum();
+                    let inside = |shift: &Vec3| probe.shape.share_of_segment(&(from + shift), &(to + shift));
+                    let share: f64 = probe.shifts.iter().map(inside).sum();
                     share * contact.force * (to - from).transpose()
                 }
                 None => {
@@ -250,12 +262,30 @@ impl Region {
     }
 }
 
-/// Shifts by whole periods that may bring a point of the cell into a shape: none but zero without periods, and of a layer, which
-/// has all of the cell.
-fn images(frame: &Frame, shape: &Shape) -> impl Iterator<Item = Vec3> + use<> {
-    let periods = if shape.kind() == Kind::Layer { [None; 2] } else { frame.cell().0 };
-    let [along_x, along_y] = periods.map(|period| period.map_or(vec![0.0], |period| vec![0.0, -period, period]));
-    along_x.into_iter().flat_map(move |x| along_y.clone().into_iter().map(move |y| Vec3::new(x, y, 0.0)))
+/// Images of the cell that a probe may hold.
+const MOST_IMAGES: f64 = 1e4;
+
+/// Sums of whole periods that bring grains of the cell, or contacts of these, into a shape: none but zero without periods, and of
+/// a layer, which has all of the cell. None for more than `MOST_IMAGES`.
+fn shifts(frame: &Frame, shape: &Shape) -> Option<Vec<Vec3>> {
+    let Some((centre, half)) = shape.bounds() else { return Some(vec![Vec3::zeros()]) };
+    // Branches reach from a grain of the cell to the centre of a neighbour.
+    let reach = 2.0 * frame.grains.iter().map(Grain::reach).fold(0.0, f64::max);
+    let counts = [0, 1].map(|axis| {
+        let Some(period) = frame.cell().0[axis] else { return [0.0, 0.0] };
+        let over = half[axis] + reach + 0.5 * period;
+        [((centre[axis] - over) / period).ceil(), ((centre[axis] + over) / period).floor()]
+    });
+    let images: f64 = counts.iter().map(|[first, last]| last - first + 1.0).product();
+    if images > MOST_IMAGES {
+        return None;
+    }
+    let along = |axis: usize| {
+        let period = frame.cell().0[axis].unwrap_or(0.0);
+        let [first, last] = counts[axis].map(|count| count as i64);
+        (first..=last).map(move |count| count as f64 * period)
+    };
+    Some(along(0).flat_map(|x| along(1).map(move |y| Vec3::new(x, y, 0.0))).collect())
 }
 
 /// The hull of the largest group, or of all grains where that is no remnant.
@@ -807,36 +837,6 @@ mod tests {
     }
 
     #[test]
-    fn clumps_of_one_to_four_grains_and_clouds() {
-        let ball = 4.0 / 3.0 * PI;
-        let height = 3f64.sqrt();
-        let corners = [[0.0; 3], [2.0, 0.0, 0.0], [1.0, height, 0.0], [1.0, height / 3.0, 8f64.sqrt() / height]];
-        let angle = PI - (1.0f64 / 3.0).acos(); // between the normals of two faces of a tetrahedron
-        let hulls = [
-            ball,
-            ball + PI * 2.0,
-            ball + 2.0 * height + 0.5 * PI * 6.0,
-            ball + 8.0 / 72f64.sqrt() + 4.0 * height + 0.5 * 12.0 * angle,
-        ];
-        for count in 1..=4 {
-            let mut scene = Scene::default();
-            for (k, x) in corners.iter().enumerate().take(count) {
-                scene.grain(*x, 1.0);
-                (0..k).for_each(|j| scene.push(k, j, 1.0));
-            }
-            let found = row(&scene);
-            assert_eq!(found.region, Kind::LargestGroup.number());
-            assert_close(found.nu, count as f64 * ball / hulls[count - 1], 1e-6);
-        }
-        // Grains that fly, each by itself.
-        let mut scene = Scene::default();
-        for x in corners {
-            scene.grain(x.map(|x| 10.0 * x), 1.0);
-        }
-        assert_eq!((row(&scene).region, row(&scene).Z), (Kind::AllGrains.number(), 0.0));
-        let none = row(&Scene::default());
-        assert!(none.region == 0 && none.nu.is_nan() && none.Z.is_nan() && none.pressure.is_nan());
-    #[test]
     fn a_planet_among_the_grains_is_not_the_remnant() {
         let (r, p) = (0.5, [3.0; 3]);
         let mut scene = Scene::self_gravitating(1e-9);
@@ -878,6 +878,36 @@ mod tests {
         assert_eq!((with.region, with.nu), (Kind::Walls.number(), closed.nu));
     }
 
+    #[test]
+    fn clumps_of_one_to_four_grains_and_clouds() {
+        let ball = 4.0 / 3.0 * PI;
+        let height = 3f64.sqrt();
+        let corners = [[0.0; 3], [2.0, 0.0, 0.0], [1.0, height, 0.0], [1.0, height / 3.0, 8f64.sqrt() / height]];
+        let angle = PI - (1.0f64 / 3.0).acos(); // between the normals of two faces of a tetrahedron
+        let hulls = [
+            ball,
+            ball + PI * 2.0,
+            ball + 2.0 * height + 0.5 * PI * 6.0,
+            ball + 8.0 / 72f64.sqrt() + 4.0 * height + 0.5 * 12.0 * angle,
+        ];
+        for count in 1..=4 {
+            let mut scene = Scene::default();
+            for (k, x) in corners.iter().enumerate().take(count) {
+                scene.grain(*x, 1.0);
+                (0..k).for_each(|j| scene.push(k, j, 1.0));
+            }
+            let found = row(&scene);
+            assert_eq!(found.region, Kind::LargestGroup.number());
+            assert_close(found.nu, count as f64 * ball / hulls[count - 1], 1e-6);
+        }
+        // Grains that fly, each by itself.
+        let mut scene = Scene::default();
+        for x in corners {
+            scene.grain(x.map(|x| 10.0 * x), 1.0);
+        }
+        assert_eq!((row(&scene).region, row(&scene).Z), (Kind::AllGrains.number(), 0.0));
+        let none = row(&Scene::default());
+        assert!(none.region == 0 && none.nu.is_nan() && none.Z.is_nan() && none.pressure.is_nan());
     }
 
     #[test]
@@ -918,6 +948,29 @@ mod tests {
         // Without walls a layer has no sides.
         let layer = probed(&scene, "layer:0,1");
         assert!(layer.region == 0 && layer.nu.is_nan());
+    }
+
+    #[test]
+    fn a_probe_in_a_scene_that_repeats_is_the_same_in_every_cell() {
+        let (r, p) = (0.5, [2.0; 3]);
+        let mut scene = Scene::default();
+        lattice(&mut scene, COUNTS, r, p);
+        let parameters = &mut scene.snapshot.meta.parameters;
+        (parameters.xperiode, parameters.yperiode) = (Some(5.0), Some(4.0));
+        let at = |shape: &str, x: f64, y: f64| probed(&scene, &format!("{shape}@{x},{y},3"));
+        for shape in ["ball:1.5", "box:3,2,2", "cylinder:1,2,1,0,0"] {
+            let own = at(shape, 0.25, 0.5);
+            assert!(own.nu > 0.3 && own.Z > 0.0);
+            for (x, y) in [(1.0, 0.0), (-1.0, 1.0), (3.0, 0.0), (0.0, -7.0), (1000.0, 20.0)] {
+                let found = at(shape, 0.25 + 5.0 * x, 0.5 + 4.0 * y);
+                assert_eq!((found.region, found.Z), (own.region, own.Z));
+                assert_close(found.nu, own.nu, 1e-2);
+                assert_close(found.pressure, own.pressure, 1e-9);
+            }
+        }
+        // One over 12 cells and a half.
+        assert_close(at("box:62.5,4,4", 7.0, 0.0).nu, PI / 6.0, 1e-3);
+        assert_eq!(at("box:1e6,1e6,4", 0.0, 0.0).region, Kind::None.number());
     }
 
     #[test]
