@@ -34,7 +34,7 @@ pub mod trade;
 pub mod write;
 
 use derive::energy::Summation;
-use derive::plane_fit::REACH;
+use derive::free_surface::REACH;
 use derive::probe::Probe;
 use derive::{Choices, Row};
 use frame::Frame;
@@ -72,9 +72,9 @@ enum Command {
         /// Layers of a bed are means over so many snapshots up to that one
         #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
         mean: u32,
-        /// Mean radii over which planes are fitted to a surface for its slope
-        #[arg(long, value_name = "RADII", default_value_t = REACH, value_parser = positive)]
-        slope_reach: f64,
+        /// Mean radii over which planes are fitted to a surface for its slope [default: 12 of a heap or bed, 10 of an aggregate]
+        #[arg(long, value_name = "RADII", value_parser = positive)]
+        slope_reach: Option<f64>,
     },
     /// The same observable of several runs in one figure, and their values in one table.
     ///
@@ -250,7 +250,7 @@ pub struct Options {
     /// cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z with its centre at @X,Y,Z, @com or @largest, or layer:FROM,TO above the floor (m); without it the one that fits the scene
     #[arg(long, value_name = "SHAPE")]
     pub region: Option<Probe>,
-    /// Mean radii over which planes are fitted to a surface for its slope: fewer show more of its shape, and of its grains
+    /// Mean radii over which planes are fitted to the surface of a heap or bed for its slope: fewer show more of its shape, and of its grains
     #[arg(long, value_name = "RADII", default_value_t = REACH, value_parser = positive)]
     pub slope_reach: f64,
     /// Threads; 0 takes all cores. Results do not depend on it

@@ -727,13 +727,7 @@ mod tests {
         let mut frame = columns(3, false, [true, false, false, false], UnitQuaternion::identity()).frame();
         let hollow = Some(Hollow { radius: 4.0, half_height: 50.0 });
         let shape = WallShape::Polyhedron(Solid { hollow, ..Default::default() }.into());
-        frame.walls.push(Wall {
-            id: 99,
-            x: Vec3::x() * 3.0,
-            v: None,
-            rotation: UnitQuaternion::identity(),
-            shape,
-        });
+        frame.walls.push(Wall { id: 99, x: Vec3::x() * 3.0, v: None, rotation: UnitQuaternion::identity(), shape });
         assert_close(Bed::of(&frame, &fragments(&frame)).unwrap().area, 8.0 * std::f64::consts::PI);
     }
 

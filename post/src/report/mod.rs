@@ -136,8 +136,7 @@ fn page(
     put("</div>\n");
     if !last.grains.is_empty() {
         put("<h2>In depth, at the end</h2>\n<div class=\"figures\">\n");
-        let files: BTreeMap<&str, Vec<u8>> =
-            state::files(last, newcomers, crate::derive::plane_fit::REACH).into_iter().collect();
+        let files: BTreeMap<&str, Vec<u8>> = state::files(last, newcomers, None).into_iter().collect();
         for (file, caption) in STATE_FIGURES {
             // Where nothing has left, there is nothing to draw.
             let table = files.get(file.replace(".svg", ".csv").as_str());
