@@ -14,6 +14,7 @@
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
 //! | [`origin`] | the same: which scene it is made from |
 //! | [`accuracy`] | the same: what its presets of accuracy mean |
+//! | [`case`] | none: the folder of a case on a command line |
 //! | [`groups`] | none: what hangs together
 //! | [`places`] | any RON file: where its values stand, and others in their place |
 //! | [`report`] | the same: its faults |
@@ -27,6 +28,7 @@ pub mod accuracy;
 pub mod atomic;
 pub mod bodies;
 pub mod bulk_behav;
+pub mod case;
 pub mod compute;
 pub mod dof;
 pub mod drv_dof;

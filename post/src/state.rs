@@ -13,9 +13,10 @@ use crate::derive::coordination::touches_with_force;
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::fabric::{anisotropy, distribution, eigenvalues, fabric, mobilisation};
 use crate::derive::fragments::{Fragment, fragments};
-use crate::derive::free_surface::FreeSurface;
+use crate::derive::free_surface::{self, FreeSurface};
 use crate::derive::motion::Axes;
 use crate::derive::orbits::orbits;
+use crate::derive::plane_fit;
 use crate::derive::profile::shells;
 use crate::derive::surface::{Facet, Grid, noise, slopes_below, surface};
 use crate::frame::{Contact, Frame, Grain, Vec3};
@@ -126,7 +127,12 @@ const BIN: f64 = 0.25;
 
 /// Reads a snapshot, the last without `step`; writes `POSTPRO/state-NNNNNN/` and returns its path and
 /// what is worth a report. Layers of a bed are means over `mean` snapshots up to that one.
-pub fn write(dir: &Path, step: Option<u64>, mean: u32, slope_reach: f64) -> Result<(PathBuf, Vec<String>), Faults> {
+pub fn write(
+    dir: &Path,
+    step: Option<u64>,
+    mean: u32,
+    slope_reach: Option<f64>,
+) -> Result<(PathBuf, Vec<String>), Faults> {
     let outbox = dir.join("OUTBOX");
     let all = snapshots(&outbox)?;
     let (last, _) = all[all.len() - 1];
@@ -211,7 +217,7 @@ pub fn newcomers(dir: &Path) -> Result<HashSet<u64>, Faults> {
 
 /// All files of a frame that holds grains; `newcomers`: bodies that are no ejecta wherever they are; `slope_reach`: mean radii over
 /// which planes are fitted to a surface.
-pub fn files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: f64) -> Vec<File> {
+pub fn files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: Option<f64>) -> Vec<File> {
     let fragments = fragments(frame);
     let mut files = forces(frame);
     files.push(("fabric.csv", fabric_table(frame).into_bytes()));
@@ -222,10 +228,12 @@ pub fn files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: f64) -> Vec<F
     if !frame.cell().repeats() {
         files.extend(profiles(frame, &fragments[0]));
     }
-    match FreeSurface::of(frame, &fragments, slope_reach) {
+    match FreeSurface::of(frame, &fragments, slope_reach.unwrap_or(free_surface::REACH)) {
         // Their own gravity has no one direction.
         Some(surface) if self_gravity_constant(frame).is_none() => files.extend(free_surface_files(&surface)),
-        _ if !frame.cell().repeats() => files.extend(surface_files(frame, &fragments[0], slope_reach)),
+        _ if !frame.cell().repeats() => {
+            files.extend(surface_files(frame, &fragments[0], slope_reach.unwrap_or(plane_fit::REACH)));
+        }
         _ => {}
     }
     files

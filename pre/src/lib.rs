@@ -36,6 +36,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
+use cd_formats::case::misplaced;
 use cd_formats::compute::from_ron;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::origin::Origin;
@@ -105,11 +106,14 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         complain(format_args!("cd-pre: {first}: is no file and no command; did you mean {near}?"));
         return 2;
     }
-    let arguments = match Arguments::try_parse_from(args) {
+    let arguments = match Arguments::try_parse_from(&args) {
         Ok(arguments) => arguments,
         Err(message) => {
             // Help and version come this way too; they go to stdout and are no fault.
-            let _ = message.print();
+            match misplaced(&Arguments::command(), &args).filter(|_| message.use_stderr()) {
+                Some(mistake) => complain(format_args!("cd-pre: {mistake}")),
+                None => drop(message.print()),
+            }
             return message.exit_code();
         }
     };

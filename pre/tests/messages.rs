@@ -304,3 +304,28 @@ fn datbox_names_the_scene_that_it_is_from() {
     let text = compute(&["-o", elsewhere.path().to_str().unwrap()], elsewhere.path().to_str().unwrap());
     assert!(!text.contains("checksum"), "{text}");
 }
+
+#[test]
+fn a_case_of_from_outbox_that_is_none_is_one_fault() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("scene.ron"), "()").unwrap();
+    let said = |arguments: &[&str]| {
+        let (code, text) = cd_pre(arguments);
+        assert_eq!(code, 2, "{text}");
+        text.replace(&folder.path().display().to_string(), "DIR")
+    };
+    let steps = "run cd-pre DIR/scene.ron and cd-solve DIR first";
+    assert_eq!(
+        said(&["from-outbox", &at("scene.ron"), &at("x")]),
+        format!("cd-pre: DIR/scene.ron: file: is a scene, no case; {steps}\n")
+    );
+    assert_eq!(
+        said(&["from-outbox", &at("absent"), &at("x")]),
+        "cd-pre: DIR/absent: folder: there is no such folder; expected the folder of a case, with OUTBOX in it\n"
+    );
+    assert_eq!(
+        said(&[&at(""), "from-outbox", &at("x")]),
+        "cd-pre: from-outbox: a command comes first; did you mean cd-pre from-outbox DIR/ DIR/x?\n"
+    );
+}

@@ -58,6 +58,8 @@ fn what_is_no_case_says_what_to_run() {
     fs::create_dir(case.join("DATBOX")).unwrap();
     fs::write(case.join("DATBOX/BODIES.DAT"), "").unwrap();
     assert_eq!(said("DATBOX"), "cd-solve: CASE/DATBOX: folder: is a DATBOX; expected the folder that it is in\n");
+    let (code, _, text) = ran(case, case, &["resume"]);
+    assert_eq!((code, text.as_str()), (2, "cd-solve: resume: is not expected here; did you mean --resume?\n"));
 }
 
 #[test]
