@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
+use crate::ron_text::known_names;
 use crate::scan::{GRID, Line, Scan, Text, e14, long14, put, put_grid};
 
 /// The bodies in the order of the file, which is their number.
@@ -212,7 +213,7 @@ fn read_contactor(scan: &mut Scan, line: Line) -> Option<Contactor> {
         "PT3Dx" => Shape::Point { offset: scan.grid(line, COORDINATES) },
         _ => {
             let found = format!("a contactor of type '{}'", line.keyword().trim());
-            scan.fault(line.number, found, format!("expected one of {}", CONTACTORS.join(", ")));
+            scan.fault(line.number, found, known_names(line.keyword().trim(), &CONTACTORS));
             return None;
         }
     };

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::bodies::CONTACTORS;
 use crate::error::Faults;
+use crate::ron_text::known_names;
 use crate::scan::{Line, Scan, Text, e14, fortran_real, long14, put};
 
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -227,7 +228,7 @@ fn read_law(scan: &mut Scan) -> Option<Law> {
     let Some(lines) = parameters(&law.kind) else {
         if !law.kind.is_empty() {
             let known: Vec<_> = LAWS.iter().map(|(name, _)| *name).collect();
-            let expected = format!("known are {}", known.join(", "));
+            let expected = known_names(&law.kind, &known);
             scan.fault(first.number, format!("its kind '{}' is not known", law.kind), expected);
         }
         return Some(law);
@@ -296,7 +297,7 @@ fn check_rows(scan: &mut Scan, laws: &[Law], rows: Vec<Option<See>>) -> Vec<See>
         scan.about(format!("see row {number}"));
         for contactor in [&row.candidate.contactor, &row.antagonist.contactor] {
             if !contactor.is_empty() && !CONTACTORS.contains(&contactor.as_str()) {
-                let expected = format!("expected one of {}", CONTACTORS.join(", "));
+                let expected = known_names(contactor, &CONTACTORS);
                 scan.fault(row.line, format!("a contactor of type '{contactor}'"), expected);
             }
         }
@@ -304,7 +305,7 @@ fn check_rows(scan: &mut Scan, laws: &[Law], rows: Vec<Option<See>>) -> Vec<See>
             let defined: Vec<_> = laws.iter().map(|law| law.nickname.as_str()).collect();
             let expected = match defined.as_slice() {
                 [] => "expected a law before it: none is defined".to_string(),
-                names => format!("defined are {}", names.join(", ")),
+                names => known_names(&row.law, names),
             };
             scan.fault(row.line, format!("law '{}' is not defined", row.law), expected);
         }

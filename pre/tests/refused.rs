@@ -52,7 +52,7 @@ fn laws_of_events_are_those_of_contacts_and_cohesion_is_changed_where_there_is_s
     assert_eq!(said("SetFriction(\"iqsc0\", 0.5)"), "nothing");
     assert_eq!(
         said("SetFriction(\"iqsc1\", 0.5)"),
-        "scene.ron:18: compute, event 2: law 'iqsc1' is not in use; expected one of iqsc0"
+        "scene.ron:18: compute, event 2: law 'iqsc1' is not in use; did you mean iqsc0?"
     );
     assert_eq!(
         said("SetCohesion(\"iqsc0\", 0.5)"),
@@ -70,7 +70,7 @@ fn materials_laws_and_colours() {
         (
             "name: \"ROCKx\"",
             "name: \"GRANITE\"",
-            "3: material 1, name: 'GRANITE'; expected 1 to 5 printable ASCII characters without blanks\nscene.ron:7: grains 1, material: 'ROCKx' is not defined; expected one of GRANITE\nscene.ron:13: wall 1, material: 'ROCKx' is not defined; expected one of GRANITE",
+            "3: material 1, name: 'GRANITE'; expected 1 to 5 printable ASCII characters without blanks\nscene.ron:7: grains 1, material: 'ROCKx' is not defined; expected GRANITE\nscene.ron:13: wall 1, material: 'ROCKx' is not defined; expected GRANITE",
         ),
         ("2700.0", "NaN", "3: material 1, density: NaN; expected a density > 0 kg/m^3"),
         (
@@ -81,7 +81,7 @@ fn materials_laws_and_colours() {
         (
             "material: \"ROCKx\", colour: \"B",
             "material: \"ICExx\", colour: \"B",
-            "7: grains 1, material: 'ICExx' is not defined; expected one of ROCKx",
+            "7: grains 1, material: 'ICExx' is not defined; expected ROCKx",
         ),
         ("-9.81", "inf", "2: gravity: [0.0, 0.0, inf]; expected finite numbers (m/s^2)"),
         ("friction: 0.4", "friction: -0.4", "4: law 1, kind: friction -0.4; expected a finite number >= 0"),
@@ -95,7 +95,7 @@ fn materials_laws_and_colours() {
             "RST_CLB(normal_restitution: 1.1, tangential_restitution: 0, friction: 0)",
             "4: law 1, kind: normal_restitution 1.1; expected 0 to 1",
         ),
-        ("law: \"iqsc0\"", "law: \"iqsc1\"", "5: contact 1, law: 'iqsc1' is not defined; expected one of iqsc0"),
+        ("law: \"iqsc0\"", "law: \"iqsc1\"", "5: contact 1, law: 'iqsc1' is not defined; did you mean iqsc0?"),
         (
             "(\"BLUEx\", \"WALLx\")",
             "(\"BLUEx\", \"REDxx\")",

@@ -259,7 +259,7 @@ pub fn check_events(scene: &Scene, report: &mut Report) {
         match scene.law_names.iter().position(|law| law.nickname == *name) {
             None => {
                 let known: Vec<&str> = scene.law_names.iter().map(|law| law.nickname.as_str()).collect();
-                report.fault(&path, format!("law '{name}' is not in use"), format!("one of {}", known.join(", ")));
+                report.unknown(&path, format!("law '{name}' is not in use"), name, &known);
             }
             Some(law)
                 if matches!(event.action, Action::SetCohesion(..)) && !scene.laws[law].clone().set_cohesion(0.0) =>

@@ -208,7 +208,7 @@ fn polyhedra_that_are_none() {
 fn materials_and_masses() {
     let mut case = sound();
     case.bodies[1].material = "CHALK".into();
-    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: material 'CHALK' is not defined; defined are ROCKx";
+    let line = "CASE/DATBOX/BODIES.DAT:14: body 2: material 'CHALK' is not defined; expected ROCKx";
     written_refused(&case, &[], &[line]);
     let mut case = sound();
     let shape = Shape::Sphere { radius: 1e99 };
@@ -233,8 +233,7 @@ fn laws() {
     case.write();
     let (code, text) = spawn(&case, &[]);
     assert_eq!(code, 2);
-    let line =
-        "cd-solve: CASE/DATBOX/TACT_BEHAV.DAT:2: law 'law00': its kind 'IQS_GLUE' is not known; known are IQS_CLB, ";
+    let line = "cd-solve: CASE/DATBOX/TACT_BEHAV.DAT:2: law 'law00': its kind 'IQS_GLUE' is not known; expected one of IQS_CLB, ";
     assert!(text.starts_with(line) && text.lines().count() == 1, "{text}");
 
     case.law("ELASTIC_REPELL_CLB", &[1e6, 0.3]);
