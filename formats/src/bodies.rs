@@ -90,6 +90,7 @@ impl Bodies {
     /// Reads the text of a file; `path` is for messages.
     pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
         let scan = &mut Scan::new(path, text);
+        let is_empty = scan.peek().is_none();
         let mut bodies = Bodies::default();
         let mut number = 0; // as written, so that one gap is one fault
         let mut position = 0;
@@ -102,7 +103,17 @@ impl Bodies {
             }
             bodies.0.extend(body);
         }
+        if is_empty {
+            scan.fault_of_file("no body", "expected a $bdyty for each");
+        }
         scan.finish(bodies)
+    }
+
+    /// Line of the material of a body of the file `path`; that of the body if it cannot be found.
+    pub fn line_of_material(path: &Path, body: &Body) -> usize {
+        let Ok(text) = Text::load(path) else { return body.line };
+        let line = text.lines().skip(body.line).find(|line| line.keyword() == "PLAIN").map(|line| line.number);
+        line.unwrap_or(body.line)
     }
 
     /// The text of the file, numbers with eight digits; of bodies with a polyhedron up to twelve, see

@@ -104,6 +104,9 @@ fn parameters(kind: &str) -> Option<&'static [&'static [&'static str]]> {
     LAWS.iter().find(|(name, _)| *name == kind).map(|(_, lines)| *lines)
 }
 
+/// Comment of a file without laws: one that is empty by mistake would let all bodies pass through each other.
+const NO_LAWS: &str = "! no contact laws";
+
 /// Begin of the comments of [`TactBehav::no_law`].
 const NO_LAW: &str = "! no law: ";
 
@@ -148,6 +151,10 @@ impl TactBehav {
                 _ => {}
             }
         }
+        if laws.is_empty() && rows.is_empty() && !text.lines().any(|line| line.text().starts_with(NO_LAWS)) {
+            let expected = format!("expected a $behav for each law; a file without laws says so by a line '{NO_LAWS}'");
+            scan.fault_of_file("no contact laws", expected);
+        }
         let visibility = check_rows(scan, &laws, rows);
         scan.finish(TactBehav { laws, visibility })
     }
@@ -187,6 +194,9 @@ impl TactBehav {
 
     fn text(&self, real: fn(f64) -> String) -> String {
         let mut out = String::new();
+        if self.laws.is_empty() && self.visibility.is_empty() {
+            out += &format!("{NO_LAWS}\n");
+        }
         for Law { nickname, kind, parameters: values, .. } in &self.laws {
             let _ = write!(out, "$behav\n {nickname:<5}  {kind}");
             let lines = parameters(kind).map_or_else(|| vec![&["parm"][..]; values.len()], <[_]>::to_vec);

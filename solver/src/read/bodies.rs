@@ -32,7 +32,9 @@ pub fn scene(
     let mut frames = Vec::new();
     for (index, record) in records.0.iter().enumerate() {
         let made = make(record, bulk, &mut colours).unwrap_or_else(|(found, expected)| {
-            faults.push(Fault::new(&file, Some(record.line), format!("body {}", index + 1), found, expected));
+            let of_material = found.starts_with("material ");
+            let line = if of_material { Bodies::line_of_material(&file, record) } else { record.line };
+            faults.push(Fault::new(&file, Some(line), format!("body {}", index + 1), found, expected));
             placeholder()
         });
         bodies.push(made.body);
