@@ -70,6 +70,19 @@ impl Shape {
             Shape::Point { .. } => "PT3Dx",
         }
     }
+
+    /// Whether a point in the shape's own frame, m, is outside of a hollow cylinder, which is closed and pushes inwards alone;
+    /// false of other shapes.
+    ///
+    /// ```
+    /// use cd_formats::bodies::Shape;
+    /// let drum = Shape::Cylinder { half_height: 1.0, radius: 0.5, hollow: true };
+    /// assert_eq!([[0.0, 0.4, -0.9], [0.4, 0.4, 0.0], [0.0, 0.0, 1.1]].map(|point| drum.leaves_out(point)), [false, true, true]);
+    /// ```
+    pub fn leaves_out(&self, [x, y, z]: [f64; 3]) -> bool {
+        let Shape::Cylinder { half_height, radius, hollow: true } = self else { return false };
+        z.abs() > *half_height || x.hypot(y) > *radius
+    }
 }
 
 /// The contactors that can be read.

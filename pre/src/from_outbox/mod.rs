@@ -247,7 +247,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
 
     let datbox = dir.join("DATBOX");
     let driven = driven(&parts, &new);
-    let files = files(&changes, &parts, &new, &records, &tables, &driven, &options);
+    overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
+    let mut files = files(&changes, &parts, &new, &records, &tables, &driven, &options);
     let mut owner: Vec<usize> = Vec::new();
     parts.iter().enumerate().for_each(|(k, part)| owner.extend(std::iter::repeat_n(k, part.rows.len())));
     let name = |body: usize| match owner.get(body) {
