@@ -156,9 +156,14 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     }
     // Whether the scene lies near DATBOX is known when there is one.
     std::fs::create_dir_all(datbox).map_err(|error| Fault::io(datbox, "written", &error))?;
-    let origin = Origin::of(source, original.as_bytes(), settings, datbox.parent().unwrap_or(Path::new("")));
+    let case = datbox.parent().unwrap_or(Path::new(""));
+    let mut origin = Origin::of(source, original.as_bytes(), settings, case);
+    if let Some(origin) = &mut origin {
+        let folder = source.parent().unwrap_or(Path::new(""));
+        scene::models(&scene.grains).for_each(|file| origin.add(&folder.join(file), case));
+    }
     for (_, text) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE) {
-        text.insert_str(0, &origin.as_ref().map_or(String::new(), Origin::line));
+        text.insert_str(0, &origin.as_ref().map_or(String::new(), Origin::lines));
     }
     atomic::write_all(files.iter().map(|(name, text)| (datbox.join(name), text.as_bytes())))?;
     from_outbox::clear(datbox)?;

@@ -25,9 +25,10 @@ use cd_formats::compute::{ABOUT_A_PERIOD, Compute};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{Driven, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::origin::Origin;
 use cd_formats::places;
 use cd_formats::report::Report;
-use cd_formats::snapshot::{Ledger, START, Snapshot};
+use cd_formats::snapshot::{self, Ledger, START, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
 use serde::Deserialize;
 
@@ -152,7 +153,8 @@ type File = (String, Vec<u8>);
 ///
 /// Errors: all faults of the file and of the cases that it names; nothing is written then.
 pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], dir: &Path) -> Result<String, Faults> {
-    let (file, text) = match changes {
+    let changes_file = changes;
+    let (file, text) = match changes_file {
         Some(file) => (file, atomic::read_text(file)?),
         None => (Path::new("changes"), "()".to_string()),
     };
@@ -259,6 +261,16 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     reread::check(&datbox, bytes, &driven, &options, name, &mut report);
     if !report.faults.0.is_empty() {
         return Err(report.faults);
+    }
+    fs::create_dir_all(&datbox).map_err(|error| Fault::io(&datbox, "written", &error))?;
+    let mut origin = Origin::from_outbox(case, changes_file, settings, dir);
+    changes_file.into_iter().for_each(|file| origin.add(file, dir));
+    scene::models(&changes.grains).for_each(|model| origin.add(&folder.join(model), dir));
+    for part in &parts {
+        origin.add(&snapshot::path(&part.source.case.join("OUTBOX"), part.source.snapshot.meta.step), dir);
+    }
+    for (_, bytes) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE) {
+        bytes.splice(..0, origin.lines().into_bytes());
     }
     atomic::write_all(files.iter().map(|(name, bytes)| (datbox.join(name), bytes.as_slice())))?;
     crate::warn(&report.warnings);

@@ -109,7 +109,7 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     faults.into_result((scene, state))
 }
 
-/// Warns if the scene that DATBOX was made from has changed since.
+/// Warns if a file that DATBOX was made from has changed since.
 fn origin_changed(case: &Path) -> Option<String> {
     let text = std::fs::read_to_string(case.join("DATBOX").join(COMPUTE)).ok()?;
     Origin::find(&text)?.changed(case)
