@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::error::{Fault, Faults};
 use cd_formats::ron_text::nearest;
-use cd_formats::tell::{complain, tell};
+use cd_formats::tell::{complain, tell, usage};
 use cd_formats::{atomic, snapshot};
 use clap::builder::RangedU64ValueParser;
 use clap::{CommandFactory, Parser};
@@ -274,10 +274,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     }
     let arguments = match Arguments::try_parse_from(args) {
         Ok(arguments) => arguments,
-        Err(error) => {
-            let _ = error.print();
-            return error.exit_code();
-        }
+        Err(error) => return usage("cd-post", &error),
     };
     let Arguments { command, options } = &arguments;
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {

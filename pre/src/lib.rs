@@ -43,7 +43,7 @@ use cd_formats::places;
 use cd_formats::report::Report;
 use cd_formats::ron_text::nearest;
 use cd_formats::scan::{fortran_real, long14};
-use cd_formats::tell::{complain, tell};
+use cd_formats::tell::{complain, tell, usage};
 use clap::{CommandFactory, Parser};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -107,11 +107,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     }
     let arguments = match Arguments::try_parse_from(args) {
         Ok(arguments) => arguments,
-        Err(message) => {
-            // Help and version come this way too; they go to stdout and are no fault.
-            let _ = message.print();
-            return message.exit_code();
-        }
+        Err(error) => return usage("cd-pre", &error),
     };
     let written = match arguments.command {
         Some(Command::FromOutbox { case, dir, changes, set }) => {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::compute::Flags;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::{complain, tell};
+use cd_formats::tell::{complain, tell, usage};
 use clap::Parser;
 
 use crate::run::{Failure, check, run as run_case, take_on_forces};
@@ -41,10 +41,7 @@ struct Arguments {
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
-        Err(error) => {
-            let _ = error.print();
-            return error.exit_code();
-        }
+        Err(error) => return usage(PROGRAM, &error),
     };
     match solve(&arguments) {
         Ok(summary) => {
