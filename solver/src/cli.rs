@@ -84,7 +84,9 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
         resumed = before.is_some();
         if let Some(before) = before {
             take_on_forces(&scene, &before.parameters, &mut state);
-            let (warnings, notes) = before.changes(&scene, &arguments.flags.given());
+            // The start stands in DATBOX.
+            let text = (state.step > 0).then(|| write::text::is_written(&write::outbox(case), &state)).transpose()?;
+            let (warnings, notes) = before.changes(&scene, text, &arguments.flags.given());
             warnings.iter().for_each(warn);
             notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
         } else {
