@@ -30,6 +30,7 @@ pub mod bodies;
 pub mod bulk_behav;
 pub mod compute;
 pub mod dof;
+pub mod doubts;
 pub mod drv_dof;
 pub mod error;
 pub mod faces;

@@ -54,7 +54,6 @@ pub fn check(scene: &Scene, report: &mut Report) {
     let free = scene.grains.is_empty() || scene.grains.iter().any(|grains| grains.driven.is_none());
     report.expect(free, "grains", "none is free to move", "at least one body of grains whose motion is not imposed");
     scene.compute.check_in(report, "compute.");
-    check_event_times(report, &scene.compute.events, 0.0);
     check_turning(report, &scene.compute, driven_in_part(&scene.grains, &scene.walls));
     let used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
     let cohesive = |law: &Law| {
@@ -118,15 +117,6 @@ pub(crate) fn check_laws_of_events(report: &mut Report, events: &[Event], laws: 
                 report.expect(holds, &path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }
         }
-    }
-}
-
-/// Events before the start of the run, s, which would never happen.
-pub(crate) fn check_event_times(report: &mut Report, events: &[Event], start: f64) {
-    for (k, event) in events.iter().enumerate() {
-        let path = format!("compute.events.{k}.time");
-        let found = format!("{:?} s is before the start of the run", event.time);
-        report.expect(event.time.is_nan() || event.time >= start, &path, found, &format!("at least {start:?} s"));
     }
 }
 

@@ -142,6 +142,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     let (scene, population) = read(source, &text, settings)?;
     let mut report = Report::with(source, &text, settings);
     doubts::doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
+    cd_formats::doubts::events(&scene.compute.events, "compute.", &mut report);
     attraction::warnings(&scene, &population, &mut report);
     let mut files = write::files(&scene, &population);
     let (driven, _) = write::drv_dof(&scene, &population);

@@ -228,9 +228,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let new = New::of(&changes, &parts, &options, folder, &mut report);
     let records = records(&parts, &new);
     overlaps::check(&changes, &parts, &new.population, &records, &options, &mut report);
-    // Where time goes on, events before it have happened.
-    if let Some(compute) = changes.compute.as_ref().filter(|_| !changes.keep_time) {
-        crate::check::check_event_times(&mut report, &compute.events, 0.0);
+    if changes.compute.is_some() || !of_run.is_empty() {
+        cd_formats::doubts::events(&options.events, "compute.", &mut report);
     }
     crate::doubts::doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, &mut report);
     let tables = Tables::merged(&changes, &parts, &new.population.grains, &records, &mut report);
