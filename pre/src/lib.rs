@@ -157,7 +157,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     let mut origin = Origin::of(source, original.as_bytes(), settings, case);
     if let Some(origin) = &mut origin {
         let folder = source.parent().unwrap_or(Path::new(""));
-        scene::models(&scene.grains).for_each(|file| origin.add(&folder.join(file), case));
+        models(&scene.grains).for_each(|file| origin.add(&folder.join(file), case));
     }
     for (_, text) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE) {
         text.insert_str(0, &origin.as_ref().map_or(String::new(), Origin::lines));
@@ -167,6 +167,24 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     warn(&report.warnings);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     Ok(format!("{}wrote {}: {}\n", summary(&scene, &population), datbox.display(), names.join(" ")))
+}
+
+/// Files of the surfaces that grains are made from or placed in, as the scene names them.
+pub(crate) fn models(grains: &[scene::Grains]) -> impl Iterator<Item = &str> {
+    grains.iter().flat_map(|grains| {
+        let (shape, pieces) = match &grains.shape {
+            scene::Shape::Model { file, contact: scene::ContactSurface::Files(pieces), .. } => {
+                (Some(file), pieces.as_slice())
+            }
+            scene::Shape::Model { file, .. } => (Some(file), &[][..]),
+            _ => (None, &[][..]),
+        };
+        let envelope = match grains.place.envelope() {
+            Some(scene::Envelope::Model { file, .. }) => Some(file),
+            _ => None,
+        };
+        shape.into_iter().chain(pieces).chain(envelope).map(String::as_str)
+    })
 }
 
 /// Prints warnings on stderr.

@@ -202,22 +202,6 @@ pub enum Shape {
     },
 }
 
-/// Files of the surfaces that grains are made from or placed in, as the scene names them.
-pub(crate) fn models(grains: &[Grains]) -> impl Iterator<Item = &str> {
-    grains.iter().flat_map(|grains| {
-        let (shape, pieces) = match &grains.shape {
-            Shape::Model { file, contact: ContactSurface::Files(pieces), .. } => (Some(file), pieces.as_slice()),
-            Shape::Model { file, .. } => (Some(file), &[][..]),
-            _ => (None, &[][..]),
-        };
-        let envelope = match grains.place.envelope() {
-            Some(Envelope::Model { file, .. }) => Some(file),
-            _ => None,
-        };
-        shape.into_iter().chain(pieces).chain(envelope).map(String::as_str)
-    })
-}
-
 fn equal() -> [f64; 3] {
     [1.0; 3]
 }

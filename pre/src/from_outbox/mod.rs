@@ -264,7 +264,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     fs::create_dir_all(&datbox).map_err(|error| Fault::io(&datbox, "written", &error))?;
     let mut origin = Origin::from_outbox(case, changes_file, settings, dir);
     changes_file.into_iter().for_each(|file| origin.add(file, dir));
-    scene::models(&changes.grains).for_each(|model| origin.add(&folder.join(model), dir));
+    crate::models(&changes.grains).for_each(|model| origin.add(&folder.join(model), dir));
     for part in &parts {
         origin.add(&snapshot::path(&part.source.case.join("OUTBOX"), part.source.snapshot.meta.step), dir);
     }
