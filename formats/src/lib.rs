@@ -12,7 +12,8 @@
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
-//! | [`origin`] | the same: which scene it is made from |
+//! | [`origin`] | the same: which files DATBOX is made from |
+//! | [`doubts`] | none: values that are probably mistakes of units |
 //! | [`accuracy`] | the same: what its presets of accuracy mean |
 //! | [`case`] | none: the folder of a case on a command line |
 //! | [`groups`] | none: what hangs together
@@ -31,6 +32,7 @@ pub mod bulk_behav;
 pub mod case;
 pub mod compute;
 pub mod dof;
+pub mod doubts;
 pub mod drv_dof;
 pub mod error;
 pub mod faces;

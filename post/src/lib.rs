@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::case::{CaseFolder, misplaced, no_case};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::ron_text::nearest;
-use cd_formats::tell::{complain, tell};
+use cd_formats::tell::{complain, tell, usage};
 use cd_formats::{atomic, snapshot};
 use clap::builder::RangedU64ValueParser;
 use clap::{CommandFactory, Parser};
@@ -311,10 +311,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let arguments = match Arguments::try_parse_from(&args) {
         Ok(arguments) => arguments,
         Err(error) => {
-            match misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr()) {
-                Some(message) => complain(format_args!("cd-post: {message}")),
-                None => drop(error.print()),
-            }
+            let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
+            let Some(mistake) = mistake else { return usage("cd-post", &error) };
+            complain(format_args!("cd-post: {mistake}"));
             return error.exit_code();
         }
     };

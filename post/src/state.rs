@@ -597,7 +597,7 @@ mod tests {
         let other = scene.grain([0.0, 0.0, 5.0], 0.5);
         scene.snapshot.bodies.body_v[other] = [0.0, 2.0, 0.0];
         let file = |scene: &Scene, name: &str| -> Option<String> {
-            let found = files(&scene.frame(), &HashSet::new(), 3.0).into_iter().find(|file| file.0 == name)?;
+            let found = files(&scene.frame(), &HashSet::new(), Some(3.0)).into_iter().find(|file| file.0 == name)?;
             Some(String::from_utf8(found.1).unwrap())
         };
         let surface = file(&scene, "surface.vtp").unwrap();
@@ -627,7 +627,7 @@ mod tests {
         for (k, radius) in [2.0, 1.0, 1.5].into_iter().enumerate() {
             scene.grain([10.0 * k as f64, 0.0, 0.0], radius);
         }
-        let found = files(&scene.frame(), &lander, 3.0);
+        let found = files(&scene.frame(), &lander, Some(3.0));
         let table = String::from_utf8(found.iter().find(|file| file.0 == "ejecta.csv").unwrap().1.clone()).unwrap();
         let share: f64 = table.lines().nth(1).unwrap().split(',').nth(2).unwrap().parse().unwrap();
         assert!(table.lines().count() == 2 && (share - 1.0 / 9.0).abs() < 1e-15, "{table}"); // of 8 + 1
@@ -640,7 +640,7 @@ mod tests {
     fn every_file_of_a_state_is_known_by_its_name() {
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);
-        let made = files(&scene.frame(), &HashSet::new(), 3.0).into_iter().chain(layers(&[]));
+        let made = files(&scene.frame(), &HashSet::new(), Some(3.0)).into_iter().chain(layers(&[]));
         let made: HashSet<&str> = made.map(|(name, _)| name).collect();
         assert_eq!(made, NAMES.into_iter().collect());
     }
@@ -653,7 +653,7 @@ mod tests {
             let grain = scene.grain([10.0 * (k + 1) as f64, 0.0, 0.0], 1.0);
             scene.snapshot.bodies.body_v[grain] = [speed, 0.0, 0.0];
         }
-        let found = files(&scene.frame(), &HashSet::new(), 3.0);
+        let found = files(&scene.frame(), &HashSet::new(), Some(3.0));
         let table = String::from_utf8(found.iter().find(|file| file.0 == "ejecta.csv").unwrap().1.clone()).unwrap();
         let share = |line: &str| line.split(',').nth(2).unwrap().parse::<f64>().unwrap();
         let shares: Vec<f64> = table.lines().skip(1).map(share).collect();

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use cd_formats::case::{CaseFolder, misplaced, no_case};
 use cd_formats::compute::Flags;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::{complain, tell};
+use cd_formats::tell::{complain, tell, usage};
 use clap::{CommandFactory, Parser};
 
 use crate::run::{Failure, check, run as run_case, take_on_forces};
@@ -44,10 +44,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let arguments = match Arguments::try_parse_from(&args) {
         Ok(arguments) => arguments,
         Err(error) => {
-            match misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr()) {
-                Some(message) => complain(format_args!("{PROGRAM}: {message}")),
-                None => drop(error.print()),
-            }
+            let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
+            let Some(mistake) = mistake else { return usage(PROGRAM, &error) };
+            complain(format_args!("{PROGRAM}: {mistake}"));
             return error.exit_code();
         }
     };
@@ -92,7 +91,9 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
         resumed = before.is_some();
         if let Some(before) = before {
             take_on_forces(&scene, &before.parameters, &mut state);
-            let (warnings, notes) = before.changes(&scene, &arguments.flags.given());
+            // The start stands in DATBOX.
+            let text = (state.step > 0).then(|| write::text::is_written(&write::outbox(case), &state)).transpose()?;
+            let (warnings, notes) = before.changes(&scene, text, &arguments.flags.given());
             warnings.iter().for_each(warn);
             notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
         } else {
