@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
+use crate::ron_text::known_names;
 use crate::scan::{GRID, Line, Scan, Text, e14, long14, put, put_grid};
 
 /// The bodies in the order of the file, which is their number.
@@ -69,6 +70,19 @@ impl Shape {
             Shape::Point { .. } => "PT3Dx",
         }
     }
+
+    /// Whether a point in the shape's own frame, m, is outside of a hollow cylinder, which is closed and pushes inwards alone;
+    /// false of other shapes.
+    ///
+    /// ```
+    /// use cd_formats::bodies::Shape;
+    /// let drum = Shape::Cylinder { half_height: 1.0, radius: 0.5, hollow: true };
+    /// assert_eq!([[0.0, 0.4, -0.9], [0.4, 0.4, 0.0], [0.0, 0.0, 1.1]].map(|point| drum.leaves_out(point)), [false, true, true]);
+    /// ```
+    pub fn leaves_out(&self, [x, y, z]: [f64; 3]) -> bool {
+        let Shape::Cylinder { half_height, radius, hollow: true } = self else { return false };
+        z.abs() > *half_height || x.hypot(y) > *radius
+    }
 }
 
 /// The contactors that can be read.
@@ -89,6 +103,7 @@ impl Bodies {
     /// Reads the text of a file; `path` is for messages.
     pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
         let scan = &mut Scan::new(path, text);
+        let is_empty = scan.peek().is_none();
         let mut bodies = Bodies::default();
         let mut number = 0; // as written, so that one gap is one fault
         let mut position = 0;
@@ -101,7 +116,17 @@ impl Bodies {
             }
             bodies.0.extend(body);
         }
+        if is_empty {
+            scan.fault_of_file("no body", "expected a $bdyty for each");
+        }
         scan.finish(bodies)
+    }
+
+    /// Line of the material of a body of the file `path`; that of the body if it cannot be found.
+    pub fn line_of_material(path: &Path, body: &Body) -> usize {
+        let Ok(text) = Text::load(path) else { return body.line };
+        let line = text.lines().skip(body.line).find(|line| line.keyword() == "PLAIN").map(|line| line.number);
+        line.unwrap_or(body.line)
     }
 
     /// The text of the file, numbers with eight digits; of bodies with a polyhedron up to twelve, see
@@ -212,7 +237,7 @@ fn read_contactor(scan: &mut Scan, line: Line) -> Option<Contactor> {
         "PT3Dx" => Shape::Point { offset: scan.grid(line, COORDINATES) },
         _ => {
             let found = format!("a contactor of type '{}'", line.keyword().trim());
-            scan.fault(line.number, found, format!("expected one of {}", CONTACTORS.join(", ")));
+            scan.fault(line.number, found, known_names(line.keyword().trim(), &CONTACTORS));
             return None;
         }
     };

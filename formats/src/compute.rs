@@ -475,6 +475,9 @@ impl Compute {
         expect(self.log_every > 0, "log_every", format!("{}", self.log_every), "at least 1");
         expect(self.threads <= MOST_THREADS, "threads", format!("{}", self.threads), "0 to 1024");
         for (k, event) in self.events.iter().enumerate() {
+            // Time begins at 0.
+            let found = format!("{:?} s is before the start of the run", event.time);
+            expect(event.time.is_nan() || event.time >= 0.0, &format!("events.{k}.time"), found, "at least 0.0 s");
             let values = match &event.action {
                 Action::AddSpin(v) | Action::SetTorque(v) | Action::AddVelocity(v) | Action::SetGravity(v) => {
                     v.to_vec()

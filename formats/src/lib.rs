@@ -12,8 +12,10 @@
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
-//! | [`origin`] | the same: which scene it is made from |
+//! | [`origin`] | the same: which files DATBOX is made from |
+//! | [`doubts`] | none: values that are probably mistakes of units |
 //! | [`accuracy`] | the same: what its presets of accuracy mean |
+//! | [`case`] | none: the folder of a case on a command line |
 //! | [`groups`] | none: what hangs together
 //! | [`places`] | any RON file: where its values stand, and others in their place |
 //! | [`report`] | the same: its faults |
@@ -27,8 +29,10 @@ pub mod accuracy;
 pub mod atomic;
 pub mod bodies;
 pub mod bulk_behav;
+pub mod case;
 pub mod compute;
 pub mod dof;
+pub mod doubts;
 pub mod drv_dof;
 pub mod error;
 pub mod faces;

@@ -1,64 +1,160 @@
-//! The scene that a DATBOX is made from: a comment in COMPUTE.RON, from which cd-solve knows that the scene has changed since.
+//! The files that a DATBOX is made from: comments in COMPUTE.RON, from which cd-solve knows that one has changed since.
 
 use std::fs;
 use std::path::Path;
 
-/// Where a DATBOX is from.
+/// Origin of a DATBOX.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Origin {
-    /// The scene's file, from the folder that DATBOX is in.
-    pub scene: String,
-    /// [`checksum`] of the file.
-    pub checksum: u64,
+    pub command: Command,
+    /// The scene first, then the models that it names; the file of changes, then the snapshots.
+    pub inputs: Vec<Input>,
     /// `PATH=VALUE` of each value that was set beyond the file.
     pub settings: Vec<String>,
 }
 
-/// Folders above that of DATBOX in which a scene is still its own; what lies elsewhere may be moved apart.
+/// A file that DATBOX is made from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Input {
+    /// Seen from the folder that DATBOX is in.
+    pub path: String,
+    /// [`checksum`] of the file.
+    pub checksum: u64,
+}
+
+/// Command of cd-pre that makes DATBOX.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Command {
+    /// `cd-pre scene.ron`, the first input.
+    Scene,
+    /// `cd-pre from-outbox`, with the case, empty if it lies elsewhere, and the file of changes; paths as in [`Input`].
+    FromOutbox { case: String, changes: Option<String> },
+}
+
+/// Folders above that of DATBOX in which a scene is followed, and below which other files are; what lies elsewhere may be
+/// moved apart.
 const ABOVE: [&str; 3] = ["", "..", "../.."];
 
 const BEGIN: &str = "// Made from ";
+const WITH: &str = "// Made with ";
+const BY: &str = "// Made by from-outbox ";
 const CHECKSUM: &str = ", checksum ";
+const CHANGES: &str = ", --changes ";
 const SET: &str = ", --set ";
 
+/// Path of a file or folder seen from the folder `case`; none if it lies elsewhere, see [`ABOVE`].
+fn near(path: &Path, case: &Path) -> Option<String> {
+    let whole = |path: &Path| fs::canonicalize(if path == Path::new("") { Path::new(".") } else { path }).ok();
+    let there = match path.file_name() {
+        Some(name) => whole(path.parent()?)?.join(name),
+        None => whole(path)?,
+    };
+    let of_above = |above: &str| {
+        let base = whole(&case.join(above)).filter(|base| base.parent().is_some())?;
+        Some(Path::new(above).join(there.strip_prefix(base).ok()?).to_str()?.to_string())
+    };
+    ABOVE.into_iter().find_map(of_above).filter(|path| !path.contains(['\n', '\r']))
+}
+
+fn plain(settings: &[String]) -> Vec<String> {
+    settings.iter().map(|setting| setting.replace(['\n', '\r'], " ")).collect()
+}
+
 impl Origin {
-    /// Origin of a DATBOX in the folder `case`; none if the scene is neither in this folder nor just above it.
+    /// Origin of a DATBOX in the folder `case` made from a scene; none if the scene lies elsewhere.
     pub fn of(scene: &Path, text: &[u8], settings: &[String], case: &Path) -> Option<Origin> {
-        let folder = |path: &Path| fs::canonicalize(if path == Path::new("") { Path::new(".") } else { path }).ok();
-        let home = folder(scene.parent()?)?;
-        let above = ABOVE.into_iter().find(|above| folder(&case.join(above)).as_ref() == Some(&home))?;
-        let scene = Path::new(above).join(scene.file_name()?).to_str()?.to_string();
-        let settings = settings.iter().map(|setting| setting.replace(['\n', '\r'], " ")).collect();
-        Some(Origin { scene, checksum: checksum(text), settings })
+        let path = near(scene, case)?;
+        let folder = Path::new(&path).parent()?.to_str()?;
+        let input = Input { path: ABOVE.contains(&folder).then_some(path)?, checksum: checksum(text) };
+        Some(Origin { command: Command::Scene, inputs: vec![input], settings: plain(settings) })
     }
 
-    /// The line of COMPUTE.RON, with its end.
-    pub fn line(&self) -> String {
+    /// Origin of a DATBOX in the folder `case` made from the results of the case `source`.
+    pub fn from_outbox(source: &Path, changes: Option<&Path>, settings: &[String], case: &Path) -> Origin {
+        let changes = changes.and_then(|changes| near(changes, case));
+        let command = Command::FromOutbox { case: near(source, case).unwrap_or_default(), changes };
+        Origin { command, inputs: Vec::new(), settings: plain(settings) }
+    }
+
+    /// Adds a file, unless it is there, lies elsewhere or cannot be read; `case` as in [`Origin::of`].
+    pub fn add(&mut self, file: &Path, case: &Path) {
+        if let (Some(path), Ok(bytes)) = (near(file, case), fs::read(file))
+            && self.inputs.iter().all(|known| known.path != path)
+        {
+            self.inputs.push(Input { path, checksum: checksum(&bytes) });
+        }
+    }
+
+    /// The lines of COMPUTE.RON, with their ends.
+    pub fn lines(&self) -> String {
         let settings: String = self.settings.iter().map(|setting| format!("{SET}{setting}")).collect();
-        format!("{BEGIN}{}{CHECKSUM}{:016x}{settings}\n", self.scene, self.checksum)
+        let mut lines = String::new();
+        if let Command::FromOutbox { case, changes } = &self.command {
+            let changes = changes.as_ref().map_or(String::new(), |changes| format!("{CHANGES}{changes}"));
+            lines += &format!("{BY}{case}{changes}{settings}\n");
+        }
+        for (k, Input { path, checksum }) in self.inputs.iter().enumerate() {
+            let scene = k == 0 && self.command == Command::Scene;
+            let (begin, settings) = if scene { (BEGIN, settings.as_str()) } else { (WITH, "") };
+            lines += &format!("{begin}{path}{CHECKSUM}{checksum:016x}{settings}\n");
+        }
+        lines
     }
 
     /// The origin that a COMPUTE.RON names, if it does.
     pub fn find(text: &str) -> Option<Origin> {
-        let line = text.lines().find_map(|line| line.strip_prefix(BEGIN))?;
-        let (scene, rest) = line.split_once(CHECKSUM)?;
-        let mut rest = rest.split(SET);
-        let checksum = u64::from_str_radix(rest.next()?.trim(), 16).ok()?;
-        Some(Origin { scene: scene.to_string(), checksum, settings: rest.map(str::to_string).collect() })
+        let input = |line: &str| -> Option<(Input, Vec<String>)> {
+            let (path, rest) = line.split_once(CHECKSUM)?;
+            let mut rest = rest.split(SET);
+            let checksum = u64::from_str_radix(rest.next()?.trim(), 16).ok()?;
+            Some((Input { path: path.to_string(), checksum }, rest.map(str::to_string).collect()))
+        };
+        let mut lines = text.lines();
+        let mut origin = lines.find_map(|line| {
+            if let Some(line) = line.strip_prefix(BY) {
+                let mut parts = line.split(SET);
+                let (case, changes) = parts.next()?.split_once(CHANGES).map_or_else(
+                    || (line.split(SET).next().unwrap_or_default(), None),
+                    |(case, changes)| (case, Some(changes.to_string())),
+                );
+                let command = Command::FromOutbox { case: case.to_string(), changes };
+                return Some(Origin { command, inputs: Vec::new(), settings: parts.map(str::to_string).collect() });
+            }
+            let (scene, settings) = input(line.strip_prefix(BEGIN)?)?;
+            Some(Origin { command: Command::Scene, inputs: vec![scene], settings })
+        })?;
+        origin.inputs.extend(lines.map_while(|line| Some(input(line.strip_prefix(WITH)?)?.0)));
+        Some(origin)
     }
 
-    /// Warning if the scene of a DATBOX in the folder `case` exists and has changed.
+    /// Warning if files that a DATBOX in the folder `case` is made from exist and have changed.
     pub fn changed(&self, case: &Path) -> Option<String> {
-        let scene = case.join(&self.scene);
-        let text = fs::read(&scene).ok()?;
-        (checksum(&text) != self.checksum).then(|| {
-            let settings: String = self.settings.iter().map(|setting| format!(" --set '{setting}'")).collect();
-            let output = if self.scene.starts_with("..") { format!(" -o {}", case.display()) } else { String::new() };
-            let scene = scene.display();
-            format!(
-                "{scene} has changed since DATBOX was made from it; to use it, run cd-pre {scene}{output}{settings}"
-            )
-        })
+        let has_changed =
+            |input: &&Input| fs::read(case.join(&input.path)).is_ok_and(|bytes| checksum(&bytes) != input.checksum);
+        let changed = self.inputs.iter().filter(has_changed).map(|input| case.join(&input.path).display().to_string());
+        let changed: Vec<String> = changed.collect();
+        let (have, them) = match changed.len() {
+            0 => return None,
+            1 => ("has", "it"),
+            _ => ("have", "them"),
+        };
+        let settings: String = self.settings.iter().map(|setting| format!(" --set '{setting}'")).collect();
+        let command = match &self.command {
+            Command::Scene => {
+                let scene = &self.inputs[0].path;
+                let output = if scene.starts_with("..") { format!(" -o {}", case.display()) } else { String::new() };
+                format!("{}{output}", case.join(scene).display())
+            }
+            Command::FromOutbox { case: source, changes } => {
+                let source = if source.is_empty() { "CASE".into() } else { case.join(source).display().to_string() };
+                let changes = changes.as_ref().map(|changes| format!(" --changes {}", case.join(changes).display()));
+                format!("from-outbox {source} {}{}", case.display(), changes.unwrap_or_default())
+            }
+        };
+        let changed = changed.join(", ");
+        Some(format!(
+            "{changed} {have} changed since DATBOX was made from {them}; to use {them}, run cd-pre {command}{settings}"
+        ))
     }
 }
 
@@ -82,8 +178,8 @@ mod tests {
         fs::create_dir(&case).unwrap();
         fs::write(&scene, "(a: 1)").unwrap();
         let origin = Origin::of(&scene, b"(a: 1)", &["b=2".into(), "c=(1, 2)".into()], &case).unwrap();
-        assert_eq!(origin.scene, "../scene.ron");
-        let text = format!("// Options of cd-solve\n{}(\n)\n", origin.line());
+        assert_eq!(origin.inputs[0].path, "../scene.ron");
+        let text = format!("// Options of cd-solve\n{}(\n)\n", origin.lines());
         assert_eq!(Origin::find(&text).as_ref(), Some(&origin));
         assert_eq!(Origin::find("(\n)\n"), None);
         assert_eq!(origin.changed(&case), None);
@@ -95,5 +191,35 @@ mod tests {
         let far = folder.path().join("a/b/c");
         fs::create_dir_all(&far).unwrap();
         assert_eq!(Origin::of(&scene, b"", &[], &far), None);
+    }
+    #[test]
+    fn every_file_that_has_changed_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let case = at("new");
+        for name in ["run/OUTBOX", "new", "models"] {
+            fs::create_dir_all(at(name)).unwrap();
+        }
+        for name in ["changes.ron", "models/stone.stl", "run/OUTBOX/a.npz"] {
+            fs::write(at(name), name).unwrap();
+        }
+        let mut origin = Origin::from_outbox(&at("run"), Some(&at("changes.ron")), &["compute.dt=1".into()], &case);
+        for name in ["changes.ron", "models/stone.stl", "models/stone.stl", "run/OUTBOX/a.npz", "absent"] {
+            origin.add(&at(name), &case);
+        }
+        assert_eq!(origin.inputs.len(), 3);
+        assert_eq!(Origin::find(&(origin.lines() + "(\n)\n")), Some(origin.clone()));
+        assert_eq!(origin.changed(&case), None);
+        fs::write(at("models/stone.stl"), "other").unwrap();
+        let said = origin.changed(&case).unwrap();
+        assert!(said.contains("new/../models/stone.stl has changed since DATBOX was made from it; "), "{said}");
+        assert!(
+            said.contains("run cd-pre from-outbox ") && said.ends_with("changes.ron --set 'compute.dt=1'"),
+            "{said}"
+        );
+        fs::write(at("run/OUTBOX/a.npz"), "other").unwrap();
+        assert!(origin.changed(&case).unwrap().contains("a.npz have changed since DATBOX was made from them; "));
+        let alone = Origin::from_outbox(&at("run"), None, &[], &case);
+        assert_eq!(Origin::find(&alone.lines()), Some(alone));
     }
 }

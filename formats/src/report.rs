@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::error::{Fault, Faults};
 use crate::places::{self, Places};
+use crate::ron_text::known_names;
 
 /// Faults of one file, each by the path of its value, e.g. `grains.0.sizes`.
 pub struct Report<'a> {
@@ -43,6 +44,11 @@ impl<'a> Report<'a> {
                 Fault { column, ..Fault::new(self.file, line, object(path), found, expected) }
             }
         }
+    }
+
+    /// Takes down a name that is none of `known` at `path`, with the nearest of them.
+    pub fn unknown(&mut self, path: &str, found: impl Into<String>, name: &str, known: &[&str]) {
+        self.faults.push(self.at(path, found.into(), known_names(name, known)));
     }
 
     /// As [`Report::fault`], unless `holds`.

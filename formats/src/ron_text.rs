@@ -206,6 +206,18 @@ fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error:
     if value.is_some_and(|node| node.span.start < at && text[node.span.clone()].parse::<f64>().is_ok()) {
         return wrong("an integer");
     }
+    // A number with something behind it.
+    if let Some(node) = value.filter(|node| begins_with_number(&text[node.span.clone()])) {
+        let word = &text[node.span.clone()];
+        let plain = word.replace(['d', 'D'], "e");
+        match plain.parse::<f64>() {
+            Ok(_) if plain != word => return wrong(&format!("a number, {plain}")),
+            Err(_) if word.ends_with(char::is_alphabetic) && !word.ends_with(['e', 'E']) => {
+                return wrong("a number without unit");
+            }
+            _ => {}
+        }
+    }
     // A kind whose fields were left out.
     let bare = inner(&|node| node.span.end == raw && text[node.span.clone()].starts_with(char::is_alphabetic));
     if let Some(node) = bare.filter(|node| !text[node.span.clone()].contains('(')) {
@@ -740,27 +752,44 @@ impl<'a> Parser<'a> {
     fn no_comma(&mut self, path: &str, value: &str, mark: char) {
         let next = shown(&self.rest()[..self.word().max(mark.len_utf8())]);
         let same_line = !self.text[self.behind..self.at].contains('\n');
-        let number = value.parse::<f64>().is_ok();
-        if number && same_line && mark.is_alphabetic() {
+        let number = begins_with_number(value);
+        // Up to the end of the item, as in `2700.0 kg/m3` and `2.7*1000`.
+        let rest = self.rest();
+        let end = rest.find([',', ')', ']', '}', '(', '[', '"', ':', '\n', '\r']).unwrap_or(rest.len());
+        let end = rest[..end].find("//").unwrap_or(end);
+        let ends_item = !rest[end..].starts_with([':', '(', '[', '"']);
+        if number && same_line && ends_item && (mark.is_alphabetic() || "*/^%\u{b0}\u{b7}".contains(mark)) {
             let at = self.behind - value.len();
-            self.advance(next.len());
-            self.skip_blank();
-            if self.here() == Some(':') {
-                self.mistake(at + value.len(), path, &format!("no ',' before '{next}'"), "expected ',' here");
-                self.give_up();
+            let begin = self.at;
+            self.advance(rest[..end].trim_end().len());
+            let found = shown(&self.text[at..self.at]);
+            let term = |part: &str| part.trim().parse::<f64>().is_ok();
+            let computed = self.text[begin..self.at].split(['*', '/', '^', '%']).skip(1).any(term);
+            let expected = if computed && !mark.is_alphabetic() {
+                "expected one number: files hold no arithmetic"
             } else {
-                self.mistake(at, path, &format!("{value} {next}"), "expected a number without unit");
-                if self.here() == Some(',') {
-                    self.advance(1);
-                }
+                "expected a number without unit"
+            };
+            self.mistake(at, path, &found, expected);
+            self.skip_blank();
+            if self.here() == Some(',') {
+                self.advance(1);
             }
         } else if mark.is_alphanumeric() || "\"'([{-+._".contains(mark) {
             self.mistake(self.behind, path, &format!("no ',' before '{next}'"), "expected ',' here");
+            if number && same_line && rest[next.len()..].trim_start().starts_with(':') {
+                self.give_up();
+            }
         } else {
             self.mistake(self.at, path, &format!("'{next}'"), "expected ','");
             self.give_up();
         }
     }
+}
+
+/// Whether a word begins as a number does.
+fn begins_with_number(word: &str) -> bool {
+    word.trim_start_matches(['+', '-', '.']).starts_with(|c: char| c.is_ascii_digit())
 }
 
 fn closing(bracket: char) -> char {

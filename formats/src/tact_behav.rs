@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::bodies::CONTACTORS;
 use crate::error::Faults;
+use crate::ron_text::known_names;
 use crate::scan::{Line, Scan, Text, e14, fortran_real, long14, put};
 
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -103,6 +104,9 @@ fn parameters(kind: &str) -> Option<&'static [&'static [&'static str]]> {
     LAWS.iter().find(|(name, _)| *name == kind).map(|(_, lines)| *lines)
 }
 
+/// Comment of a file without laws: one that is empty by mistake would let all bodies pass through each other.
+const NO_LAWS: &str = "! no contact laws";
+
 /// Begin of the comments of [`TactBehav::no_law`].
 const NO_LAW: &str = "! no law: ";
 
@@ -147,6 +151,10 @@ impl TactBehav {
                 _ => {}
             }
         }
+        if laws.is_empty() && rows.is_empty() && !text.lines().any(|line| line.text().starts_with(NO_LAWS)) {
+            let expected = format!("expected a $behav for each law; a file without laws says so by a line '{NO_LAWS}'");
+            scan.fault_of_file("no contact laws", expected);
+        }
         let visibility = check_rows(scan, &laws, rows);
         scan.finish(TactBehav { laws, visibility })
     }
@@ -186,6 +194,9 @@ impl TactBehav {
 
     fn text(&self, real: fn(f64) -> String) -> String {
         let mut out = String::new();
+        if self.laws.is_empty() && self.visibility.is_empty() {
+            out += &format!("{NO_LAWS}\n");
+        }
         for Law { nickname, kind, parameters: values, .. } in &self.laws {
             let _ = write!(out, "$behav\n {nickname:<5}  {kind}");
             let lines = parameters(kind).map_or_else(|| vec![&["parm"][..]; values.len()], <[_]>::to_vec);
@@ -227,7 +238,7 @@ fn read_law(scan: &mut Scan) -> Option<Law> {
     let Some(lines) = parameters(&law.kind) else {
         if !law.kind.is_empty() {
             let known: Vec<_> = LAWS.iter().map(|(name, _)| *name).collect();
-            let expected = format!("known are {}", known.join(", "));
+            let expected = known_names(&law.kind, &known);
             scan.fault(first.number, format!("its kind '{}' is not known", law.kind), expected);
         }
         return Some(law);
@@ -296,7 +307,7 @@ fn check_rows(scan: &mut Scan, laws: &[Law], rows: Vec<Option<See>>) -> Vec<See>
         scan.about(format!("see row {number}"));
         for contactor in [&row.candidate.contactor, &row.antagonist.contactor] {
             if !contactor.is_empty() && !CONTACTORS.contains(&contactor.as_str()) {
-                let expected = format!("expected one of {}", CONTACTORS.join(", "));
+                let expected = known_names(contactor, &CONTACTORS);
                 scan.fault(row.line, format!("a contactor of type '{contactor}'"), expected);
             }
         }
@@ -304,7 +315,7 @@ fn check_rows(scan: &mut Scan, laws: &[Law], rows: Vec<Option<See>>) -> Vec<See>
             let defined: Vec<_> = laws.iter().map(|law| law.nickname.as_str()).collect();
             let expected = match defined.as_slice() {
                 [] => "expected a law before it: none is defined".to_string(),
-                names => format!("defined are {}", names.join(", ")),
+                names => known_names(&row.law, names),
             };
             scan.fault(row.line, format!("law '{}' is not defined", row.law), expected);
         }

@@ -1,7 +1,11 @@
 //! Messages to people.
 
+use std::error::Error;
 use std::fmt::Display;
 use std::io::Write;
+use std::num::{IntErrorKind, ParseFloatError, ParseIntError};
+
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// Prints a message and a line's end on stdout. That nobody listens any more, as behind `| head`, is no fault: the work
 /// goes on.
@@ -12,4 +16,68 @@ pub fn tell(message: impl Display) {
 /// The same on stderr, for what went wrong: a message that nobody can receive ends no run.
 pub fn complain(message: impl Display) {
     let _ = writeln!(std::io::stderr(), "{message}");
+}
+
+/// Prints what is wrong with the arguments of a program, or its help or version, and returns the exit code.
+pub fn usage(program: &str, error: &clap::Error) -> i32 {
+    match wrong_number(error) {
+        Some(message) => complain(format_args!("{program}: {message}")),
+        // Help and version come this way too; they go to stdout.
+        None => drop(error.print()),
+    }
+    error.exit_code()
+}
+
+/// `--dt: abc; expected a number (s)`, of an option whose value is no number of its kind.
+fn wrong_number(error: &clap::Error) -> Option<String> {
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.as_str()),
+        _ => None,
+    };
+    if error.kind() != ErrorKind::ValueValidation {
+        return None;
+    }
+    let (argument, found) = (text(ContextKind::InvalidArg)?, text(ContextKind::InvalidValue)?);
+    let source = error.source()?;
+    let expected = if source.is::<ParseFloatError>() {
+        "a number"
+    } else {
+        match source.downcast_ref::<ParseIntError>()?.kind() {
+            IntErrorKind::PosOverflow => "a smaller integer",
+            _ => "an integer of 0 or more",
+        }
+    };
+    let (name, value) = argument.split_once(' ').unwrap_or((argument, ""));
+    let unit = match value.trim_matches(['<', '>', '[', ']', '=']) {
+        "S" => " (s)",
+        "M" => " (m)",
+        _ => "",
+    };
+    let name = name.split(['[', '=']).next().unwrap_or(name);
+    let found = if found.is_empty() { "no value" } else { found };
+    Some(format!("{name}: {found}; expected {expected}{unit}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compute::Flags;
+    use clap::{Args, Command};
+
+    #[test]
+    fn values_that_are_no_numbers() {
+        let said = |flag: &str| {
+            let command = Flags::augment_args(Command::new("program"));
+            let error = command.try_get_matches_from(["program", flag]).unwrap_err();
+            wrong_number(&error).unwrap_or_else(|| error.to_string())
+        };
+        assert_eq!(said("--dt=abc"), "--dt: abc; expected a number (s)");
+        assert_eq!(said("--alert=1,5"), "--alert: 1,5; expected a number (m)");
+        assert_eq!(said("--quench=much"), "--quench: much; expected a number");
+        assert_eq!(said("--dt="), "--dt: no value; expected a number (s)");
+        assert_eq!(said("--threads=-1"), "--threads: -1; expected an integer of 0 or more");
+        assert_eq!(said("--steps=1.5"), "--steps: 1.5; expected an integer of 0 or more");
+        assert_eq!(said("--steps=99999999999999999999"), "--steps: 99999999999999999999; expected a smaller integer");
+        assert!(said("--accuracy=high").contains("possible values"));
+    }
 }

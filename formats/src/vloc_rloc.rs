@@ -7,6 +7,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
+use crate::ron_text::known_names;
 use crate::scan::{GRID, Line, Scan, Text, d14, integer, put, put_grid, put_steps};
 
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -218,8 +219,8 @@ fn read_contact(scan: &mut Scan) -> Option<ContactRecord> {
     let name = begin.columns(9, 13).trim();
     scan.about(format!("contact {name} {}", begin.columns(16, 22).trim()));
     let Some(kind) = Kind::of(name) else {
-        let known = KINDS.map(|kind| kind.name).join(", ");
-        scan.fault(begin.number, format!("a contact of type '{name}'"), format!("expected one of {known}"));
+        let known = KINDS.map(|kind| kind.name);
+        scan.fault(begin.number, format!("a contact of type '{name}'"), known_names(name, &known));
         return None;
     };
     let title = scan.expect("expected a line of titles", Line::is_data)?;

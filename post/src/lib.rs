@@ -12,9 +12,10 @@ use std::fs::{self, File, TryLockError};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
+use cd_formats::case::{CaseFolder, misplaced, no_case};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::ron_text::nearest;
-use cd_formats::tell::{complain, tell};
+use cd_formats::tell::{complain, tell, usage};
 use cd_formats::{atomic, snapshot};
 use clap::builder::RangedU64ValueParser;
 use clap::{CommandFactory, Parser};
@@ -33,7 +34,7 @@ pub mod trade;
 pub mod write;
 
 use derive::energy::Summation;
-use derive::plane_fit::REACH;
+use derive::free_surface::REACH;
 use derive::probe::Probe;
 use derive::{Choices, Row};
 use frame::Frame;
@@ -180,6 +181,17 @@ impl Arguments {
             Some(Command::Compare { .. } | Command::Study { .. } | Command::Trade { .. }) => None,
         }
     }
+
+    /// Errors: the folders that are none of cases.
+    fn folders(&self) -> Result<(), Faults> {
+        let (dirs, part) = match &self.command {
+            Some(Command::Compare { dirs, .. } | Command::Study { dirs, .. } | Command::Trade { dirs, .. }) => {
+                (dirs.iter().map(PathBuf::as_path).collect(), CaseFolder::Any)
+            }
+            _ => (Vec::from_iter(self.case()), CaseFolder::Outbox),
+        };
+        Faults(dirs.into_iter().filter_map(|dir| no_case(dir, part, "cd-post")).collect()).into_result(())
+    }
 }
 
 /// Message about a first argument that is neither a folder nor a command, but nearly one.
@@ -221,8 +233,9 @@ fn positive(text: &str) -> Result<f64, String> {
 #[derive(Debug, Clone, clap::Args)]
 pub struct SlopeReach {
     /// Mean radii over which planes are fitted to a surface for its slope: fewer show more of its shape, and of its grains
-    #[arg(long, value_name = "RADII", default_value_t = REACH, value_parser = positive)]
-    pub slope_reach: f64,
+    /// [default: 12 of a heap or bed, 10 of an aggregate]
+    #[arg(long, value_name = "RADII", value_parser = positive)]
+    pub slope_reach: Option<f64>,
 }
 
 /// Where the observables of a series are measured.
@@ -239,7 +252,7 @@ pub struct Measures {
 impl Default for Measures {
     /// Those of a command line without flags.
     fn default() -> Measures {
-        Measures { region: None, slope: SlopeReach { slope_reach: REACH } }
+        Measures { region: None, slope: SlopeReach { slope_reach: None } }
     }
 }
 
@@ -281,7 +294,7 @@ impl Options {
     fn choices(&self) -> Choices {
         let summation = if self.direct_gravity { Summation::Direct } else { Summation::Fast };
         let Measures { region, slope } = self.measures.clone();
-        Choices { summation, region, slope_reach: slope.slope_reach }
+        Choices { summation, region, slope_reach: slope.slope_reach.unwrap_or(REACH) }
     }
 }
 
@@ -295,13 +308,19 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         complain(format_args!("cd-post: {message}"));
         return 2;
     }
-    let arguments = match Arguments::try_parse_from(args) {
+    let arguments = match Arguments::try_parse_from(&args) {
         Ok(arguments) => arguments,
         Err(error) => {
-            let _ = error.print();
+            let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
+            let Some(mistake) = mistake else { return usage("cd-post", &error) };
+            complain(format_args!("cd-post: {mistake}"));
             return error.exit_code();
         }
     };
+    if let Err(faults) = arguments.folders() {
+        complain(faults.report("cd-post").trim_end());
+        return 2;
+    }
     let Arguments { command, options } = &arguments;
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {
         Ok(pool) => pool,
@@ -389,6 +408,7 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
     }
     let mut notes = notes(&rows);
     notes.extend(outside_of_layers(&rows));
+    notes.extend(empty_region(options, &rows, last));
     if !options.no_vtk {
         notes.extend(finish_display(&options.dir, &rows, last)?);
         tell(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
@@ -401,7 +421,7 @@ fn outside_of_layers(rows: &[Row]) -> Option<String> {
     let outside = rows.iter().filter(|row| row.n_grains > 0 && row.region == 0).count();
     (outside > 0).then(|| {
         format!(
-            "--region: a layer, in {outside} of {} snapshots without walls or periods on all sides: Z, ν, pressure and stress are empty; expected ball, box or cylinder",
+            "--region: a layer without walls or periods on all sides, or a shape over ten thousand periods, in {outside} of {} snapshots: Z, ν, pressure and stress are empty; expected ball, box or cylinder",
             rows.len()
         )
     })
@@ -548,6 +568,28 @@ fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<Strin
             display.display()
         )
     }))
+}
+
+/// A warning where the region that a user gives holds no part of a grain.
+fn empty_region(options: &Options, rows: &[Row], last: &Frame) -> Option<String> {
+    options.measures.region.as_ref()?;
+    let empty = rows.iter().filter(|row| row.n_grains > 0 && row.region != 0 && row.nu == 0.0).count();
+    if empty == 0 {
+        return None;
+    }
+    let ends = |axis: usize| {
+        let places = || last.grains.iter().map(|grain| grain.x[axis]);
+        let (low, high) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
+        let name = ["x", "y", "z"][axis];
+        if low > high { format!("{name} anywhere") } else { format!("{name} = {low:.4} to {high:.4}") }
+    };
+    Some(format!(
+        "--region: no grain is in it in {empty} of {} snapshots; expected a region where grains are: in the last {}, {} and {} m",
+        rows.len(),
+        ends(0),
+        ends(1),
+        ends(2)
+    ))
 }
 
 /// Notes for the user about work that is done.

@@ -26,8 +26,17 @@ pub struct Solid {
     pub faces: Vec<Vec<u32>>,
     /// Centre and radius of each sphere, m.
     pub balls: Vec<(Vec3, f64)>,
-    /// Radius of a hollow cylinder about the third axis, with contact on the inside, m.
-    pub bore: Option<f64>,
+    /// Inside of a hollow cylinder about the third axis.
+    pub hollow: Option<Hollow>,
+}
+
+/// Inside of a hollow cylinder, which flat ends close.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hollow {
+    /// m
+    pub radius: f64,
+    /// m
+    pub half_height: f64,
 }
 
 /// Sides of the prism as which a cylinder is drawn.
@@ -170,7 +179,7 @@ pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
     for contactor in &body.contactors {
         match &contactor.shape {
             Shape::Cylinder { half_height, radius, hollow } => {
-                solid.bore = hollow.then_some(*radius);
+                solid.hollow = hollow.then_some(Hollow { radius: *radius, half_height: *half_height });
                 // A lone one's frame is the body's.
                 let frame = contactor.local_frame.as_ref().filter(|_| !lone);
                 let turn = frame.map_or(Matrix3::identity(), |frame| Matrix3::from_fn(|i, j| frame.axes[j][i]));
@@ -343,7 +352,8 @@ mod tests {
         let mut drum = body(0.0, None);
         drum.contactors[0].shape = Shape::Cylinder { half_height: 1.5, radius: 2.0, hollow: true };
         let solid = solid(&drum).unwrap().unwrap();
-        assert_eq!((solid.vertices.len(), solid.faces.len(), solid.bore), (128, 66, Some(2.0)));
+        let inside = Some(Hollow { radius: 2.0, half_height: 1.5 });
+        assert_eq!((solid.vertices.len(), solid.faces.len(), solid.hollow), (128, 66, inside));
         assert!((solid.reach() - 2.5).abs() < 1e-14);
         // Of the 64-gon: 32 sin(2π/64) r² over the height.
         let cone = |face: &Vec<u32>| -> f64 {

@@ -13,9 +13,10 @@ use crate::derive::coordination::touches_with_force;
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::fabric::{anisotropy, distribution, eigenvalues, fabric, mobilisation};
 use crate::derive::fragments::{Fragment, fragments};
-use crate::derive::free_surface::FreeSurface;
+use crate::derive::free_surface::{self, FreeSurface};
 use crate::derive::motion::Axes;
 use crate::derive::orbits::orbits;
+use crate::derive::plane_fit;
 use crate::derive::profile::shells;
 use crate::derive::surface::{Facet, Grid, noise, slopes_below, surface};
 use crate::frame::{Contact, Frame, Grain, Vec3};
@@ -126,7 +127,12 @@ const BIN: f64 = 0.25;
 
 /// Reads a snapshot, the last without `step`; writes `POSTPRO/state-NNNNNN/` and returns its path and
 /// what is worth a report. Layers of a bed are means over `mean` snapshots up to that one.
-pub fn write(dir: &Path, step: Option<u64>, mean: u32, slope_reach: f64) -> Result<(PathBuf, Vec<String>), Faults> {
+pub fn write(
+    dir: &Path,
+    step: Option<u64>,
+    mean: u32,
+    slope_reach: Option<f64>,
+) -> Result<(PathBuf, Vec<String>), Faults> {
     let outbox = dir.join("OUTBOX");
     let all = snapshots(&outbox)?;
     let (last, _) = all[all.len() - 1];
@@ -211,7 +217,7 @@ pub fn newcomers(dir: &Path) -> Result<HashSet<u64>, Faults> {
 
 /// All files of a frame that holds grains; `newcomers`: bodies that are no ejecta wherever they are; `slope_reach`: mean radii over
 /// which planes are fitted to a surface.
-pub fn files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: f64) -> Vec<File> {
+pub fn files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: Option<f64>) -> Vec<File> {
     let fragments = fragments(frame);
     let mut files = forces(frame);
     files.push(("fabric.csv", fabric_table(frame).into_bytes()));
@@ -222,10 +228,12 @@ pub fn files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: f64) -> Vec<F
     if !frame.cell().repeats() {
         files.extend(profiles(frame, &fragments[0]));
     }
-    match FreeSurface::of(frame, &fragments, slope_reach) {
+    match FreeSurface::of(frame, &fragments, slope_reach.unwrap_or(free_surface::REACH)) {
         // Their own gravity has no one direction.
         Some(surface) if self_gravity_constant(frame).is_none() => files.extend(free_surface_files(&surface)),
-        _ if !frame.cell().repeats() => files.extend(surface_files(frame, &fragments[0], slope_reach)),
+        _ if !frame.cell().repeats() => {
+            files.extend(surface_files(frame, &fragments[0], slope_reach.unwrap_or(plane_fit::REACH)));
+        }
         _ => {}
     }
     files
@@ -589,7 +597,7 @@ mod tests {
         let other = scene.grain([0.0, 0.0, 5.0], 0.5);
         scene.snapshot.bodies.body_v[other] = [0.0, 2.0, 0.0];
         let file = |scene: &Scene, name: &str| -> Option<String> {
-            let found = files(&scene.frame(), &HashSet::new(), 3.0).into_iter().find(|file| file.0 == name)?;
+            let found = files(&scene.frame(), &HashSet::new(), Some(3.0)).into_iter().find(|file| file.0 == name)?;
             Some(String::from_utf8(found.1).unwrap())
         };
         let surface = file(&scene, "surface.vtp").unwrap();
@@ -619,7 +627,7 @@ mod tests {
         for (k, radius) in [2.0, 1.0, 1.5].into_iter().enumerate() {
             scene.grain([10.0 * k as f64, 0.0, 0.0], radius);
         }
-        let found = files(&scene.frame(), &lander, 3.0);
+        let found = files(&scene.frame(), &lander, Some(3.0));
         let table = String::from_utf8(found.iter().find(|file| file.0 == "ejecta.csv").unwrap().1.clone()).unwrap();
         let share: f64 = table.lines().nth(1).unwrap().split(',').nth(2).unwrap().parse().unwrap();
         assert!(table.lines().count() == 2 && (share - 1.0 / 9.0).abs() < 1e-15, "{table}"); // of 8 + 1
@@ -632,7 +640,7 @@ mod tests {
     fn every_file_of_a_state_is_known_by_its_name() {
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);
-        let made = files(&scene.frame(), &HashSet::new(), 3.0).into_iter().chain(layers(&[]));
+        let made = files(&scene.frame(), &HashSet::new(), Some(3.0)).into_iter().chain(layers(&[]));
         let made: HashSet<&str> = made.map(|(name, _)| name).collect();
         assert_eq!(made, NAMES.into_iter().collect());
     }
@@ -645,7 +653,7 @@ mod tests {
             let grain = scene.grain([10.0 * (k + 1) as f64, 0.0, 0.0], 1.0);
             scene.snapshot.bodies.body_v[grain] = [speed, 0.0, 0.0];
         }
-        let found = files(&scene.frame(), &HashSet::new(), 3.0);
+        let found = files(&scene.frame(), &HashSet::new(), Some(3.0));
         let table = String::from_utf8(found.iter().find(|file| file.0 == "ejecta.csv").unwrap().1.clone()).unwrap();
         let share = |line: &str| line.split(',').nth(2).unwrap().parse::<f64>().unwrap();
         let shares: Vec<f64> = table.lines().skip(1).map(share).collect();

@@ -454,7 +454,7 @@ fn a_state_in_depth_has_its_tables_and_figures() {
     assert!(fragments.lines().nth(1).unwrap().starts_with("0,3,"), "{fragments}");
     let nowhere = cd_post(&["state"], Path::new("nosuch"));
     assert_eq!(nowhere.status.code(), Some(2));
-    let expected = "nosuch/OUTBOX: folder: is not there; expected snapshot-*.npz, the results of cd-solve\n";
+    let expected = "nosuch: folder: there is no such folder; expected the folder of a case, with OUTBOX in it\n";
     assert!(String::from_utf8_lossy(&nowhere.stderr).ends_with(expected), "{nowhere:?}");
 }
 

@@ -38,3 +38,29 @@ fn a_truncated_snapshot_is_named() {
         "{text}"
     );
 }
+
+#[test]
+fn what_is_no_case_says_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = |line: &str| {
+        let (code, text) = said(&line.split(' ').collect::<Vec<_>>(), folder.path());
+        assert_eq!(code, 2, "{text}");
+        text
+    };
+    fs::write(folder.path().join("scene.ron"), "()").unwrap();
+    for command in ["", "state ", "report ", "track --body 1 "] {
+        let expected = "is a scene, no case; run cd-pre scene.ron and cd-solve . first";
+        assert_eq!(said(&format!("{command}scene.ron")), format!("cd-post: scene.ron: file: {expected}\n"));
+    }
+    fs::create_dir(folder.path().join("OUTBOX")).unwrap();
+    fs::write(folder.path().join("OUTBOX/snapshot-000003.npz"), "").unwrap();
+    assert_eq!(said("scene.ron"), "cd-post: scene.ron: file: is a scene, no case; did you mean .?\n");
+    assert_eq!(said("OUTBOX"), "cd-post: OUTBOX: folder: is an OUTBOX; expected the folder that it is in\n");
+    let snapshot = "OUTBOX/snapshot-000003.npz";
+    assert_eq!(said(snapshot), format!("cd-post: {snapshot}: file: is a snapshot, no case; did you mean .?\n"));
+    let absent = "folder: there is no such folder; expected the folder of a case";
+    assert_eq!(said("absent"), format!("cd-post: absent: {absent}, with OUTBOX in it\n"));
+    assert_eq!(said("compare absent other"), format!("cd-post: absent: {absent}\ncd-post: other: {absent}\n"));
+    assert_eq!(said(". state"), "cd-post: state: a command comes first; did you mean cd-post state .?\n");
+    assert_eq!(said(". no-vtk"), "cd-post: no-vtk: is not expected here; did you mean --no-vtk?\n");
+}

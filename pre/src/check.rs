@@ -54,7 +54,6 @@ pub fn check(scene: &Scene, report: &mut Report) {
     let free = scene.grains.is_empty() || scene.grains.iter().any(|grains| grains.driven.is_none());
     report.expect(free, "grains", "none is free to move", "at least one body of grains whose motion is not imposed");
     scene.compute.check_in(report, "compute.");
-    check_event_times(report, &scene.compute.events, 0.0);
     check_turning(report, &scene.compute, driven_in_part(&scene.grains, &scene.walls));
     let used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
     let cohesive = |law: &Law| {
@@ -111,22 +110,13 @@ pub(crate) fn check_laws_of_events(report: &mut Report, events: &[Event], laws: 
         match laws.iter().find(|(known, _)| known == name) {
             None => {
                 let names: Vec<&str> = laws.iter().map(|(name, _)| *name).collect();
-                report.fault(&path, format!("law '{name}' is not in use"), one_of(&names, "a law of contacts"));
+                unknown(report, &path, format!("law '{name}' is not in use"), name, &names, "a law of contacts");
             }
             Some((_, cohesive)) => {
                 let holds = *cohesive || matches!(event.action, Action::SetFriction(..));
                 report.expect(holds, &path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }
         }
-    }
-}
-
-/// Events before the start of the run, s, which would never happen.
-pub(crate) fn check_event_times(report: &mut Report, events: &[Event], start: f64) {
-    for (k, event) in events.iter().enumerate() {
-        let path = format!("compute.events.{k}.time");
-        let found = format!("{:?} s is before the start of the run", event.time);
-        report.expect(event.time.is_nan() || event.time >= start, &path, found, &format!("at least {start:?} s"));
     }
 }
 
@@ -148,9 +138,13 @@ pub(crate) fn five_characters(report: &mut Report, path: &str, name: &str) {
     report.expect(fits, path, format!("'{name}'"), "1 to 5 printable ASCII characters without blanks");
 }
 
-/// Expected value of a name: `one`, where there are none to choose from.
-pub(crate) fn one_of(names: &[&str], one: &str) -> String {
-    if names.is_empty() { format!("{one}: none is defined") } else { format!("one of {}", names.join(", ")) }
+/// A name that is none of `names`; `one` says what it should be, where there are none to choose from.
+pub(crate) fn unknown(report: &mut Report, path: &str, found: String, name: &str, names: &[&str], one: &str) {
+    if names.is_empty() {
+        report.fault(path, found, format!("{one}: none is defined"));
+    } else {
+        report.unknown(path, found, name, names);
+    }
 }
 
 /// Material and colour of something.
@@ -158,7 +152,7 @@ fn worn(scene: &Scene, report: &mut Report, path: &str, material: &str, colour: 
     let names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
     if !names.contains(&material) {
         let path = format!("{path}.material");
-        report.fault(&path, format!("'{material}' is not defined"), one_of(&names, "a material"));
+        unknown(report, &path, format!("'{material}' is not defined"), material, &names, "a material");
     }
     five_characters(report, &format!("{path}.colour"), colour);
 }
@@ -625,9 +619,9 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
         let (a, b) = &contact.between;
         for (side, colour) in [a].into_iter().chain((a != b).then_some(b)).enumerate() {
             if !all.contains(&colour.as_str()) {
-                let expected = one_of(&all, "a body of this colour");
                 let path = format!("{path}.between.{side}");
-                report.fault(&path, format!("no grains and no wall have the colour '{colour}'"), expected);
+                let found = format!("no grains and no wall have the colour '{colour}'");
+                unknown(report, &path, found, colour, &all, "a body of this colour");
             }
         }
         let pair = sorted(a, b);
@@ -638,7 +632,7 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
         if let Some((name, None)) = law {
             let names: Vec<&str> = scene.laws.iter().map(|law| law.name.as_str()).collect();
             let path = format!("{path}.law");
-            report.fault(&path, format!("'{name}' is not defined"), one_of(&names, "a law"));
+            unknown(report, &path, format!("'{name}' is not defined"), name, &names, "a law");
         }
         let of_walls = |colour: &String| plates.contains(&&colour[..]) && !spheres.contains(&&colour[..]);
         let walls = contact.law.is_some() && of_walls(a) && of_walls(b);

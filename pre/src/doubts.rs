@@ -1,28 +1,22 @@
 //! Values of a scene that are allowed, and probably mistakes: units, functions that are 0 at all times.
 
+use cd_formats::doubts::{density, friction};
 use cd_formats::report::Report;
 
 use crate::scene::{Evolution, Grains, Law, Material, Wall};
 
-/// Bulk densities of solids, kg/m^3, with a margin: snow and foams have 100, osmium 22 600.
-const DENSITIES: std::ops::RangeInclusive<f64> = 100.0..=30_000.0;
-
-/// The largest friction coefficient that is not taken for an angle in degrees: rubber has 1 to 2, interlocking rocks 3.
-const FRICTION: f64 = 5.0;
-
 /// Reports the doubtful values of the parts of a scene.
 pub fn doubts(materials: &[Material], laws: &[Law], grains: &[Grains], walls: &[Wall], report: &mut Report) {
     for (k, material) in materials.iter().enumerate() {
-        density(report, &format!("materials.{k}.density"), material.density);
+        if let Some(question) = density(material.density) {
+            report.ask(&format!("materials.{k}.density"), format!("{:?}", material.density), &question);
+        }
     }
     for (k, law) in laws.iter().enumerate() {
         for (name, value) in law.kind.row().1 {
-            if ["friction", "dynamic_friction", "static_friction"].contains(&name) && value > FRICTION {
-                let question = if value < 90.0 {
-                    format!("did you mean an angle? {value:?} degrees are {:.3}", libm::tan(value.to_radians()))
-                } else {
-                    "did you mean a coefficient? it is tangential over normal force".into()
-                };
+            if let Some(question) = friction(value)
+                && ["friction", "dynamic_friction", "static_friction"].contains(&name)
+            {
                 report.ask(&format!("laws.{k}.kind.{name}"), format!("{value:?}"), &question);
             }
         }
@@ -46,19 +40,6 @@ pub fn doubts(materials: &[Material], laws: &[Law], grains: &[Grains], walls: &[
         let forces = force.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
         forces.for_each(|(axis, value)| check("force", axis, value));
     }
-}
-
-fn density(report: &mut Report, path: &str, density: f64) {
-    if DENSITIES.contains(&density) {
-        return;
-    }
-    let as_grams = 1000.0 * density;
-    let question = if DENSITIES.contains(&as_grams) && density >= 0.5 {
-        format!("did you mean kg/m^3? {density:?} g/cm^3 are {as_grams:?} kg/m^3")
-    } else {
-        "did you mean kg/m^3? water has 1000, rock 2500 to 3500".into()
-    };
-    report.ask(path, format!("{density:?}"), &question);
 }
 
 /// A function that is 0 at all times, unless it is written as a constant.

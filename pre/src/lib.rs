@@ -36,6 +36,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
+use cd_formats::case::misplaced;
 use cd_formats::compute::from_ron;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::origin::Origin;
@@ -43,7 +44,7 @@ use cd_formats::places;
 use cd_formats::report::Report;
 use cd_formats::ron_text::nearest;
 use cd_formats::scan::{fortran_real, long14};
-use cd_formats::tell::{complain, tell};
+use cd_formats::tell::{complain, tell, usage};
 use clap::{CommandFactory, Parser};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -105,12 +106,13 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         complain(format_args!("cd-pre: {first}: is no file and no command; did you mean {near}?"));
         return 2;
     }
-    let arguments = match Arguments::try_parse_from(args) {
+    let arguments = match Arguments::try_parse_from(&args) {
         Ok(arguments) => arguments,
-        Err(message) => {
-            // Help and version come this way too; they go to stdout and are no fault.
-            let _ = message.print();
-            return message.exit_code();
+        Err(error) => {
+            let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
+            let Some(mistake) = mistake else { return usage("cd-pre", &error) };
+            complain(format_args!("cd-pre: {mistake}"));
+            return error.exit_code();
         }
     };
     let written = match arguments.command {
@@ -146,6 +148,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     let (scene, population) = read(source, &text, settings)?;
     let mut report = Report::with(source, &text, settings);
     doubts::doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
+    cd_formats::doubts::events(&scene.compute.events, "compute.", &mut report);
     attraction::warnings(&scene, &population, &mut report);
     let mut files = write::files(&scene, &population);
     let (driven, _) = write::drv_dof(&scene, &population);
@@ -156,15 +159,38 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     }
     // Whether the scene lies near DATBOX is known when there is one.
     std::fs::create_dir_all(datbox).map_err(|error| Fault::io(datbox, "written", &error))?;
-    let origin = Origin::of(source, original.as_bytes(), settings, datbox.parent().unwrap_or(Path::new("")));
+    let case = datbox.parent().unwrap_or(Path::new(""));
+    let mut origin = Origin::of(source, original.as_bytes(), settings, case);
+    if let Some(origin) = &mut origin {
+        let folder = source.parent().unwrap_or(Path::new(""));
+        models(&scene.grains).for_each(|file| origin.add(&folder.join(file), case));
+    }
     for (_, text) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE) {
-        text.insert_str(0, &origin.as_ref().map_or(String::new(), Origin::line));
+        text.insert_str(0, &origin.as_ref().map_or(String::new(), Origin::lines));
     }
     atomic::write_all(files.iter().map(|(name, text)| (datbox.join(name), text.as_bytes())))?;
     from_outbox::clear(datbox)?;
     warn(&report.warnings);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     Ok(format!("{}wrote {}: {}\n", summary(&scene, &population), datbox.display(), names.join(" ")))
+}
+
+/// Files of the surfaces that grains are made from or placed in, as the scene names them.
+pub(crate) fn models(grains: &[scene::Grains]) -> impl Iterator<Item = &str> {
+    grains.iter().flat_map(|grains| {
+        let (shape, pieces) = match &grains.shape {
+            scene::Shape::Model { file, contact: scene::ContactSurface::Files(pieces), .. } => {
+                (Some(file), pieces.as_slice())
+            }
+            scene::Shape::Model { file, .. } => (Some(file), &[][..]),
+            _ => (None, &[][..]),
+        };
+        let envelope = match grains.place.envelope() {
+            Some(scene::Envelope::Model { file, .. }) => Some(file),
+            _ => None,
+        };
+        shape.into_iter().chain(pieces).chain(envelope).map(String::as_str)
+    })
 }
 
 /// Prints warnings on stderr.

@@ -155,7 +155,9 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
 /// A hollow cylinder pushes inwards alone: what meets it must be within.
 fn check_drums(scene: &Scene, population: &Population, report: &mut Report) {
     for drum in &population.walls {
-        let Shape::Cylinder { half_height, radius, hollow: true } = drum.shape else { continue };
+        if !matches!(drum.shape, Shape::Cylinder { hollow: true, .. }) {
+            continue;
+        }
         let meets = |colour: &str| {
             scene.contacts.iter().any(|contact| {
                 let (a, b) = (contact.between.0.as_str(), contact.between.1.as_str());
@@ -165,8 +167,7 @@ fn check_drums(scene: &Scene, population: &Population, report: &mut Report) {
         let outside = population.grains.iter().enumerate().find(|(_, grain)| {
             let local = drum.axes * (grain.position - drum.centre);
             let of_scene = &scene.grains[grain.group];
-            let out = local.z.abs() > half_height || local.xy().norm() > radius;
-            out && of_scene.driven.is_none() && meets(&of_scene.colour)
+            drum.shape.leaves_out(local.into()) && of_scene.driven.is_none() && meets(&of_scene.colour)
         });
         if let Some((k, grain)) = outside {
             let found = format!("body {} is outside of wall {}, a hollow cylinder", k + 1, drum.wall + 1);

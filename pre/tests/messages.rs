@@ -304,3 +304,101 @@ fn datbox_names_the_scene_that_it_is_from() {
     let text = compute(&["-o", elsewhere.path().to_str().unwrap()], elsewhere.path().to_str().unwrap());
     assert!(!text.contains("checksum"), "{text}");
 }
+
+#[test]
+fn a_case_of_from_outbox_that_is_none_is_one_fault() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("scene.ron"), "()").unwrap();
+    let said = |arguments: &[&str]| {
+        let (code, text) = cd_pre(arguments);
+        assert_eq!(code, 2, "{text}");
+        text.replace(&folder.path().display().to_string(), "DIR")
+    };
+    let steps = "run cd-pre DIR/scene.ron and cd-solve DIR first";
+    assert_eq!(
+        said(&["from-outbox", &at("scene.ron"), &at("x")]),
+        format!("cd-pre: DIR/scene.ron: file: is a scene, no case; {steps}\n")
+    );
+    assert_eq!(
+        said(&["from-outbox", &at("absent"), &at("x")]),
+        "cd-pre: DIR/absent: folder: there is no such folder; expected the folder of a case, with OUTBOX in it\n"
+    );
+    assert_eq!(
+        said(&[&at(""), "from-outbox", &at("x")]),
+        "cd-pre: from-outbox: a command comes first; did you mean cd-pre from-outbox DIR/ DIR/x?\n"
+    );
+}
+
+#[test]
+fn numbers_with_something_behind_them() {
+    let message = |value: &str| said("density: 2700.0", &format!("density: {value}"));
+    for (value, expected) in [
+        ("2.7D3", "scene.ron:3:42: material 1, density: 2.7D3; expected a number, 2.7e3"),
+        ("2.7d3", "scene.ron:3:42: material 1, density: 2.7d3; expected a number, 2.7e3"),
+        ("2.7*1000", "scene.ron:3:42: material 1, density: 2.7*1000; expected one number: files hold no arithmetic"),
+        ("1/2", "scene.ron:3:42: material 1, density: 1/2; expected one number: files hold no arithmetic"),
+        ("2700.0 kg/m3", "scene.ron:3:42: material 1, density: 2700.0 kg/m3; expected a number without unit"),
+        ("2700.0kg/m3", "scene.ron:3:42: material 1, density: 2700.0kg/m3; expected a number without unit"),
+        ("2700.0kg", "scene.ron:3:42: material 1, density: 2700.0kg; expected a number without unit"),
+        ("2700 kg m^-3", "scene.ron:3:42: material 1, density: 2700 kg m^-3; expected a number without unit"),
+    ] {
+        assert_eq!(message(value), expected);
+    }
+}
+
+#[test]
+fn friction_of_an_event_is_questioned() {
+    let event = "output_every: 10, events: [(time: 1.0, action: SetFriction(\"iqsc0\", 50.0))],";
+    let (code, text) = made(&GOOD.replace("output_every: 10,", event), &[]);
+    let line = "cd-pre: warning: scene.ron:14: compute, event 1: SetFriction 50.0; did you mean an angle? 50.0 degrees are \
+                1.192\n";
+    assert_eq!((code, text.as_str()), (0, line));
+}
+
+#[test]
+fn misspelt_names_of_a_scene_get_the_nearest() {
+    for (from, to, expected) in [
+        (
+            "material: \"ROCKx\", colour: \"BLUEx\"",
+            "material: \"ROKCx\", colour: \"BLUEx\"",
+            "'ROKCx' is not defined; did you mean ROCKx?",
+        ),
+        (
+            "(\"BLUEx\", \"WALLx\"), law: \"iqsc0\"",
+            "(\"BLUEx\", \"WALLx\"), law: \"iqcs0\"",
+            "'iqcs0' is not defined; did you mean iqsc0?",
+        ),
+        (
+            "(\"BLUEx\", \"WALLx\")",
+            "(\"BLUEx\", \"WALLy\")",
+            "no grains and no wall have the colour 'WALLy'; did you mean WALLx?",
+        ),
+        ("IQS_CLB", "IQS_CBL", "unknown 'IQS_CBL'; did you mean IQS_CLB?"),
+    ] {
+        let text = said(from, to);
+        assert!(text.contains(expected), "{text}");
+    }
+}
+
+#[test]
+fn datbox_names_the_models_that_it_is_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let stone = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    std::fs::create_dir(folder.path().join("models")).unwrap();
+    std::fs::write(folder.path().join("models/stone.obj"), stone).unwrap();
+    let place = "shape: Model(file: \"models/stone.obj\"), place: List(positions: [(0.0, 0.0, 0.0)]),\n        spin: (0.0, 0.0, 0.0),";
+    let grains = GOOD.find("number: 20,").unwrap()..GOOD.find("    )],\n    walls").unwrap();
+    let scene = format!("{}{place}\n{}", &GOOD[..grains.start], &GOOD[grains.end..]);
+    std::fs::write(folder.path().join("scene.ron"), scene).unwrap();
+    let (code, said) = cd_pre(&[folder.path().join("scene.ron").to_str().unwrap()]);
+    assert_eq!(code, 0, "{said}");
+    let text = std::fs::read_to_string(folder.path().join("DATBOX/COMPUTE.RON")).unwrap();
+    let line =
+        format!("// Made with models/stone.obj, checksum {:016x}", cd_formats::origin::checksum(stone.as_bytes()));
+    assert_eq!(text.lines().nth(1), Some(line.as_str()));
+    let origin = cd_formats::origin::Origin::find(&text).unwrap();
+    assert_eq!(origin.changed(folder.path()), None);
+    std::fs::write(folder.path().join("models/stone.obj"), "v").unwrap();
+    assert!(origin.changed(folder.path()).unwrap().contains("models/stone.obj has changed since"));
+}

@@ -204,7 +204,7 @@ fn every_fault_of_a_file_is_told() {
     );
     assert_eq!(said("turned.obj"), "2 turned"); // both triangles of that side
     assert_eq!(said("nan.obj").lines().count(), 1, "{}", said("nan.obj"));
-    assert!(said("nan.obj").starts_with("nan.obj: surface: vertex 1 is [NaN"), "{}", said("nan.obj"));
+    assert!(said("nan.obj").starts_with("nan.obj:3: file: 'NaN', which is not finite"), "{}", said("nan.obj"));
     for (name, expected) in [
         ("word.obj", "word.obj:3: file: 'nine', which is no number; expected three coordinates"),
         ("side.obj", "side.obj:14: file: "),

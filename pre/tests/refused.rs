@@ -33,7 +33,7 @@ fn laws_of_events_are_those_of_contacts_and_cohesion_is_changed_where_there_is_s
     assert_eq!(said("SetFriction(\"iqsc0\", 0.5)"), "nothing");
     assert_eq!(
         said("SetFriction(\"iqsc1\", 0.5)"),
-        "scene.ron:18:33: compute, event 2, action 1: law 'iqsc1' is not in use; expected one of iqsc0"
+        "scene.ron:18:33: compute, event 2, action 1: law 'iqsc1' is not in use; did you mean iqsc0?"
     );
     assert_eq!(
         said("SetCohesion(\"iqsc0\", 0.5)"),
@@ -51,7 +51,7 @@ fn materials_laws_and_colours() {
         (
             "name: \"ROCKx\"",
             "name: \"GRANITE\"",
-            "3:24: material 1, name: 'GRANITE'; expected 1 to 5 printable ASCII characters without blanks\nscene.ron:7:19: grains 1, material: 'ROCKx' is not defined; expected one of GRANITE\nscene.ron:13:29: wall 1, material: 'ROCKx' is not defined; expected one of GRANITE",
+            "3:24: material 1, name: 'GRANITE'; expected 1 to 5 printable ASCII characters without blanks\nscene.ron:7:19: grains 1, material: 'ROCKx' is not defined; expected GRANITE\nscene.ron:13:29: wall 1, material: 'ROCKx' is not defined; expected GRANITE",
         ),
         ("2700.0", "NaN", "3:42: material 1, density: NaN; expected a density > 0 kg/m^3"),
         (
@@ -62,7 +62,7 @@ fn materials_laws_and_colours() {
         (
             "material: \"ROCKx\", colour: \"B",
             "material: \"ICExx\", colour: \"B",
-            "7:19: grains 1, material: 'ICExx' is not defined; expected one of ROCKx",
+            "7:19: grains 1, material: 'ICExx' is not defined; expected ROCKx",
         ),
         ("-9.81", "inf", "2:25: gravity 3: inf; expected a finite number (m/s^2)"),
         ("friction: 0.4", "friction: -0.4", "4:52: law 1, kind, friction: -0.4; expected a finite number >= 0"),
@@ -76,7 +76,7 @@ fn materials_laws_and_colours() {
             "RST_CLB(normal_restitution: 1.1, tangential_restitution: 0, friction: 0)",
             "4:62: law 1, kind, normal_restitution: 1.1; expected 0 to 1",
         ),
-        ("law: \"iqsc0\"", "law: \"iqsc1\"", "5:51: contact 1, law: 'iqsc1' is not defined; expected one of iqsc0"),
+        ("law: \"iqsc0\"", "law: \"iqsc1\"", "5:51: contact 1, law: 'iqsc1' is not defined; did you mean iqsc0?"),
         (
             "(\"BLUEx\", \"WALLx\")",
             "(\"BLUEx\", \"REDxx\")",

@@ -79,7 +79,7 @@ fn what_does_not_change_the_surface_is_read() {
         ("normals.stl", with(stl, "nan nan nan", "-nan(ind) 1.#QNAN inf"), "ignored 12 normals without numbers"),
         ("solids.stl", halves.into_bytes(), "read 2 solids as one surface"),
         ("line.stl", one_line.into_bytes(), ""),
-        ("dos.stl", [text.as_bytes(), b"endsolid\r\n\x1a\0"].concat(), ""),
+        ("dos.stl", [text.as_bytes(), b"endsolid\r\n\x1a\0"].concat(), "ignored 2 control characters"),
         ("end.stl", text.trim_end().as_bytes().to_vec(), ""),
         (
             "weight.obj",
@@ -263,7 +263,7 @@ fn surfaces_that_are_no_body_are_refused() {
         ("apart.obj", other([3.0, 0.0, 0.0], 8), "is not connected with triangle 1; expected one piece"),
         ("edge.obj", other([1.0, 1.0, 0.0], 8), "belongs to 4 triangles; expected 2"),
         ("fin.obj", "v 2 2 2\nf 1 2 9\n".to_string(), "belongs to 3 triangles; expected 2"),
-        ("nan.obj", "v nan 2 2\nf 1 2 9\n".to_string(), "vertex 9 is [NaN"),
+        ("nan.obj", "v nan 2 2\nf 1 2 9\n".to_string(), "file: 'nan', which is not finite"),
     ] {
         let found = read_bytes(name, format!("{cube}{more}").as_bytes()).map(|read| read.surface.volume()).unwrap_err();
         assert!(found.contains(expected) && found.lines().count() <= 6, "{name}: {found}");
@@ -277,4 +277,115 @@ fn surfaces_that_are_no_body_are_refused() {
         .collect();
     let read = read_bytes("inside-out.obj", inside_out.as_bytes()).unwrap();
     assert!((read.surface.volume() - 1.0).abs() < 1e-14);
+}
+
+/// A binary STL file of the cube with other byte order, normals or bytes before it; text with other line ends.
+#[test]
+fn stl_and_obj_as_old_and_careless_programs_write_them() {
+    let stl = std::fs::read(file("solid-binary.stl")).unwrap();
+    let count = u32::from_le_bytes(stl[80..84].try_into().unwrap()) as usize;
+    let swapped = {
+        let mut bytes = stl.clone();
+        bytes[80..84].reverse();
+        for triangle in bytes[84..].chunks_exact_mut(50) {
+            triangle[..48].chunks_exact_mut(4).for_each(<[u8]>::reverse);
+        }
+        bytes
+    };
+    let nan = {
+        let mut bytes = stl.clone();
+        bytes[84..88].copy_from_slice(&f32::NAN.to_le_bytes());
+        bytes
+    };
+    assert_eq!(count, 12);
+    let text = std::fs::read_to_string(file("no-endsolid.stl")).unwrap();
+    let old = |name: &str| std::fs::read_to_string(file(name)).unwrap().replace('\n', "\r").into_bytes();
+    let one_line = text.split_whitespace().collect::<Vec<_>>().join(" ") + " endsolid c";
+    let two_lines = format!("{one_line} solid d {}", &one_line[8..]);
+    for (name, bytes, repairs) in [
+        ("nul.stl", [b"\0", text.as_bytes()].concat(), "ignored 1 control character"),
+        ("newline.stl", [b"\n", stl.as_slice()].concat(), "ignored 1 byte before the header"),
+        ("blanks.stl", [b"\r\n  ", stl.as_slice()].concat(), "ignored 4 bytes before the header"),
+        ("big-endian.stl", swapped, "read as big-endian, which STL files should not be"),
+        ("nan.stl", nan, "ignored 1 normal without numbers"),
+        ("old.stl", old("no-endsolid.stl"), ""),
+        ("old.obj", old("negative.obj"), ""),
+        ("one-line.stl", one_line.clone().into_bytes(), ""),
+        ("copies.stl", two_lines.into_bytes(), "dropped 12 duplicate triangles"),
+        ("normal.stl", with("no-endsolid.stl", "normal 0 0 0", "normal 0 0"), "ignored 12 normals without numbers"),
+    ] {
+        let read = read_bytes(name, &bytes).unwrap_or_else(|faults| panic!("{name}: {faults}"));
+        assert!((read.surface.volume() - 1.0).abs() < 1e-14, "{name}: {}", read.surface.volume());
+        assert_eq!(read.repairs.join(", "), repairs, "{name}");
+    }
+}
+
+#[test]
+fn the_cause_is_named_in_its_line() {
+    let wide: Vec<u8> = "solid c\n facet".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let marked: Vec<u8> = "\u{feff}solid c\n facet".encode_utf16().flat_map(u16::to_be_bytes).collect();
+    for (name, bytes, expected) in [
+        ("wide.stl", wide, "text in UTF-16, not UTF-8 or ASCII"),
+        ("marked.stl", marked, "text in UTF-16, not UTF-8 or ASCII"),
+        (
+            "two.stl",
+            with("no-endsolid.stl", "vertex -0.5 0.5 0.5", "vertex -0.5 0.5"),
+            "file: a vertex of 2 numbers; expected vertex and three coordinates",
+        ),
+        (
+            "nan.obj",
+            with("negative.obj", "v 0.5 0.5 -0.5", "v nan 0.5 -0.5"),
+            "nan.obj:4: file: 'nan', which is not finite",
+        ),
+        ("call.obj", with("line-element.obj", "l 1 2", "call other.obj"), "'call', with which other files come in"),
+        (
+            "order.vtp",
+            with("two-pieces.vtp", "LittleEndian", "MiddleEndian"),
+            "byte_order=\"MiddleEndian\"; expected LittleEndian or BigEndian",
+        ),
+        ("head.vtp", with("two-pieces.vtp", "header_type=\"UInt", "header_type=\"Real"), "expected UInt32 or UInt64"),
+        (
+            "plane.vtp",
+            with("two-pieces.vtp", "NumberOfComponents=\"3\"", "NumberOfComponents=\"2\""),
+            "NumberOfComponents=\"2\" of Points; expected 3",
+        ),
+    ] {
+        let found = read_bytes(name, &bytes).map(|read| read.surface.volume()).unwrap_err();
+        assert!(found.contains(expected), "{name}: {found}");
+    }
+    let text = with("no-endsolid.stl", "vertex -0.5 0.5 0.5", "vertex -0.5 0.5");
+    let line = String::from_utf8_lossy(&text).lines().position(|line| line.trim() == "vertex -0.5 0.5").unwrap() + 1;
+    assert!(read_bytes("a.stl", &text).unwrap_err().starts_with(&format!("a.stl:{line}: ")));
+}
+
+/// A turned cube of 5 cm whose coordinates have six decimals: convex but for 1e-5 of its size.
+#[test]
+fn a_cube_of_few_digits_is_taken_as_its_hull() {
+    use cd_pre::scene::{ContactSurface, Scaled};
+    let folder = tempfile::tempdir().unwrap();
+    let turn = nalgebra::Rotation3::from_euler_angles(0.3, -0.7, 1.1);
+    let made = |side: f64, dent: f64| {
+        let mut text = String::new();
+        for k in 0..8 {
+            let corner = nalgebra::Vector3::from([k & 1, k >> 1 & 1, k >> 2 & 1].map(|bit| f64::from(bit) - 0.5));
+            let x = turn * corner * side * if k == 7 { 1.0 - dent } else { 1.0 };
+            text += &format!("v {:.6} {:.6} {:.6}\n", x.x, x.y, x.z);
+        }
+        text += "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+        std::fs::write(folder.path().join("cube.obj"), text).unwrap();
+        cd_pre::shapes::model::solid(folder.path(), "cube.obj", Scaled::Factor(1.0), &ContactSurface::Whole)
+    };
+    let mut hulls = 0;
+    for k in 1..=10 {
+        let side = 0.01 * f64::from(k);
+        let (solid, told) = made(side, 0.0).unwrap();
+        hulls += usize::from(told.contains("taken as its hull: it is convex but for "));
+        assert_eq!(solid.pieces.len(), 1);
+        assert!((solid.pieces[0].volume() / side.powi(3) - 1.0).abs() < 3e-4);
+    }
+    // Which way digits are rounded decides whether corners stand out or in.
+    assert!(hulls > 0);
+    assert!(!made(1.0, 0.0).unwrap().1.contains("hull"));
+    let found = made(1.0, 0.05).unwrap_err().to_string();
+    assert!(found.contains("it is not convex"), "{found}");
 }

@@ -1,12 +1,13 @@
 //! Arguments to a run to an exit code; no physics.
 
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use cd_formats::case::{CaseFolder, misplaced, no_case};
 use cd_formats::compute::Flags;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::{complain, tell};
-use clap::Parser;
+use cd_formats::tell::{complain, tell, usage};
+use clap::{CommandFactory, Parser};
 
 use crate::run::{Failure, check, run as run_case, take_on_forces};
 use crate::{awake, plan, read, write};
@@ -39,10 +40,13 @@ struct Arguments {
 
 /// Runs the program; returns its exit code: 0 done, 2 input refused, 3 our fault, 4 stopped on the way.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
-    let arguments = match Arguments::try_parse_from(arguments) {
+    let args: Vec<OsString> = arguments.into_iter().collect();
+    let arguments = match Arguments::try_parse_from(&args) {
         Ok(arguments) => arguments,
         Err(error) => {
-            let _ = error.print();
+            let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
+            let Some(mistake) = mistake else { return usage(PROGRAM, &error) };
+            complain(format_args!("{PROGRAM}: {mistake}"));
             return error.exit_code();
         }
     };
@@ -73,8 +77,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
 
 fn solve(arguments: &Arguments) -> Result<String, Failure> {
     let case = &arguments.dir;
-    if !case.join("DATBOX").is_dir() {
-        return Err(Failure::Files(no_case(case).into()));
+    if let Some(fault) = no_case(case, CaseFolder::Datbox, PROGRAM) {
+        return Err(Failure::Files(fault.into()));
     }
     let (mut scene, mut state) = read::case(case, &arguments.flags)?;
     let _lock = if arguments.plan { None } else { Some(write::lock(case)?) };
@@ -87,7 +91,9 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
         resumed = before.is_some();
         if let Some(before) = before {
             take_on_forces(&scene, &before.parameters, &mut state);
-            let (warnings, notes) = before.changes(&scene, &arguments.flags.given());
+            // The start stands in DATBOX.
+            let text = (state.step > 0).then(|| write::text::is_written(&write::outbox(case), &state)).transpose()?;
+            let (warnings, notes) = before.changes(&scene, text, &arguments.flags.given());
             warnings.iter().for_each(warn);
             notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
         } else {
@@ -122,25 +128,4 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
     let advance = || run_case(case, &scene, state, resumed, arguments.dump_problem);
     let large = scene.bodies.len() >= awake::LARGE;
     pool.install(|| if large { awake::awake(advance) } else { advance() })
-}
-
-/// What is wrong with a folder that is no case.
-fn no_case(case: &Path) -> Fault {
-    let scene = case.join("scene.ron");
-    let (object, found, expected) = if case.is_file() && case.extension().is_some_and(|ending| ending == "ron") {
-        let folder = case.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
-        let run = format!("run cd-pre {} first, then {PROGRAM} {}", case.display(), folder.display());
-        ("file", "is a scene, no case", run)
-    } else if case.is_file() {
-        ("file", "is no folder", "expected the folder of a case, with DATBOX in it".into())
-    } else if !case.exists() {
-        ("folder", "there is no such folder", "expected the folder of a case, with DATBOX in it".into())
-    } else if case.join("BODIES.DAT").is_file() {
-        ("folder", "is a DATBOX", "expected the folder that it is in".into())
-    } else if scene.is_file() {
-        ("folder", "has a scene but no DATBOX", format!("run cd-pre {} first", scene.display()))
-    } else {
-        ("folder", "has no DATBOX", "expected the files of cd-pre or LMGC90 in it".into())
-    };
-    Fault::new(case, None, object, found, expected)
 }

@@ -140,3 +140,56 @@ fn two_runs_are_mixed_by_their_shapes() {
     assert_eq!(next(&left, &ball(1.0)).1, 2);
     assert!(refused(&left, &ball(0.99)).contains("overlap by 1.000e-2 m"));
 }
+
+/// A hollow cylinder is closed and pushes inwards alone: grains outside of it are refused as in a scene, whoever comes later.
+#[test]
+fn grains_outside_of_a_hollow_cylinder_are_refused() {
+    let run = filled("Sphere", "1e-2");
+    let drum = |x: f64, colour: &str| {
+        format!(
+            "Cylinder(material: \"ROCKx\", colour: \"{colour}\", centre: ({x}, 0, 0), half_height: 2, radius: 1.2, hollow: true)"
+        )
+    };
+    let found = refused(&run, &format!("(bodies: [(walls: false)], walls: [{}])", drum(3.0, "WALLx")));
+    let expected = "is outside of wall 1, a hollow cylinder; expected bodies that meet it within: it is closed, and pushes \
+                    inwards alone";
+    assert!(found.contains("body 1: body 1 ") && found.contains(expected), "{found}");
+    // Around them all, and where none meets it.
+    let (around, _) = next(&run, &format!("(bodies: [(walls: false)], walls: [{}])", drum(0.0, "WALLx")));
+    let apart = "contacts: [(between: (\"BLUEx\", \"DRUMx\"), law: None)]";
+    next(&run, &format!("(bodies: [(walls: false)], walls: [{}], {apart})", drum(9.0, "DRUMx")));
+    // The drum of a run, and what comes in or is moved.
+    let around = around.solved(&["--steps", "1", "--threads", "1"]);
+    let grain =
+        "grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.1), place: List(positions: [(4, 0, 0)]))]";
+    let found = refused(&around, &format!("({grain})"));
+    assert!(found.contains("body 32 is outside of body 31, a hollow cylinder"), "{found}");
+    let found = refused(&around, "(bodies: [(centre: (0, 0, 5))])");
+    assert!(found.contains("outside of body 31, a hollow cylinder"), "{found}");
+}
+
+#[test]
+fn datbox_names_the_changes_and_the_snapshot_that_it_is_from() {
+    use cd_formats::origin::Origin;
+    let folder = tempfile::tempdir().unwrap();
+    let run = filled("Sphere", "1e-2");
+    let (from, to) = (folder.path().join("run"), folder.path().join("new"));
+    fs::rename(run.path(), &from).unwrap();
+    fs::create_dir(&to).unwrap();
+    assert_eq!(from_outbox(&from, &to, "(seed: 1)"), 0);
+    let text = fs::read_to_string(to.join("DATBOX/COMPUTE.RON")).unwrap();
+    assert!(
+        text.starts_with("// Made by from-outbox ../run, --changes changes.ron\n// Made with changes.ron, "),
+        "{text}"
+    );
+    let origin = Origin::find(&text).unwrap();
+    assert_eq!(origin.changed(&to), None);
+    fs::write(to.join("changes.ron"), "(seed: 2)").unwrap();
+    let said = origin.changed(&to).unwrap();
+    assert!(
+        said.contains("changes.ron has changed since DATBOX was made from it; ") && said.contains("from-outbox"),
+        "{said}"
+    );
+    fs::write(from.join("OUTBOX/snapshot-000400.npz"), "other").unwrap();
+    assert!(origin.changed(&to).unwrap().contains("snapshot-000400.npz have changed since"));
+}

@@ -246,7 +246,7 @@ fn vloc_rloc() -> impl Strategy<Value = VlocRloc> {
 
 proptest! {
     #[test]
-    fn bodies_survive(bodies in vec(body(), 0..5)) {
+    fn bodies_survive(bodies in vec(body(), 1..5)) {
         round_trip!(Bodies(bodies), Bodies, |read| read.0.iter_mut().for_each(|body| body.line = 0));
     }
 

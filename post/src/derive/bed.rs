@@ -3,7 +3,7 @@
 use crate::derive::coordination::neighbour_counts;
 use crate::derive::fragments::Fragment;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::frame::{Cell, Frame, Grain, Interval, Mat3, Side, Vec3, WallShape};
+use crate::frame::{Cell, Frame, Grain, Interval, Mat3, Side, Vec3, Wall, WallShape};
 
 /// Cosines nearer to 0 or 1 than this are of walls upright or level: some roundings of an orientation from a file.
 const UPRIGHT: f64 = 1e-6;
@@ -33,7 +33,7 @@ impl Bed {
     /// The bed of a frame; `fragments`: its groups of touching grains. None without uniform gravity, where no wall is touched
     /// with force, where the room is open to a side, and where its sides are not upright.
     ///
-    /// The floor is the plate that bears most of the weight; where none does (a floor of held spheres) it is level, at the lowest
+    /// The floor is the plate, face or end of a hollow cylinder that bears most of the weight; where none does (a floor of held spheres) it is level, at the lowest
     /// point of a grain. A wall bounds the bed by those of its faces that have the centres of nearly all its grains before them, a
     /// hollow cylinder if it has nearly all of them within; the rest have left it. What nothing holds at that instant but is
     /// between these walls, with its centre no higher than the highest point of the others, is of the bed: where a bed flows that
@@ -310,7 +310,8 @@ fn nearly_all(frame: &Frame, grains: &[usize], inside: impl Fn(&Vec3) -> bool) -
 }
 
 /// Faces of a wall that have the centres of nearly all `grains` before them: of a plate any, of a convex polyhedron, of those
-/// that cover half of the grains' section or more, the one that is farthest from the nearest of these centres.
+/// that cover half of the grains' section or more, the one that is farthest from the nearest of these centres; of a hollow
+/// cylinder around these centres both ends.
 pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face> {
     let (x, rotation) = (frame.walls[wall].x, frame.walls[wall].rotation);
     let before = |face: &Face| nearly_all(frame, grains, |x| face.before(x));
@@ -322,7 +323,7 @@ pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face>
             };
             (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]).map(face).filter(before).collect()
         }
-        WallShape::Polyhedron(solid) if solid.bore.is_none() => {
+        WallShape::Polyhedron(solid) if solid.hollow.is_none() => {
             let reach = solid.reach();
             let centre = grains.iter().map(|&i| frame.grains[i].x).sum::<Vec3>() / grains.len() as f64;
             let offset = |i: &usize| frame.grains[*i].x - centre;
@@ -350,28 +351,38 @@ pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face>
             let faces = solid.faces.iter().filter_map(face).filter(before);
             faces.max_by(|a, b| clearance(a).total_cmp(&clearance(b))).into_iter().collect()
         }
-        _ => Vec::new(),
+        _ => bounding_bore(frame, wall, grains).map_or(Vec::new(), |bore| bore.ends(wall).into()),
     }
 }
 
-/// A hollow cylinder around nearly all centres.
+/// A hollow cylinder around nearly all centres; its ends are faces.
 pub struct Bore {
     pub x: Vec3,
     pub axis: Vec3,
     pub radius: f64,
+    /// Distance of both ends from x along the axis, m.
+    half_height: f64,
 }
 
 impl Bore {
     pub fn around(&self, x: &Vec3) -> bool {
         (x - self.x).cross(&self.axis).norm() <= self.radius
     }
+
+    /// Flat ends, seen from inside.
+    fn ends(&self, wall: usize) -> [Face; 2] {
+        [self.axis, -self.axis].map(|normal| Face { wall, normal, place: normal.dot(&self.x) - self.half_height })
+    }
 }
 
+/// The inside of a hollow cylinder that has nearly all centres between its ends and within its radius.
 pub fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<Bore> {
-    let wall = &frame.walls[wall];
-    let WallShape::Polyhedron(solid) = &wall.shape else { return None };
-    let bore = Bore { x: wall.x, axis: wall.rotation * Vec3::z(), radius: solid.bore? };
-    nearly_all(frame, grains, |x| bore.around(x)).then_some(bore)
+    let WallShape::Polyhedron(solid) = &frame.walls[wall].shape else { return None };
+    let hollow = solid.hollow?;
+    let Wall { x, rotation, .. } = frame.walls[wall];
+    let bore = Bore { x, axis: rotation * Vec3::z(), radius: hollow.radius, half_height: hollow.half_height };
+    let ends = bore.ends(wall);
+    nearly_all(frame, grains, |x| bore.around(x) && ends.iter().all(|end| end.before(x))).then_some(bore)
 }
 
 /// Sides of the polygon for which the section of a hollow cylinder is taken: of the same area, and of the same shape where a plate cuts it.
@@ -475,6 +486,7 @@ mod tests {
     use super::*;
     use crate::derive::fragments::fragments;
     use crate::samples::Scene;
+    use crate::shapes::{Hollow, Solid};
     use nalgebra::UnitQuaternion;
 
     fn bed(scene: &Scene) -> Option<Bed> {
@@ -701,10 +713,11 @@ mod tests {
     fn a_hollow_cylinder_closes_a_room() {
         let hollow = |radius: f64, axis: Vec3| {
             let mut frame = columns(3, false, [false; 4], UnitQuaternion::identity()).frame();
-            let shape = WallShape::Polyhedron(crate::shapes::Solid { bore: Some(radius), ..Default::default() }.into());
+            let hollow = Some(Hollow { radius, half_height: 50.0 });
+            let shape = WallShape::Polyhedron(Solid { hollow, ..Default::default() }.into());
             let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &axis).unwrap();
             let x = Vec3::new(1.5, 1.0, 0.0);
-            frame.walls.push(crate::frame::Wall { id: 99, x, v: None, rotation, shape });
+            frame.walls.push(Wall { id: 99, x, v: None, rotation, shape });
             Bed::of(&frame, &fragments(&frame)).map(|bed| bed.area)
         };
         assert_close(hollow(2.0, Vec3::z()).unwrap(), 4.0 * std::f64::consts::PI);
@@ -712,15 +725,25 @@ mod tests {
         assert!(hollow(1.0, Vec3::z()).is_none() && hollow(9.0, Vec3::x()).is_none());
         // A plate cuts off a half, on which no centre is.
         let mut frame = columns(3, false, [true, false, false, false], UnitQuaternion::identity()).frame();
-        let shape = WallShape::Polyhedron(crate::shapes::Solid { bore: Some(4.0), ..Default::default() }.into());
-        frame.walls.push(crate::frame::Wall {
-            id: 99,
-            x: Vec3::x() * 3.0,
-            v: None,
-            rotation: UnitQuaternion::identity(),
-            shape,
-        });
+        let hollow = Some(Hollow { radius: 4.0, half_height: 50.0 });
+        let shape = WallShape::Polyhedron(Solid { hollow, ..Default::default() }.into());
+        frame.walls.push(Wall { id: 99, x: Vec3::x() * 3.0, v: None, rotation: UnitQuaternion::identity(), shape });
         assert_close(Bed::of(&frame, &fragments(&frame)).unwrap().area, 8.0 * std::f64::consts::PI);
+    }
+
+    #[test]
+    fn the_lower_end_of_a_hollow_cylinder_is_a_floor() {
+        let scene = columns(3, false, [false; 4], UnitQuaternion::identity());
+        let mut frame = scene.frame();
+        let hollow = Some(Hollow { radius: 4.0, half_height: 5.0 });
+        let shape = WallShape::Polyhedron(Solid { hollow, ..Default::default() }.into());
+        let x = Vec3::new(1.5, 1.0, 5.0);
+        // In place of the plate.
+        frame.walls[0] = Wall { x, rotation: UnitQuaternion::identity(), shape, ..frame.walls[0].clone() };
+        let found = Bed::of(&frame, &fragments(&frame)).unwrap();
+        assert_eq!((found.up, found.floor), (Vec3::z(), 0.0));
+        assert_close(found.area, 16.0 * std::f64::consts::PI);
+        assert_close(found.height, 3.0);
     }
 
     #[test]

@@ -9,6 +9,10 @@ use crate::frame::{Frame, Grain, Vec3};
 /// of the smaller radius.
 pub const TOUCHING_GAP: f64 = 1e-3;
 
+/// A group with a smaller share of the grains of the most numerous one is not the largest remnant, however heavy: a planet, a
+/// lander or an impactor.
+const FEW: f64 = 0.1;
+
 /// A group of touching grains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fragment {
@@ -18,7 +22,9 @@ pub struct Fragment {
     pub whole: Whole,
 }
 
-/// The groups of touching grains, heaviest first; of equals the one with the first grain.
+/// The groups of touching grains: the largest remnant, then the others, heaviest first; of equals the one with the first grain.
+///
+/// The largest remnant is the heaviest group with at least a tenth of the grains of the most numerous one.
 ///
 /// Two grains are in one group if a chain of touching grains links them ([`TOUCHING_GAP`]). The gap of spheres is
 /// |x_i - x_j| - R_i - R_j at the snapshot's time, x_j of the image that is nearest, that of other grains the smallest of
@@ -46,6 +52,11 @@ pub fn fragments(frame: &Frame) -> Vec<Fragment> {
     };
     let mut found: Vec<Fragment> = members.into_iter().map(fragment).collect();
     found.sort_by(|a, b| b.whole.mass.total_cmp(&a.whole.mass));
+    let most = found.iter().map(|fragment| fragment.grains.len()).max().unwrap_or(0);
+    let many = |fragment: &Fragment| fragment.grains.len() as f64 >= FEW * most as f64;
+    if let Some(remnant) = found.iter().position(many) {
+        found[..=remnant].rotate_right(1);
+    }
     found
 }
 
@@ -78,7 +89,7 @@ fn join_spheres(frame: &Frame, groups: &mut Groups) {
     }
 }
 
-/// The number of the fragment of each grain, 0 the heaviest.
+/// The number of the fragment of each grain, 0 the largest remnant.
 pub fn membership(fragments: &[Fragment], grains: usize) -> Vec<u32> {
     let mut number = vec![0; grains];
     for (k, fragment) in fragments.iter().enumerate() {

@@ -193,13 +193,13 @@ pub struct Choices {
     pub summation: Summation,
     /// Region of means; None for that which fits the scene.
     pub region: Option<Probe>,
-    /// Mean radii over which planes are fitted to surfaces.
+    /// Mean radii over which planes are fitted to the surface of a heap or bed.
     pub slope_reach: f64,
 }
 
 impl Default for Choices {
     fn default() -> Choices {
-        Choices { summation: Summation::default(), region: None, slope_reach: plane_fit::REACH }
+        Choices { summation: Summation::default(), region: None, slope_reach: free_surface::REACH }
     }
 }
 

@@ -2,8 +2,8 @@
 
 use crate::frame::{Mat3, Vec3};
 
-/// Heights are fitted by planes over so many mean radii around where nothing else is chosen: the standard error that single grains
-/// leave is 1.8 degrees, at 6 radii 5 and at 12 radii 1.3, of beds and aggregates alike.
+/// Mean radii over which planes are fitted to the heights of an aggregate where nothing else is chosen: the standard error that
+/// single grains leave is 1.8 degrees, at 6 radii 5 and at 12 radii 1.3.
 pub const REACH: f64 = 10.0;
 
 /// Sums of weighted heights about a point.

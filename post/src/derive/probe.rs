@@ -134,6 +134,19 @@ impl Shape {
         }
     }
 
+    /// Centre, and half lengths along x, y and z of a box around it, m; None of a layer.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        match self {
+            Shape::Ball { centre, radius } => Some((*centre, Vec3::repeat(*radius))),
+            Shape::Box { centre, half } => Some((*centre, *half)),
+            Shape::Cylinder { centre, axis, radius, half } => {
+                let across = axis.map(|part| (1.0 - part * part).max(0.0).sqrt());
+                Some((*centre, axis.abs() * *half + across * *radius))
+            }
+            Shape::Layer { .. } => None,
+        }
+    }
+
     pub fn holds(&self, x: &Vec3) -> bool {
         self.depth(x) >= 0.0
     }

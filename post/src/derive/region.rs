@@ -71,7 +71,8 @@ impl Kind {
     }
 }
 
-/// A group of touching grains with less of the mass than this is a clump of a cloud and no remnant: then all grains count.
+/// A group of touching grains with less than this share of the mass and of the grains is a clump of a cloud and no remnant: then
+/// all grains count.
 const REMNANT: f64 = 0.1;
 
 /// Grains, walls and volume of a region of a frame.
@@ -82,8 +83,16 @@ pub struct Region {
     pub volume: f64,
     /// Indices of the grains with their centre inside, rising.
     pub members: Vec<usize>,
-    /// Probe of a user in its place, with its centre where it is in this frame.
-    probe: Option<Shape>,
+    /// Region that a user gives instead.
+    probe: Option<Probed>,
+}
+
+/// A region that a user gives, in one frame.
+#[derive(Debug, Clone, PartialEq)]
+struct Probed {
+    shape: Shape,
+    /// Sums of whole periods that bring grains of the cell into it, m.
+    shifts: Vec<Vec3>,
 }
 
 impl Region {
@@ -91,10 +100,10 @@ impl Region {
     ///
     /// Walls bound it by the faces of plates and convex polyhedra that have the centres of nearly all grains before them, and by
     /// hollow cylinders around these; which are the grains of groups that a wall touches with force if these have half of the
-    /// mass, else all. Under uniform gravity it ends at the mean plane of their surface, unless a lid is less than a mean diameter
+    /// mass or of the grains, else all. Under uniform gravity it ends at the mean plane of their surface, unless a lid is less than a mean diameter
     /// above; without a plate below, at their lowest point. Where walls and periods leave a side open, or where nothing touches
     /// them in a scene with self-gravity, it is the hull of the largest group (of those that a wall touches, if any), or of
-    /// all grains if that group has a single grain among others or less than a tenth of the mass.
+    /// all grains if that group has a single grain among others or less than a tenth of the mass and of the grains.
     pub fn of(frame: &Frame, fragments: &[Fragment]) -> Region {
         if frame.grains.is_empty() {
             return Region { kind: Kind::None, volume: f64::NAN, members: Vec::new(), probe: None };
@@ -103,7 +112,8 @@ impl Region {
         enclosed.unwrap_or_else(|| aggregate(frame, fragments))
     }
 
-    /// The region that a user gives; of a layer without walls or periods around it [`Kind::None`].
+    /// The region that a user gives; of a layer without walls or periods around it, and of a shape over more than
+    /// `MOST_IMAGES` cells, [`Kind::None`].
     pub fn of_probe(frame: &Frame, fragments: &[Fragment], probe: &Probe) -> Region {
         let placed = match probe.placed(frame, fragments) {
             Some(Shape::Layer { from, to, .. }) => Enclosure::of(frame, fragments).and_then(|e| e.layer(from, to)),
@@ -112,9 +122,12 @@ impl Region {
         let Some((shape, volume)) = placed else {
             return Region { kind: Kind::None, volume: f64::NAN, members: Vec::new(), probe: None };
         };
-        let inside = |x: &Vec3| images(frame, &shape).any(|shift| shape.holds(&(x + shift)));
+        let Some(shifts) = shifts(frame, &shape) else {
+            return Region { kind: Kind::None, volume: f64::NAN, members: Vec::new(), probe: None };
+        };
+        let inside = |x: &Vec3| shifts.iter().any(|shift| shape.holds(&(x + shift)));
         let members = (0..frame.grains.len()).filter(|&i| inside(&frame.grains[i].x)).collect();
-        Region { kind: shape.kind(), volume, members, probe: Some(shape) }
+        Region { kind: shape.kind(), volume, members, probe: Some(Probed { shape, shifts }) }
     }
 
     fn is_member(&self, grain: usize) -> bool {
@@ -129,7 +142,7 @@ impl Region {
     fn shares(&self, frame: &Frame) -> Vec<(usize, f64)> {
         let Some(probe) = &self.probe else { return self.members.iter().map(|&i| (i, 1.0)).collect() };
         let share = |grain: &Grain| -> f64 {
-            images(frame, probe).map(|shift| probe.share_of_grain(&grain.moved_by(shift))).sum()
+            probe.shifts.iter().map(|shift| probe.shape.share_of_grain(&grain.moved_by(*shift))).sum()
         };
         let all = frame.grains.iter().enumerate().map(|(i, grain)| (i, share(grain)));
         all.filter(|(_, share)| *share > 0.0).collect()
@@ -155,8 +168,8 @@ impl Region {
                 Some(probe) => {
                     let to = end(contact.candidate, Vec3::zeros(), contact.point);
                     let from = end(contact.antagonist, contact.image, contact.point);
-                    let inside = |shift: Vec3| probe.share_of_segment(&(from + shift), &(to + shift));
-                    let share: f64 = images(frame, probe).map(inside).sum();
+                    let inside = |shift: &Vec3| probe.shape.share_of_segment(&(from + shift), &(to + shift));
+                    let share: f64 = probe.shifts.iter().map(inside).sum();
                     share * contact.force * (to - from).transpose()
                 }
                 None => {
@@ -249,12 +262,30 @@ impl Region {
     }
 }
 
-/// Shifts by whole periods that may bring a point of the cell into a shape: none but zero without periods, and of a layer, which
-/// has all of the cell.
-fn images(frame: &Frame, shape: &Shape) -> impl Iterator<Item = Vec3> + use<> {
-    let periods = if shape.kind() == Kind::Layer { [None; 2] } else { frame.cell().0 };
-    let [along_x, along_y] = periods.map(|period| period.map_or(vec![0.0], |period| vec![0.0, -period, period]));
-    along_x.into_iter().flat_map(move |x| along_y.clone().into_iter().map(move |y| Vec3::new(x, y, 0.0)))
+/// Images of the cell that a probe may hold.
+const MOST_IMAGES: f64 = 1e4;
+
+/// Sums of whole periods that bring grains of the cell, or contacts of these, into a shape: none but zero without periods, and of
+/// a layer, which has all of the cell. None for more than `MOST_IMAGES`.
+fn shifts(frame: &Frame, shape: &Shape) -> Option<Vec<Vec3>> {
+    let Some((centre, half)) = shape.bounds() else { return Some(vec![Vec3::zeros()]) };
+    // Branches reach from a grain of the cell to the centre of a neighbour.
+    let reach = 2.0 * frame.grains.iter().map(Grain::reach).fold(0.0, f64::max);
+    let counts = [0, 1].map(|axis| {
+        let Some(period) = frame.cell().0[axis] else { return [0.0, 0.0] };
+        let over = half[axis] + reach + 0.5 * period;
+        [((centre[axis] - over) / period).ceil(), ((centre[axis] + over) / period).floor()]
+    });
+    let images: f64 = counts.iter().map(|[first, last]| last - first + 1.0).product();
+    if images > MOST_IMAGES {
+        return None;
+    }
+    let along = |axis: usize| {
+        let period = frame.cell().0[axis].unwrap_or(0.0);
+        let [first, last] = counts[axis].map(|count| count as i64);
+        (first..=last).map(move |count| count as f64 * period)
+    };
+    Some(along(0).flat_map(|x| along(1).map(move |y| Vec3::new(x, y, 0.0))).collect())
 }
 
 /// The hull of the largest group, or of all grains where that is no remnant.
@@ -266,7 +297,8 @@ fn aggregate(frame: &Frame, fragments: &[Fragment]) -> Region {
     let largest = borne.or(fragments.first());
     let remnant = |fragment: &&Fragment| {
         let alone = fragment.grains.len() == 1 && frame.grains.len() > 1;
-        !alone && fragment.whole.mass >= REMNANT * frame.mass()
+        let share = fragment.grains.len() as f64 / frame.grains.len() as f64;
+        !alone && (fragment.whole.mass >= REMNANT * frame.mass() || share >= REMNANT)
     };
     let (kind, members) = match largest.filter(remnant) {
         Some(fragment) => (Kind::LargestGroup, fragment.grains.clone()),
@@ -306,7 +338,8 @@ impl<'a> Enclosure<'a> {
             return None;
         }
         let mass = |grains: &[usize]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
-        let half = |grains: &[usize]| 2.0 * mass(grains) >= frame.mass();
+        // Half of the grains are enough, too: a heavy lander above a bed.
+        let half = |grains: &[usize]| 2.0 * mass(grains) >= frame.mass() || 2 * grains.len() >= frame.grains.len();
         // Without walls that touch, what has not been thrown off.
         let largest = fragments.first().map_or(&[][..], |first| &first.grains);
         let core = [&held[..], if held.is_empty() { largest } else { &[] }].into_iter().find(|grains| half(grains));
@@ -519,7 +552,7 @@ mod tests {
     use crate::derive::{Choices, Row};
     use crate::frame::{Wall, WallShape};
     use crate::samples::Scene;
-    use crate::shapes::Solid;
+    use crate::shapes::{Hollow, Solid};
     use nalgebra::UnitQuaternion;
 
     #[track_caller]
@@ -706,7 +739,7 @@ mod tests {
             lattice(&mut scene, COUNTS, r, p);
             plates(&mut scene, COUNTS, r, p, &ends);
             let mut frame = scene.frame();
-            let shape = WallShape::Polyhedron(Solid { bore: Some(8.0), ..Default::default() }.into());
+            let shape = hollow(8.0, 50.0);
             let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &Vec3::ith(axis, 1.0)).unwrap();
             frame.walls.push(Wall { id: 99, x: Vec3::new(2.5, 2.0, 4.0), v: None, rotation, shape });
             let found = region(&frame);
@@ -721,6 +754,60 @@ mod tests {
                 assert_eq!(bed.kind, Kind::Bed);
                 assert!((5.0 * below(1.5)..=5.0 * below(2.0) * 1.0001).contains(&bed.volume), "{}", bed.volume);
             }
+        }
+    }
+
+    fn hollow(radius: f64, half_height: f64) -> WallShape {
+        WallShape::Polyhedron(Solid { hollow: Some(Hollow { radius, half_height }), ..Default::default() }.into())
+    }
+
+    #[test]
+    fn the_ends_of_a_hollow_cylinder_close_it() {
+        let (r, p) = (0.5, [2.0; 3]);
+        let gravity = |frame: &mut Frame| frame.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+        for axis in 0..3 {
+            let mut scene = Scene::default();
+            lattice(&mut scene, COUNTS, r, p);
+            let mut frame = scene.frame();
+            let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &Vec3::ith(axis, 1.0)).unwrap();
+            let x = Vec3::new(2.5, 2.0, 3.0);
+            frame.walls.push(Wall { id: 99, x, v: None, rotation, shape: hollow(8.0, 5.0) });
+            let found = region(&frame);
+            assert_eq!((found.kind, found.members.len()), (Kind::Walls, 120));
+            assert_close(found.volume, PI * 64.0 * 10.0, 1e-12);
+            // Two of 121 grains may have left through an end.
+            frame.grains[0].x[axis] -= 30.0;
+            assert_close(region(&frame).volume, PI * 64.0 * 10.0, 1e-12);
+            // One that stands empty elsewhere bounds nothing, with its ends neither.
+            frame.walls[0].x += Vec3::ith(axis, 40.0);
+            assert_eq!(region(&frame).kind, Kind::LargestGroup);
+        }
+        // A piston in it is where the space ends, and a bed within ends at its surface, for a lying one too.
+        for axis in 0..3 {
+            let mut scene = Scene::default();
+            lattice(&mut scene, COUNTS, r, p);
+            plates(&mut scene, COUNTS, r, p, &[4]);
+            if axis == 2 {
+                plates(&mut scene, COUNTS, r, p, &[5]);
+            }
+            let mut frame = scene.frame();
+            let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &Vec3::ith(axis, 1.0)).unwrap();
+            let x = Vec3::new(2.5, 2.0, 3.0);
+            frame.walls.push(Wall { id: 99, x, v: None, rotation, shape: hollow(8.0, 5.0) });
+            gravity(&mut frame);
+            let found = region(&frame);
+            if axis == 2 {
+                assert_eq!(found.kind, Kind::Walls);
+                assert_close(found.volume, PI * 64.0 * 6.0, 1e-12);
+            } else {
+                assert_eq!(found.kind, Kind::Bed);
+                // Up to half a radius below the highest points.
+                let below = |s: f64| 64.0 * (s / 8.0).asin() + s * (64.0 - s * s).sqrt();
+                let between = |top: f64| 10.0 * (below(top) - below(-3.0));
+                assert!((between(2.5)..=between(3.0) * 1.0001).contains(&found.volume), "{}", found.volume);
+            }
+            let layer: Probe = "layer:0,1".parse().unwrap();
+            assert_eq!(Region::of_probe(&frame, &fragments(&frame), &layer).kind, Kind::Layer);
         }
     }
 
@@ -747,6 +834,48 @@ mod tests {
         assert!(with.nu_sphere < 1e-6 && with.pressure_sphere < 1e-6 * with.pressure && with.Z_all < with.Z);
         // Their pull is no part of the balance within but for tides.
         assert_close(with.pressure_virial, alone.pressure_virial, 1e-5);
+    }
+
+    #[test]
+    fn a_planet_among_the_grains_is_not_the_remnant() {
+        let (r, p) = (0.5, [3.0; 3]);
+        let mut scene = Scene::self_gravitating(1e-9);
+        lattice(&mut scene, [6, 6, 6], r, p);
+        let alone = row(&scene);
+        let planet = scene.grain([4000.0, 0.0, 0.0], 900.0);
+        let with = row(&scene);
+        assert_eq!(with.region, Kind::LargestGroup.number());
+        let found = [with.nu, with.Z, with.pressure, with.largest_mass, with.largest_a];
+        assert_eq!(found, [alone.nu, alone.Z, alone.pressure, alone.largest_mass, alone.largest_a]);
+        // Pebbles on the planet: a heavy group of few.
+        for angle in 0..12 {
+            let (sin, cos) = (0.5 * f64::from(angle)).sin_cos();
+            let pebble = scene.grain([4000.0 + 900.5 * cos, 900.5 * sin, 0.0], r);
+            scene.push(pebble, planet, 1.0);
+        }
+        assert_eq!(row(&scene).nu, alone.nu);
+        assert_close(probed(&scene, "ball:2@largest").nu, PI / 6.0, 0.1);
+        // Of two remnants of many grains the heavier one counts, though it has fewer.
+        let first = scene.snapshot.bodies.body_id.len();
+        for k in 0..40 {
+            scene.grain([-900.0 + 6.0 * f64::from(k), 0.0, 0.0], 3.0);
+            if k > 0 {
+                scene.push(first + k as usize, first + k as usize - 1, 1.0);
+            }
+        }
+        assert_close(row(&scene).largest_mass, 40.0 * 27.0 * 8.0 * alone.largest_mass / 216.0, 1e-12);
+    }
+
+    #[test]
+    fn a_heavy_lander_above_a_bed_does_not_open_its_box() {
+        let (r, p) = (0.5, [1.0; 3]);
+        let mut scene = Scene::default();
+        lattice(&mut scene, COUNTS, r, p);
+        plates(&mut scene, COUNTS, r, p, &[0, 1, 2, 3, 4, 5]);
+        let closed = row(&scene);
+        scene.grain([2.5, 2.0, 60.0], 20.0);
+        let with = row(&scene);
+        assert_eq!((with.region, with.nu), (Kind::Walls.number(), closed.nu));
     }
 
     #[test]
@@ -819,6 +948,29 @@ mod tests {
         // Without walls a layer has no sides.
         let layer = probed(&scene, "layer:0,1");
         assert!(layer.region == 0 && layer.nu.is_nan());
+    }
+
+    #[test]
+    fn a_probe_in_a_scene_that_repeats_is_the_same_in_every_cell() {
+        let (r, p) = (0.5, [2.0; 3]);
+        let mut scene = Scene::default();
+        lattice(&mut scene, COUNTS, r, p);
+        let parameters = &mut scene.snapshot.meta.parameters;
+        (parameters.xperiode, parameters.yperiode) = (Some(5.0), Some(4.0));
+        let at = |shape: &str, x: f64, y: f64| probed(&scene, &format!("{shape}@{x},{y},3"));
+        for shape in ["ball:1.5", "box:3,2,2", "cylinder:1,2,1,0,0"] {
+            let own = at(shape, 0.25, 0.5);
+            assert!(own.nu > 0.3 && own.Z > 0.0);
+            for (x, y) in [(1.0, 0.0), (-1.0, 1.0), (3.0, 0.0), (0.0, -7.0), (1000.0, 20.0)] {
+                let found = at(shape, 0.25 + 5.0 * x, 0.5 + 4.0 * y);
+                assert_eq!((found.region, found.Z), (own.region, own.Z));
+                assert_close(found.nu, own.nu, 1e-2);
+                assert_close(found.pressure, own.pressure, 1e-9);
+            }
+        }
+        // One over 12 cells and a half.
+        assert_close(at("box:62.5,4,4", 7.0, 0.0).nu, PI / 6.0, 1e-3);
+        assert_eq!(at("box:1e6,1e6,4", 0.0, 0.0).region, Kind::None.number());
     }
 
     #[test]

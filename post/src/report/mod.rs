@@ -9,8 +9,9 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::error::Faults;
 
-use crate::derive::Row;
+use crate::derive::energy::self_gravity_constant;
 use crate::derive::region::Kind;
+use crate::derive::{Row, free_surface, plane_fit};
 use crate::frame::Frame;
 use crate::study::TIMED;
 use crate::write::plots::PLOTS;
@@ -97,14 +98,14 @@ fn escaped(text: &str) -> String {
 }
 
 /// The text of the page; `rows` and `states` hold at least that of `last`, whose tables and figures, with
-/// slopes over `reach` mean radii, are `depth`.
+/// slopes over `reach` mean radii or the default, are `depth`.
 fn page(
     dir: &Path,
     rows: &[Row],
     states: &[grains::State],
     last: &Frame,
     depth: Vec<state::File>,
-    reach: f64,
+    reach: Option<f64>,
     seconds: &[(&str, f64)],
 ) -> String {
     let whole = std::fs::canonicalize(dir).unwrap_or(dir.to_path_buf());
@@ -146,13 +147,15 @@ fn page(
     put("</div>\n");
     if !last.grains.is_empty() {
         put("<h2>In depth, at the end</h2>\n<div class=\"figures\">\n");
+        let default = if self_gravity_constant(last).is_none() { free_surface::REACH } else { plane_fit::REACH };
+        let reach_text = significant(reach.unwrap_or(default));
         let files: BTreeMap<&str, Vec<u8>> = depth.into_iter().collect();
         for (file, caption) in STATE_FIGURES {
             // Where nothing has left, there is nothing to draw.
             let table = files.get(file.replace(".svg", ".csv").as_str());
             let empty = table.is_some_and(|csv| csv.iter().filter(|byte| **byte == b'\n').count() < 2);
             if let Some(svg) = files.get(file).filter(|_| !empty) {
-                put(&figure(&String::from_utf8_lossy(svg), &caption.replace("REACH", &significant(reach))));
+                put(&figure(&String::from_utf8_lossy(svg), &caption.replace("REACH", &reach_text)));
             }
         }
         // Its gradients have names that only one picture of a page may use.

@@ -25,9 +25,10 @@ use cd_formats::compute::{ABOUT_A_PERIOD, Compute};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{Driven, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::origin::Origin;
 use cd_formats::places;
 use cd_formats::report::Report;
-use cd_formats::snapshot::{Ledger, START, Snapshot};
+use cd_formats::snapshot::{self, Ledger, START, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
 use serde::Deserialize;
 
@@ -152,7 +153,8 @@ type File = (String, Vec<u8>);
 ///
 /// Errors: all faults of the file and of the cases that it names; nothing is written then.
 pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], dir: &Path) -> Result<String, Faults> {
-    let (file, text) = match changes {
+    let changes_file = changes;
+    let (file, text) = match changes_file {
         Some(file) => (file, atomic::read_text(file)?),
         None => (Path::new("changes"), "()".to_string()),
     };
@@ -226,9 +228,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let new = New::of(&changes, &parts, &options, folder, &mut report);
     let records = records(&parts, &new);
     overlaps::check(&changes, &parts, &new.population, &records, &options, &mut report);
-    // Where time goes on, events before it have happened.
-    if let Some(compute) = changes.compute.as_ref().filter(|_| !changes.keep_time) {
-        crate::check::check_event_times(&mut report, &compute.events, 0.0);
+    if changes.compute.is_some() || !of_run.is_empty() {
+        cd_formats::doubts::events(&options.events, "compute.", &mut report);
     }
     crate::doubts::doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, &mut report);
     let tables = Tables::merged(&changes, &parts, &new.population.grains, &records, &mut report);
@@ -247,7 +248,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
 
     let datbox = dir.join("DATBOX");
     let driven = driven(&parts, &new);
-    let files = files(&changes, &parts, &new, &records, &tables, &driven, &options);
+    overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
+    let mut files = files(&changes, &parts, &new, &records, &tables, &driven, &options);
     let mut owner: Vec<usize> = Vec::new();
     parts.iter().enumerate().for_each(|(k, part)| owner.extend(std::iter::repeat_n(k, part.rows.len())));
     let name = |body: usize| match owner.get(body) {
@@ -258,6 +260,16 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     reread::check(&datbox, bytes, &driven, &options, name, &mut report);
     if !report.faults.0.is_empty() {
         return Err(report.faults);
+    }
+    fs::create_dir_all(&datbox).map_err(|error| Fault::io(&datbox, "written", &error))?;
+    let mut origin = Origin::from_outbox(case, changes_file, settings, dir);
+    changes_file.into_iter().for_each(|file| origin.add(file, dir));
+    crate::models(&changes.grains).for_each(|model| origin.add(&folder.join(model), dir));
+    for part in &parts {
+        origin.add(&snapshot::path(&part.source.case.join("OUTBOX"), part.source.snapshot.meta.step), dir);
+    }
+    for (_, bytes) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE) {
+        bytes.splice(..0, origin.lines().into_bytes());
     }
     atomic::write_all(files.iter().map(|(name, bytes)| (datbox.join(name), bytes.as_slice())))?;
     crate::warn(&report.warnings);

@@ -4,7 +4,9 @@ use std::cell::OnceCell;
 
 use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
 use cd_formats::compute::Compute;
+use cd_formats::drv_dof::{DrivenKind, DrvDof};
 use cd_formats::report::Report;
+use cd_formats::tact_behav::{Side, TactBehav};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::Changes;
@@ -277,6 +279,81 @@ pub fn check(
             ),
         };
         report.fault(&name, found, expected);
+    }
+}
+
+/// Hollow cylinders push inwards alone: the first body that meets each and is outside of it goes into the report.
+pub fn check_drums(
+    parts: &[Part],
+    new: &Population,
+    records: &Bodies,
+    tact: &TactBehav,
+    driven: &DrvDof,
+    report: &mut Report,
+) {
+    let is_drum = |contactor: &Contactor| matches!(contactor.shape, Shape::Cylinder { hollow: true, .. });
+    if !records.0.iter().any(|body| body.contactors.iter().any(is_drum)) {
+        return;
+    }
+    // Path of the value that a body is from, and where it is: shift, centre of mass and orientation.
+    let mut placed: Vec<(String, Vec3, Vec3, UnitQuaternion<f64>)> = Vec::new();
+    for (k, part) in parts.iter().enumerate() {
+        let bodies = &part.state.bodies;
+        let of_row = |row: usize| {
+            let shift = part.source.shifts[part.rows[row]];
+            (format!("bodies.{k}"), shift, Vec3::from(bodies.body_x[row]), quaternion(bodies.body_q[row]))
+        };
+        placed.extend((0..part.records.len()).map(of_row));
+    }
+    let turn =
+        |axes: &Matrix3<f64>| UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes.transpose()));
+    let old = placed.len();
+    let grains = new.grains.iter().map(|grain| (grain.position, turn(&grain.axes())));
+    let all = grains.chain(new.walls.iter().map(|wall| (wall.centre, turn(&wall.axes))));
+    placed.extend((0..).zip(all).map(|(k, (x, q))| (new.path(k), Vec3::zeros(), x, q)));
+    let mut is_driven = vec![false; records.0.len()];
+    for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
+        is_driven[row.body] = true;
+    }
+    let meets = |a: &Contactor, b: &Contactor| {
+        let of = |side: &Side, c: &Contactor| side.colour == c.colour && side.contactor == c.shape.name();
+        let rows = &mut tact.visibility.iter();
+        rows.any(|row| {
+            of(&row.candidate, a) && of(&row.antagonist, b) || of(&row.candidate, b) && of(&row.antagonist, a)
+        })
+    };
+    for (j, body) in records.0.iter().enumerate() {
+        let solid = Solid::of(body, &placed[j].1, &placed[j].2, &placed[j].3);
+        let drums = body.contactors.iter().filter(|contactor| is_drum(contactor));
+        let walls = solid.walls.iter().filter(|wall| matches!(wall.shape, Shape::Cylinder { hollow: true, .. }));
+        for (drum, wall) in drums.zip(walls) {
+            let outside = (0..records.0.len()).filter(|&k| k != j && !is_driven[k]).find(|&k| {
+                let (_, shift, x, q) = &placed[k];
+                let mut met = records.0[k].contactors.iter().filter(|contactor| meets(contactor, drum));
+                met.any(|contactor| {
+                    let centre = centre(&records.0[k], contactor, shift, x, q);
+                    wall.shape.leaves_out((wall.axes * (centre - wall.centre)).into())
+                })
+            });
+            if let Some(k) = outside {
+                let path = &placed[k].0;
+                let of_drum = match new.walls.get(j.wrapping_sub(old + new.grains.len())) {
+                    Some(wall) => format!("wall {}", wall.wall + 1),
+                    None => format!("body {}", j + 1),
+                };
+                let found = format!("body {} is outside of {of_drum}, a hollow cylinder", k + 1);
+                report.fault(path, found, "bodies that meet it within: it is closed, and pushes inwards alone");
+            }
+        }
+    }
+}
+
+/// Centre of a contactor of a body as in [`Solid::of`].
+fn centre(body: &Body, contactor: &Contactor, shift: &Vec3, x: &Vec3, q: &UnitQuaternion<f64>) -> Vec3 {
+    let lone = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, Shape::OffsetSphere { .. }));
+    match contactor.mass_properties() {
+        Ok(own) if !lone => x + q * (own_axes(body).transpose() * (Vec3::from(own.centre) - shift)),
+        _ => *x,
     }
 }
 

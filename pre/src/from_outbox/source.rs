@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic::is_there;
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::BulkBehav;
+use cd_formats::case::{CaseFolder, no_case};
 use cd_formats::compute::{Action, Compute, Event};
 use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
@@ -60,6 +61,12 @@ pub fn quaternion([w, i, j, k]: [f64; 4]) -> UnitQuaternion<f64> {
 impl Source {
     /// Reads DATBOX and the snapshot of step `step`, or the last, of a case.
     pub fn read(case: &Path, step: Option<u64>) -> Result<Source, Faults> {
+        let missing = [CaseFolder::Outbox, CaseFolder::Datbox]
+            .into_iter()
+            .find_map(|part| no_case(case, part, "cd-pre from-outbox"));
+        if let Some(fault) = missing {
+            return Err(fault.into());
+        }
         let (datbox, outbox) = (case.join("DATBOX"), case.join("OUTBOX"));
         let mut faults = Faults::default();
         let all = snapshot::list(&outbox)?;

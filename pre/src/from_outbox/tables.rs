@@ -80,7 +80,7 @@ fn materials(changes: &Changes, parts: &[Part], records: &Bodies, report: &mut R
     let of_walls = changes.walls.iter().enumerate().map(|(k, wall)| (format!("walls.{k}"), wall.material()));
     for (path, material) in of_grains.chain(of_walls).filter(|(_, material)| !names.contains(material)) {
         let found = format!("'{material}' is not defined");
-        report.fault(&format!("{path}.material"), found, check::one_of(&names, "a material"));
+        check::unknown(report, &format!("{path}.material"), found, material, &names, "a material");
     }
     all.retain(|material| records.0.iter().any(|body| body.material == material.name));
     BulkBehav { gravity: parts[0].source.bulk.gravity, materials: all }
@@ -214,10 +214,12 @@ fn visibility(
     for (k, contact) in changes.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
         let (a, b) = named[k];
+        let mut colours: Vec<&str> = all.iter().map(|(known, _)| *known).collect();
+        colours.dedup();
         for (side, colour) in [&contact.between.0, &contact.between.1].into_iter().enumerate() {
-            if all.iter().all(|(known, _)| known != colour) {
+            if !colours.contains(&colour.as_str()) {
                 let path = format!("{path}.between.{side}");
-                report.fault(&path, format!("no body has the colour '{colour}'"), "a colour of the bodies");
+                check::unknown(report, &path, format!("no body has the colour '{colour}'"), colour, &colours, "a body");
             }
         }
         if named[..k].contains(&named[k]) {
@@ -231,7 +233,7 @@ fn visibility(
         let Some(law) = laws.iter().find(|law| law.nickname == *name) else {
             let names: Vec<&str> = laws.iter().map(|law| law.nickname.as_str()).collect();
             let found = format!("'{name}' is not defined");
-            report.fault(&format!("{path}.law"), found, check::one_of(&names, "a law"));
+            check::unknown(report, &format!("{path}.law"), found, name, &names, "a law");
             continue;
         };
         let alert = contact.alert.unwrap_or_else(|| default_alert(parts, grains).max(range(law)));

@@ -17,6 +17,10 @@ use crate::shapes::{Solid, hull};
 /// A surface counts as convex if its vertices may move by this share of its extent: files have seven digits.
 const CONVEX: f64 = 1e-6;
 
+/// A surface that is convex but for this share of its extent, as few digits of its coordinates leave it, is taken as its
+/// hull: six decimals of a cube of 1 cm make 5e-5.
+const ROUNDED: [f64; 6] = [2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4];
+
 /// Voxels along the longest side on which pieces are found.
 const RESOLUTION: u32 = 64;
 
@@ -75,11 +79,10 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
     let mut told = told(file, &whole, &read);
     let solid = match contact {
         ContactSurface::Whole => {
-            if !whole.is_convex(CONVEX) {
-                let expected = "expected a convex one, or contact: Hull, Pieces(...) or Files([...])";
-                return Err(refuse("surface", "it is not convex".to_string(), expected));
-            }
-            Solid::convex(&whole)
+            let expected = "expected a convex one, or contact: Hull, Pieces(...) or Files([...])";
+            let convex = convex(&whole).ok_or_else(|| refuse("surface", "it is not convex".to_string(), expected))?;
+            told += &convex.1;
+            Solid::convex(&convex.0)
         }
         ContactSurface::Hull => {
             let hull = hull::convex(whole.vertices());
@@ -102,9 +105,17 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
             let model = bounds(&read.surface);
             for file in files {
                 let path = folder.join(file);
-                if let Some(read) = faults.gather(read::surface(&path)) {
-                    if !read.surface.is_convex(CONVEX) {
-                        faults.push(Fault::new(&path, None, "surface", "it is not convex", "expected convex pieces"));
+                if let Some(mut read) = faults.gather(read::surface(&path)) {
+                    match convex(&read.surface) {
+                        Some((surface, note)) if note.is_empty() => read.surface = surface,
+                        Some((surface, note)) => {
+                            read.surface = surface;
+                            told += &format!(", {file}{note}");
+                        }
+                        None => {
+                            let found = "it is not convex";
+                            faults.push(Fault::new(&path, None, "surface", found, "expected convex pieces"));
+                        }
                     }
                     let mut ends = bounds(&read.surface).into_iter().zip(&model);
                     if ends.any(|([low, high], [least, most])| high <= *least || *most <= low) {
@@ -125,6 +136,19 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
     let solid =
         solid.map_err(|misfit| refuse("surface", misfit.to_string(), "expected one whose parts are less small"))?;
     Ok((solid, told))
+}
+
+/// A surface that is convex, or its hull if it is but for the digits of its coordinates; and what is to be told of that.
+fn convex(surface: &Surface) -> Option<(Surface, String)> {
+    if surface.is_convex(CONVEX) {
+        return Some((surface.clone(), String::new()));
+    }
+    let share = ROUNDED.into_iter().find(|share| surface.is_convex(*share))?;
+    let hull = hull::convex(surface.vertices()).ok()?;
+    let note = format!(
+        ", taken as its hull: it is convex but for {share:.0e} of its size, as coordinates of few digits leave it"
+    );
+    Some((hull, note))
 }
 
 /// Counts, volume and repairs of a surface from a file, for the summary.

@@ -20,15 +20,20 @@
 //! τ, the mean distance of the pressure from p̄, is that of uniform pressure where p̄ is the centroid, that of uniform
 //! pressure along an edge where p̄ lies on this edge, and linear between these along the ray from the centroid.
 //!
+//! A face over flush joints of contactors side by side, of one body or of what is fixed, is one face: its corners are those of
+//! all parts, its outline their convex hull, if the parts fill it ([`Joints`]).
+//!
 //! A square of side a has τ = 0.3826 a, a disc 2/3 of its radius, an edge of length L a quarter of it.
 
 use std::ops::Range;
 
+use cd_formats::compute::FaceFriction;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use super::rows::{Full, Row};
-use crate::math::Vec3;
+use super::rows::{Full, Record, Row};
+use crate::math::{Vec3, to_world};
+use crate::scene::{Geometry, Part, Scene};
 use crate::state::Contact;
 
 /// Gap over the size of a face up to which corners that carried nothing belong to what is pressed: vertices read from text
@@ -46,6 +51,16 @@ const LARGEST_AREA_RATIO: f64 = 1.6;
 /// Iterations for the centre of a bonded face: the sum of distances of a triangle whose best centre is a corner is then
 /// within 1 %.
 const WEISZFELD: usize = 30;
+/// 1 - cos of the angle between the normals of faces that are one: 1e-4 rad.
+const PARALLEL: f64 = 5e-9;
+/// Height over distance up to which points are in one plane: more than the overlaps that solutions leave.
+const LEVEL: f64 = 1e-4;
+/// Relative difference up to which what is driven moves as one.
+const SAME_SPEED: f64 = 1e-9;
+/// Twice the area of a triangle over the square of the size up to which its corners are on a line.
+const ON_LINE: f64 = 1e-9;
+/// Area of the contacts of a face over that of their hull below which the contactors that it lies on leave gaps.
+const WHOLE: f64 = 0.99;
 /// Pairs of bodies per task.
 const MIN_PAIRS_PER_TASK: usize = 64;
 
@@ -61,7 +76,10 @@ pub(super) fn friction_offsets(
     sticks: impl Fn(usize) -> bool + Sync,
 ) -> Vec<Vec3> {
     let faces = faces(contacts, rows);
-    let of_face = |range: &Range<usize>| of_face(range.clone(), contacts, rows, full, &load, &sticks);
+    let of_face = |range: &Range<usize>| {
+        let of: SmallVec<[usize; 8]> = range.clone().collect();
+        of_face(&of, false, contacts, rows, full, &load, &sticks).unwrap_or_default()
+    };
     let found: Vec<SmallVec<[Vec3; 4]>> = faces.par_iter().with_min_len(MIN_PAIRS_PER_TASK).map(of_face).collect();
     if found.iter().all(SmallVec::is_empty) {
         return Vec::new();
@@ -75,11 +93,8 @@ pub(super) fn friction_offsets(
 
 /// Ranges of two or more rows of the same two contactors along one normal, of which two or more act with friction.
 fn faces(contacts: &[Contact], rows: &[Row]) -> Vec<Range<usize>> {
-    let is_same = |a: &Contact, b: &Contact| {
-        (a.antagonist, a.candidate, a.ranks) == (b.antagonist, b.candidate, b.ranks) && a.normal == b.normal
-    };
     let (mut ranges, mut from) = (Vec::new(), 0);
-    for of_one in contacts.chunk_by(is_same) {
+    for of_one in contacts.chunk_by(is_same_face) {
         let range = from..from + of_one.len();
         from = range.end;
         let acting = || rows[range.clone()].iter().filter(|row| row.can_close && row.friction > 0.0).count();
@@ -90,17 +105,147 @@ fn faces(contacts: &[Contact], rows: &[Row]) -> Vec<Range<usize>> {
     ranges
 }
 
-/// Friction offsets of the rows of a face; empty where all are 0.
+/// Whether a scene may have faces that lie on several contactors of one body or of what is fixed.
+pub(super) fn has_joints(scene: &Scene) -> bool {
+    let is_fixed = |part: &&Part| scene.bodies[part.body as usize].is_imposed();
+    let is_piece = |part: &Part| part.rank > 0 && matches!(part.geometry, Geometry::Polyhedron(_));
+    scene.options.face_friction == FaceFriction::Uniform
+        && (scene.parts.iter().any(is_piece) || scene.parts.iter().filter(is_fixed).nth(1).is_some())
+}
+
+/// Faces over flush joints: the friction of a face that lies on several contactors side by side, of one body or of bodies whose
+/// motion is imposed and the same, acts as that of one face, for how the contactors share the load is not determined. On
+/// separate bodies that move freely each has the friction of its own part.
+pub(super) struct Joints<'a> {
+    pub contacts: &'a [Contact],
+    pub rows: &'a [Row],
+    pub records: &'a [Record],
+    pub full: &'a Full,
+    pub scene: &'a Scene,
+}
+
+/// Rows of two contactors along one normal.
+struct Side {
+    /// Of the two bodies, in order; [`FIXED`] stands for all whose motion is imposed.
+    bodies: [u32; 2],
+    rows: Range<usize>,
+    /// Towards the first of `bodies`.
+    normal: Vec3,
+}
+
+const FIXED: u32 = u32::MAX;
+
+impl Joints<'_> {
+    /// The friction offsets of [`Full`], with those of the faces that lie over joints.
+    pub fn with_joined_faces(
+        &self,
+        load: impl Fn(usize) -> f64 + Sync,
+        sticks: impl Fn(usize) -> bool + Sync,
+    ) -> Vec<Vec3> {
+        let Joints { contacts, rows, full, .. } = self;
+        let mut offsets = full.friction_offsets.clone();
+        for face in self.faces() {
+            let Some(found) = of_face(&face, true, contacts, rows, full, &load, &sticks) else { continue };
+            if offsets.is_empty() && !found.is_empty() {
+                offsets = vec![Vec3::zeros(); rows.len()];
+            }
+            if !offsets.is_empty() {
+                let found = found.into_iter().chain(std::iter::repeat(Vec3::zeros()));
+                face.into_iter().zip(found).for_each(|(k, offset)| offsets[k] = offset);
+            }
+        }
+        offsets
+    }
+
+    /// Rows of each face that lies on several contactors in one plane.
+    fn faces(&self) -> Vec<Vec<usize>> {
+        let mut sides = self.sides();
+        sides.sort_by_key(|side| (side.bodies, side.rows.start));
+        let mut faces = Vec::new();
+        for of_two in sides.chunk_by(|a, b| a.bodies == b.bodies).filter(|of_two| of_two.len() > 1) {
+            let mut planes: Vec<Vec<&Side>> = Vec::new();
+            for side in of_two {
+                match planes.iter_mut().find(|plane| self.is_flush(plane[0], side)) {
+                    Some(plane) => plane.push(side),
+                    None => planes.push(vec![side]),
+                }
+            }
+            let rows = |plane: Vec<&Side>| plane.iter().flat_map(|side| side.rows.clone()).collect::<Vec<_>>();
+            let acts = |k: &&usize| self.rows[**k].can_close && self.rows[**k].friction > 0.0;
+            let several = planes.into_iter().filter(|plane| plane.len() > 1).map(rows);
+            faces.extend(several.filter(|face| face.iter().filter(acts).nth(1).is_some()));
+        }
+        faces
+    }
+
+    /// The contacts of two contactors that may have others beside them in one plane.
+    fn sides(&self) -> Vec<Side> {
+        let Joints { contacts, rows, scene, .. } = self;
+        let is_fixed = |body: u32| scene.bodies[body as usize].is_imposed();
+        let has_several = |body: u32| scene.part_starts[body as usize + 1] - scene.part_starts[body as usize] > 1;
+        let (mut sides, mut from) = (Vec::new(), 0);
+        for of_one in contacts.chunk_by(is_same_face) {
+            let range = from..from + of_one.len();
+            from = range.end;
+            let Contact { candidate, antagonist, normal, .. } = of_one[0];
+            let pair = [candidate, antagonist];
+            let alone = !pair.into_iter().any(|body| is_fixed(body) || has_several(body));
+            if alone || of_one.len() < 2 || !rows[range.clone()].iter().any(|row| row.can_close) {
+                continue;
+            }
+            let [a, b] = pair.map(|body| if is_fixed(body) { FIXED } else { body });
+            let (bodies, normal) = if a <= b { ([a, b], normal) } else { ([b, a], -normal) };
+            sides.push(Side { bodies, rows: range, normal });
+        }
+        sides
+    }
+
+    /// Whether two of the same bodies lie in one plane, on what moves as one.
+    fn is_flush(&self, one: &Side, other: &Side) -> bool {
+        let Joints { contacts, records, full, .. } = self;
+        if one.normal.dot(&other.normal) < 1.0 - PARALLEL {
+            return false;
+        }
+        let [first, second] = [one, other].map(|side| side.rows.start);
+        let origin = contacts[first].point;
+        let from_origin = |k: usize| contacts[k].point - origin;
+        let reach = other.rows.clone().map(|k| from_origin(k).norm()).fold(0.0, f64::max);
+        if other.rows.clone().any(|k| one.normal.dot(&from_origin(k)).abs() > LEVEL * reach) {
+            return false;
+        }
+        if one.bodies[1] != FIXED {
+            return true;
+        }
+        // Velocity of what is fixed where the first contact is.
+        let of_fixed = |k: usize| {
+            let pair = [contacts[k].candidate, contacts[k].antagonist];
+            let side = usize::from(!self.scene.bodies[pair[0] as usize].is_imposed());
+            let record = &records[pair[side] as usize];
+            (record.v + record.w.cross(&(full.arms[k][side] - from_origin(k))), record.w)
+        };
+        let [(v, w), (u, spin)] = [first, second].map(of_fixed);
+        w == spin && (v - u).norm() <= SAME_SPEED * (v.norm() + u.norm())
+    }
+}
+
+/// Whether two contacts are of the same contactors along one normal.
+fn is_same_face(a: &Contact, b: &Contact) -> bool {
+    (a.antagonist, a.candidate, a.ranks) == (b.antagonist, b.candidate, b.ranks) && a.normal == b.normal
+}
+
+/// Friction offsets of the rows of a face; empty where all are 0. `joined`: whether they may be of several contactors side by
+/// side; none where these leave gaps.
 fn of_face(
-    range: Range<usize>,
+    of: &[usize],
+    joined: bool,
     contacts: &[Contact],
     rows: &[Row],
     full: &Full,
     load: &impl Fn(usize) -> f64,
     sticks: &impl Fn(usize) -> bool,
-) -> SmallVec<[Vec3; 4]> {
+) -> Option<SmallVec<[Vec3; 4]>> {
     // What is listed besides depends on the alert distance, and may not change a bit.
-    let acting: SmallVec<[usize; 8]> = range.clone().filter(|&k| rows[k].can_close).collect();
+    let acting: SmallVec<[usize; 8]> = of.iter().copied().filter(|&k| rows[k].can_close).collect();
     let first = acting[0];
     let frame = contacts[first].frame();
     let [_, t, s] = frame;
@@ -110,14 +255,14 @@ fn of_face(
     let size = points.iter().map(|p| length(less(*p, points[0]))).fold(0.0, f64::max);
     let mut loads: SmallVec<[f64; 8]> = acting.iter().map(|&k| load(k).max(0.0)).collect();
     let gap = |k: &usize| contacts[*k].gap;
-    let area = contacts[range.clone()].iter().map(|contact| contact.area).sum();
-    let outline = Outline::new(&points, size, area);
+    let area = of.iter().map(|&k| contacts[k].area).sum();
+    let outline = if joined { Outline::of_hull(&points, size, area)? } else { Outline::new(&points, size, area) };
     let deepest = acting.iter().map(gap).fold(f64::INFINITY, f64::min);
     let mut pressed_to = deepest + FLUSH * size;
     if loads.iter().all(|load| *load == 0.0) {
         // Nothing is known of what a face that is not flush will carry.
         if !acting.iter().all(|k| gap(k) <= pressed_to) {
-            return SmallVec::new();
+            return Some(SmallVec::new());
         }
         let from_origin = full.arms[first].map(|arm| place_of(&-arm, &frame));
         let rest = steady_centre(&rows[first], full, from_origin, &frame);
@@ -131,7 +276,7 @@ fn of_face(
         points.iter().zip(&loads).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w / total, c[1] + p[1] * w / total]);
     let distance = points.iter().zip(&loads).map(|(p, w)| length(less(*p, centre)) * w / total).sum::<f64>();
     if distance.is_nan() || distance <= ONE_CORNER * size {
-        return SmallVec::new();
+        return Some(SmallVec::new());
     }
     // A bond yields about the point from which its parts are nearest, what slides turns about any.
     let is_bonded = acting.iter().all(|k| rows[*k].bond.is_some());
@@ -141,18 +286,28 @@ fn of_face(
     let across = match acting.iter().all(|k| sticks(*k)) {
         true => [0.0; 2],
         false => {
-            let velocities: SmallVec<[Flat; 8]> = acting.iter().map(|&k| rows[k].u_before.yz().into()).collect();
+            let velocity = |k: &usize| {
+                let (n, u) = (contacts[*k].normal, &rows[*k].u_before);
+                if n == contacts[first].normal {
+                    return u.yz().into();
+                }
+                // Of the other body against this one where they have changed sides.
+                let side = 1f64.copysign(n.dot(&contacts[first].normal));
+                place_of(&(to_world(&contacts[*k].frame(), u) * side), &frame)
+            };
+            let velocities: SmallVec<[Flat; 8]> = acting.iter().map(velocity).collect();
             across_sliding(&points, &velocities, centre, pressed)
         }
     };
-    let mut offsets = SmallVec::from_elem(Vec3::zeros(), range.len());
-    for (k, p) in acting.iter().zip(&points).filter(|(k, _)| gap(k) <= pressed_to) {
+    let mut offsets = SmallVec::from_elem(Vec3::zeros(), of.len());
+    let pressed = of.iter().enumerate().filter(|(_, k)| rows[**k].can_close).zip(&points);
+    for ((at, _), p) in pressed.filter(|((_, k), _)| gap(k) <= pressed_to) {
         let arm = less(*p, centre);
         let across_arm = arm[0] * across[0] + arm[1] * across[1];
         let [x, y] = less(arm, across.map(|e| e * across_arm));
-        offsets[k - range.start] = (t * x + s * y) * (scale - 1.0);
+        offsets[at] = (t * x + s * y) * (scale - 1.0);
     }
-    offsets
+    Some(offsets)
 }
 
 /// Unit vector across the direction in which a face slides, times the root of how much it slides rather than spins:
@@ -286,6 +441,37 @@ impl Outline {
         let ratio = f64::from((2.0 * area / whole) as f32);
         let larger = if (1.0..=LARGEST_AREA_RATIO).contains(&ratio) { ratio.sqrt() } else { 1.0 };
         Outline { corners, order, weights, centroid, mean_distance: larger * 2.0 / 3.0 * sum / whole }
+    }
+
+    /// That of the convex hull of the points, if the contacts fill its area.
+    fn of_hull(points: &[Flat], size: f64, area: f64) -> Option<Self> {
+        let mut order: SmallVec<[usize; 16]> = (0..points.len()).collect();
+        order.sort_by(|&a, &b| points[a][0].total_cmp(&points[b][0]).then(points[a][1].total_cmp(&points[b][1])));
+        let half = |order: &mut dyn Iterator<Item = usize>| {
+            let mut chain: SmallVec<[usize; 16]> = SmallVec::new();
+            for k in order {
+                while let [.., a, b] = chain[..]
+                    && cross(less(points[b], points[a]), less(points[k], points[a])) <= ON_LINE * size * size
+                {
+                    chain.pop();
+                }
+                chain.push(k);
+            }
+            chain.pop();
+            chain
+        };
+        let mut hull = half(&mut order.iter().copied());
+        hull.extend(half(&mut order.iter().rev().copied()));
+        let corners: SmallVec<[Flat; 16]> = hull.iter().map(|&k| points[k]).collect();
+        let enclosed = 0.5 * sides(&corners).map(|[a, b]| cross(less(a, corners[0]), less(b, corners[0]))).sum::<f64>();
+        if corners.len() < 3 || area < WHOLE * enclosed {
+            return None;
+        }
+        let outline = Outline::new(&corners, size, area);
+        let mut weights = SmallVec::from_elem(0.0, points.len());
+        hull.iter().zip(&outline.weights).for_each(|(&k, weight)| weights[k] = *weight);
+        let order = outline.order.iter().map(|&k| hull[k]).collect();
+        Some(Outline { order, weights, ..outline })
     }
 
     /// The edge between the two points that are farthest apart.

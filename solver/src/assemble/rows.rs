@@ -8,7 +8,7 @@ use cd_formats::compute::FaceFriction;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-use super::faces::friction_offsets;
+use super::faces::{Joints, friction_offsets, has_joints};
 use super::history::{Hold, warm_start};
 use crate::integrate::Configuration;
 use crate::laws::{Approach, Course, DEPTH, Law, Rolling, Shift};
@@ -17,8 +17,8 @@ use crate::math::{MANY, Quat, Vec3, to_local, to_world};
 use crate::scene::{Body, Geometry, NEARBY, Scene, Shape};
 use crate::state::{Contact, SolvedContact, State, Status};
 
-/// Sliding of a contact that begins counts from this multiple of `tol` times the velocity that stops it along its normal: an
-/// unfinished solution of what sticks leaves less.
+/// Sliding of a contact that begins counts from this multiple of `tol` times the change of velocity that loads it: an unfinished
+/// solution of what sticks leaves less.
 const SLIDING: f64 = 3.0;
 
 /// What a sweep reads and writes of a body.
@@ -254,6 +254,10 @@ pub fn contact_problem(
         };
         let sticks = |k: usize| history[k].is_some_and(|old| state.contacts[old as usize].status == Status::Stick);
         full.friction_offsets = friction_offsets(contacts, &rows, full, load, sticks);
+        if has_joints(scene) {
+            let joints = Joints { contacts, rows: &rows, records: &records, full, scene };
+            full.friction_offsets = joints.with_joined_faces(load, sticks);
+        }
         if !full.friction_offsets.is_empty() {
             setting.shift_friction(full, contacts, &mut rows);
         }
@@ -477,7 +481,7 @@ impl Setting<'_> {
     }
 
     /// Whether a contact slides at the step's start that carried nothing in the last step, or whose bodies have other velocities
-    /// than the last step left them: faster than an unfinished solution leaves what would stop it, at `u` (world frame, m/s).
+    /// than the last step left them: faster than an unfinished solution leaves what sticks, at `u` (world frame, m/s).
     fn slides(&self, contact: &Contact, old: Option<&SolvedContact>, u: &Vec3, shift: &Shift, w_n: f64) -> bool {
         let carried = old.filter(|old| old.impulse != Vec3::zeros());
         if carried.is_some() && !self.changed {
@@ -489,10 +493,16 @@ impl Setting<'_> {
         // What its impulse would change of the velocity along the normal: all that closes it, and what its attraction makes.
         let free = relative_velocity(contact, &q_c.x, v_free, w_free).dot(&n) + shift.normal;
         let alone = (-free).max(0.0) + w_n * shift.impulse.abs();
-        let moves = |u: Vec3| tangential(u) > SLIDING * scene.options.tol() * alone;
+        // What falls freely together is loaded by others, which take up what forces make of the velocity of each.
+        let bodies = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let gain = |i: usize| if scene.bodies[i].driven { 0.0 } else { (v_free[i] - self.state.v[i]).norm() };
+        let loaded = bodies.map(gain).into_iter().fold(alone, f64::max);
+        // Without forces, an unfinished solution leaves a share of the speeds at most.
+        let scale = if loaded > 0.0 { loaded } else { bodies.map(|i| self.speeds[i][0]).into_iter().sum() };
+        let moves = |u: Vec3| tangential(u) > SLIDING * scene.options.tol() * scale;
         let now = u - self.turning(contact, false) * 0.5;
         let differs = |old: &SolvedContact| moves(u - to_world(&old.contact.frame(), &old.velocity));
-        alone > 0.0 && moves(now) && carried.is_none_or(differs)
+        moves(now) && carried.is_none_or(differs)
     }
 
     /// What is known of the gap of a contact, where its law acts on what touches.

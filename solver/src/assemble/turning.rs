@@ -10,13 +10,15 @@ impl Setting<'_> {
     /// frame: arms turn with the bodies, their angular velocities change in free rotation by α, and where one rolls the point of
     /// contact goes on, τ(ω_a, l_a) + ½ h α_a×l_a - τ(ω_b, l_b) - ½ h α_b×l_b + τ_R, 1/R the sum of the curvatures;
     /// see [`turned`] and [`rolled`]. So what turns as one body does so for ever. `as_one`: whether a bond holds the two, which
-    /// then have one ω whatever a torque of an event has given one of them: arms that turn apart would strain the bond.
+    /// then have one ω whatever an event has given one of them: arms that turn apart would strain the bond. A sphere has none
+    /// of its own, for a bond at one point lets it roll.
     pub(super) fn turning(&self, contact: &Contact, as_one: bool) -> Vec3 {
         let bodies = [contact.candidate, contact.antagonist].map(|body| body as usize);
         // Those of the step's start: what turns as one body has one then, and free rotation differs from body to body.
         let [mut a, mut b] = bodies.map(|i| self.state.w[i]);
         let own = [a, b];
-        if as_one {
+        let radius = self.rolling_radius(contact);
+        if as_one && radius == 0.0 {
             let shared = match bodies.map(|i| self.scene.bodies[i].driven) {
                 [_, true] => b,
                 [true, _] => a,
@@ -34,7 +36,7 @@ impl Setting<'_> {
             turned(w, arm, half) + free
         };
         let [at_a, at_b] = arms(contact, &self.q_c.x);
-        let rolling = rolled(&a, &b, &(contact.normal * self.rolling_radius(contact)), half);
+        let rolling = rolled(&a, &b, &(contact.normal * radius), half);
         at(0, &a, &at_a) - at(1, &b, &at_b) + rolling
     }
 

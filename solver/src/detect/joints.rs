@@ -7,7 +7,8 @@
 //! meet anything of B but what is in the plane. A step up, or a wall on a floor, rises above the plane and stays a contact.
 //!
 //! An inner contact of polyhedra is replaced by the contact of A and B along the normal of the plane, if A is over B, and
-//! else left out. With spheres it is left out: a sphere that is over B has a contact with B's face.
+//! else left out. With spheres it is left out: a sphere that is over B has a contact with B's face. So it is with the rim of
+//! a cylinder: a polyhedron that is farther over its end than it overlaps with it has a contact with the end.
 //!
 //! Known as ghost collisions or internal edges in game physics; see E. Catto, Box2D: ghost collisions (2020).
 
@@ -44,9 +45,20 @@ const PARTS: usize = 256;
 
 /// A convex shape as the test needs it.
 enum Solid<'a> {
-    Sphere { radius: f64 },
-    Cuboid { axes: &'a Quat, half_lengths: &'a Vec3 },
+    Sphere {
+        radius: f64,
+    },
+    Cuboid {
+        axes: &'a Quat,
+        half_lengths: &'a Vec3,
+    },
     Polyhedron(&'a Posed<'a>),
+    /// Its axis is the third.
+    Cylinder {
+        axes: &'a Quat,
+        half_height: f64,
+        radius: f64,
+    },
 }
 
 impl Solid<'_> {
@@ -56,10 +68,15 @@ impl Solid<'_> {
             Solid::Sphere { radius } => *radius,
             Solid::Cuboid { axes, half_lengths } => axes.inverse_transform_vector(n).abs().dot(half_lengths),
             Solid::Polyhedron(posed) => posed.height(n),
+            Solid::Cylinder { axes, half_height, radius } => {
+                let local = axes.inverse_transform_vector(n);
+                half_height * local.z.abs() + radius * local.xy().norm()
+            }
         }
     }
 
-    /// Normal of the face closest to `n` and the distance of its plane from the centre, m; none of a sphere.
+    /// Normal of the face closest to `n` and the distance of its plane from the centre, m; of a cylinder that of an end, none of
+    /// a sphere.
     fn face_along(&self, n: &Vec3) -> Option<(Vec3, f64)> {
         match self {
             Solid::Sphere { .. } => None,
@@ -71,6 +88,10 @@ impl Solid<'_> {
                 Some((*axes * normal, half_lengths[axis]))
             }
             Solid::Polyhedron(posed) => Some(posed.face_along(n)),
+            Solid::Cylinder { axes, half_height, .. } => {
+                let axis = *axes * Vec3::z();
+                Some((axis * 1f64.copysign(axis.dot(n)), *half_height))
+            }
         }
     }
 }
@@ -378,16 +399,24 @@ pub(super) fn remove_inner_edges(
         Shape::Polyhedron(posed) | Shape::Plane { cuboid: posed, .. } => Some(posed),
         Shape::Sphere { .. } | Shape::Cylinder { .. } => None,
     };
-    if (0..places.len() as u32).filter(|&k| posed(k).is_some()).nth(1).is_none() {
+    let solid = |part: u32| match &places[part as usize].shape {
+        Shape::Cylinder { half_height, radius, hollow: false } => {
+            Some(Solid::Cylinder { axes: &places[part as usize].axes, half_height: *half_height, radius: *radius })
+        }
+        _ => posed(part).map(Solid::Polyhedron),
+    };
+    let all = 0..places.len() as u32;
+    // Ends of cylinders alone form no common surface.
+    if all.clone().all(|k| posed(k).is_none()) || all.filter(|&k| solid(k).is_some()).nth(1).is_none() {
         return Vec::new();
     }
     let runs = runs(scene, contacts);
     let nobody = places.len() as u32;
-    // Contact k from its candidate is 2k, from its antagonist 2k + 1; only those with polyhedra count.
+    // Contact k from its candidate is 2k, from its antagonist 2k + 1; only those with polyhedra and solid cylinders count.
     let keys: Vec<u32> = runs
         .iter()
         .flat_map(|Run { parts: [a, b], .. }| [(a, b), (b, a)])
-        .map(|(own, other)| if posed(*other).is_some() { *own } else { nobody })
+        .map(|(own, other)| if solid(*other).is_some() { *own } else { nobody })
         .collect();
     let (order, starts) = group(&keys, places.len() + 1);
     let attracts = scene.laws.iter().any(|law| law.cohesion().is_some());
@@ -416,17 +445,17 @@ pub(super) fn remove_inner_edges(
             let at = point - a.centre - normal * (0.5 * contact.gap);
             Touch { of, turned, normal, at, centre: other.centre + image - a.centre, reach: 2.0 * other.radius }
         };
-        let solid = match &a.shape {
+        let own = match &a.shape {
             Shape::Sphere { radius } => Solid::Sphere { radius: *radius },
             Shape::Polyhedron(posed) | Shape::Plane { cuboid: posed, .. } => Solid::Polyhedron(posed),
             Shape::Cylinder { .. } => return scratch.near = near,
         };
-        let over = Over { solid, centre: a.centre, radius: a.radius, travel: a.travel, ahead: ways.ahead };
+        let over = Over { solid: own, centre: a.centre, radius: a.radius, travel: a.travel, ahead: ways.ahead };
         let contactor = |touch: &Touch| {
             let other = runs[touch.of as usize].parts[usize::from(!touch.turned)];
             let (b, centre) = (&places[other as usize], touch.centre);
             let i = b.body as usize;
-            let solid = Solid::Polyhedron(posed(other)?);
+            let solid = solid(other)?;
             Some(Near { solid, centre, v: ways.v_free[i], w: ways.w_free[i], body: centre + q_c.x[i] - b.centre })
         };
         let points = |touch: &Touch| {

@@ -22,7 +22,7 @@ use crate::state::{Contact, Known, Separation};
 /// Where a contactor is, and what of the scene each pair asks for: so that a pair reads little memory.
 pub(super) struct Place<'a> {
     pub centre: Vec3,
-    axes: Quat,
+    pub axes: Quat,
     /// How far a point of it can get in the step, m.
     pub travel: f64,
     /// Of the ball about it, with what it can travel and half of what is listed, m.

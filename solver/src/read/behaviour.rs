@@ -4,10 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use cd_formats::compute::{Action, Compute, ContactSolver, Event, MOST_EVENTS, too_frequent};
+use cd_formats::doubts::{self, density, friction};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::report::Report;
+use cd_formats::scan::{Line, Text};
 use cd_formats::snapshot::LawName;
-use cd_formats::tact_behav::{Side, TactBehav};
+use cd_formats::tact_behav::{Side, TactBehav, labels};
 use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 
 use crate::gravity::Method;
@@ -259,7 +261,7 @@ pub fn check_events(scene: &Scene, report: &mut Report) {
         match scene.law_names.iter().position(|law| law.nickname == *name) {
             None => {
                 let known: Vec<&str> = scene.law_names.iter().map(|law| law.nickname.as_str()).collect();
-                report.fault(&path, format!("law '{name}' is not in use"), format!("one of {}", known.join(", ")));
+                report.unknown(&path, format!("law '{name}' is not in use"), name, &known);
             }
             Some(law)
                 if matches!(event.action, Action::SetCohesion(..)) && !scene.laws[law].clone().set_cohesion(0.0) =>
@@ -269,6 +271,43 @@ pub fn check_events(scene: &Scene, report: &mut Report) {
             Some(_) => {}
         }
     }
+}
+
+/// Asks about densities of bodies, friction of laws in use and friction that events set which are probably mistakes of units.
+///
+/// The density 1 is that of scenes without units.
+pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mut Report) {
+    let mut questions = Faults::default();
+    let file = datbox.join("BULK_BEHAV.DAT");
+    let text = Text::load(&file).ok();
+    for (k, material) in scene.materials.iter().enumerate() {
+        let question = density(material.density).filter(|_| material.density != 1.0);
+        if let Some(question) = question.filter(|_| scene.bodies.iter().any(|body| usize::from(body.material) == k)) {
+            let is_record =
+                |line: &Line| line.columns(2, 6).trim() == material.name && !line.columns(46, 59).is_empty();
+            let line = text.as_ref().and_then(|text| text.lines().find(is_record)).map(|line| line.number);
+            let (object, found) = (format!("material {}, density", material.name), format!("{:?}", material.density));
+            questions.push(Fault::new(&file, line, object, found, question));
+        }
+    }
+    let file = datbox.join("TACT_BEHAV.DAT");
+    for law in &scene.law_names {
+        let line = tact.laws.iter().find(|known| known.nickname == law.nickname).map(|known| known.line);
+        let mut asked = Vec::new();
+        for (label, value) in labels(&law.kind).zip(&law.parameters) {
+            let Some(question) = friction(*value).filter(|_| ["fric", "dyfr", "stfr"].contains(&label)) else {
+                continue;
+            };
+            if !asked.contains(value) {
+                asked.push(*value);
+                let object = format!("law '{}', {label}", law.nickname);
+                questions.push(Fault::new(&file, line, object, format!("{value:?}"), question));
+            }
+        }
+    }
+    doubts::events(&scene.options.events, "", of_events);
+    questions.0.append(&mut of_events.warnings.0);
+    scene.warnings.extend(questions.0.iter().map(Fault::to_string));
 }
 
 /// Refuses events that happen too often up to the end of the run.

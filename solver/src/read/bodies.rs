@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use cd_formats::bodies::Bodies;
+use cd_formats::bodies::{Bodies, Shape as FileShape};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
@@ -32,7 +32,9 @@ pub fn scene(
     let mut frames = Vec::new();
     for (index, record) in records.0.iter().enumerate() {
         let made = make(record, bulk, &mut colours).unwrap_or_else(|(found, expected)| {
-            faults.push(Fault::new(&file, Some(record.line), format!("body {}", index + 1), found, expected));
+            let of_material = found.starts_with("material ");
+            let line = if of_material { Bodies::line_of_material(&file, record) } else { record.line };
+            faults.push(Fault::new(&file, Some(line), format!("body {}", index + 1), found, expected));
             placeholder()
         });
         bodies.push(made.body);
@@ -193,6 +195,7 @@ fn width(scene: &Scene, q: &[Quat], plate: usize, axis: usize) -> f64 {
 pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], q: &[Quat], faults: &mut Faults) {
     for drum in &scene.parts {
         let Geometry::Cylinder { half_height, radius, hollow: true } = drum.geometry else { continue };
+        let shape = FileShape::Cylinder { half_height, radius, hollow: true };
         let place = |part: &Part| {
             let i = part.body as usize;
             (x[i] + q[i] * part.offset, q[i] * part.axes)
@@ -201,9 +204,7 @@ pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], 
         let stands_outside = |part: &&Part| {
             let local = axes.inverse_transform_vector(&(place(part).0 - centre));
             let meets = part.body != drum.body && scene.visibility.see(part.class, drum.class).is_some();
-            meets
-                && !scene.bodies[part.body as usize].driven
-                && (local.z.abs() > half_height || local.x.hypot(local.y) > radius)
+            meets && !scene.bodies[part.body as usize].driven && shape.leaves_out(local.into())
         };
         let mut outside: Vec<u32> = scene.parts.iter().filter(stands_outside).map(|part| part.body).collect();
         outside.dedup();

@@ -99,17 +99,18 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         return Err(faults);
     }
     scene.notes.extend(behaviour::without_effect(&scene));
+    behaviour::doubts(&datbox, &tact, &mut scene, &mut of_events);
     scene.warnings.extend(origin_changed(case));
     scene.events = schedule(&scene.options.events, scene.end_time());
     let dt = scene.options.dt.min(state.h);
     resume::pass_events(&scene, &mut state, dt);
-    if !started {
+    if !started || flags.events.is_some() {
         scene.notes.extend(events_passed(&scene, &state));
     }
     faults.into_result((scene, state))
 }
 
-/// Warns if the scene that DATBOX was made from has changed since.
+/// Warns if a file that DATBOX was made from has changed since.
 fn origin_changed(case: &Path) -> Option<String> {
     let text = std::fs::read_to_string(case.join("DATBOX").join(COMPUTE)).ok()?;
     Origin::find(&text)?.changed(case)

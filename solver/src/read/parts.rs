@@ -4,6 +4,7 @@ use cd_formats::bodies::{self, Contactor, LocalFrame};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::faces::Faces;
 use cd_formats::mass::{Checked, Inert};
+use cd_formats::ron_text::known_names;
 use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
@@ -40,7 +41,11 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
         let names: Vec<&str> = bulk.materials.iter().map(|m| m.name.as_str()).collect();
         return Err((
             format!("material '{}' is not defined", record.material),
-            if names.is_empty() { "none is defined".into() } else { format!("defined are {}", names.join(", ")) },
+            if names.is_empty() {
+                "expected a material of BULK_BEHAV.DAT: none is defined".into()
+            } else {
+                known_names(&record.material, &names)
+            },
         ));
     };
     let density = bulk.materials[material].density;

@@ -59,12 +59,18 @@ pub struct Before {
 
 impl Before {
     /// A sentence for each option that is another one now: warnings, and those of the options that flags have `given`.
-    pub fn changes(&self, scene: &Scene, given: &[&str]) -> (Vec<String>, Vec<String>) {
+    ///
+    /// `text`: the option of this name in the run so far, if its files tell.
+    pub fn changes(&self, scene: &Scene, text: Option<bool>, given: &[&str]) -> (Vec<String>, Vec<String>) {
         const LONGEST: usize = 100;
-        let now = scene.options.of_results();
+        let (mut now, mut before) = (scene.options.of_results(), self.options.clone());
+        if let Some(text) = text {
+            now.insert("text".into(), scene.options.text.to_string());
+            before.insert("text".into(), text.to_string());
+        }
         let (mut warnings, mut notes) = (Vec::new(), Vec::new());
-        for (name, now) in now.iter().filter(|(name, now)| self.options.get(*name).is_some_and(|then| then != *now)) {
-            let then = &self.options[name];
+        for (name, now) in now.iter().filter(|(name, now)| before.get(*name).is_some_and(|then| then != *now)) {
+            let then = &before[name];
             let short = |value: &str| {
                 let cut = value.chars().count() > LONGEST;
                 value.chars().take(LONGEST).collect::<String>() + if cut { "..." } else { "" }
@@ -92,9 +98,10 @@ impl Before {
 fn unreadable(faults: Faults, snapshots: &[(u64, PathBuf)]) -> Faults {
     let before = snapshots.len().checked_sub(2).map(|last| &snapshots[last].1);
     let from = before.map_or("DATBOX".into(), |path| path.file_name().unwrap_or_default().display().to_string());
-    let one = |fault: Fault| Fault {
-        expected: format!("{}; if it is deleted, --resume continues from {from}", fault.expected),
-        ..fault
+    let advice = format!("if it is deleted, --resume continues from {from}");
+    let one = |fault: Fault| {
+        let parts = [fault.expected.as_str(), advice.as_str()].into_iter().filter(|part| !part.is_empty());
+        Fault { expected: parts.collect::<Vec<_>>().join("; "), ..fault }
     };
     Faults(faults.0.into_iter().map(one).collect())
 }

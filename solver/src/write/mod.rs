@@ -5,7 +5,7 @@ mod log;
 mod problem;
 mod snapshot;
 pub mod summary;
-mod text;
+pub mod text;
 
 use std::fs::{File, TryLockError};
 use std::io::ErrorKind;

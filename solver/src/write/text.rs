@@ -21,6 +21,16 @@ fn number(scene: &Scene, step: u64) -> u64 {
 
 /// What a run that goes on from `state` adds to the numbers of its outputs: those of an earlier part may have been closer together.
 pub fn numbered(outbox: &Path, scene: &Scene, state: &State) -> Result<u64, Faults> {
+    Ok(last(outbox, state)?.map_or(0, |(k, step)| k.saturating_sub(number(scene, step))))
+}
+
+/// Whether the run has written its last output, of the step of `state`, as text, too.
+pub fn is_written(outbox: &Path, state: &State) -> Result<bool, Faults> {
+    Ok(last(outbox, state)?.is_some_and(|(_, step)| step == state.step))
+}
+
+/// Number and step of the last DOF.OUT that is not behind `state`.
+fn last(outbox: &Path, state: &State) -> Result<Option<(u64, u64)>, Faults> {
     let number_of = |path: &Path| path.file_name()?.to_str()?.strip_prefix(DOF)?.parse::<u64>().ok();
     let files = entries(outbox)?.into_iter();
     let mut there: Vec<(u64, PathBuf)> = files.filter_map(|path| Some((number_of(&path)?, path))).collect();
@@ -28,8 +38,7 @@ pub fn numbered(outbox: &Path, scene: &Scene, state: &State) -> Result<u64, Faul
     // Those after the snapshot are written anew.
     let before =
         |(k, path): &(u64, PathBuf)| Some((*k, Dof::read(path).ok()?.step)).filter(|last| last.1 <= state.step);
-    let last = there.iter().rev().find_map(before);
-    Ok(last.map_or(0, |(k, step)| k.saturating_sub(number(scene, step))))
+    Ok(there.iter().rev().find_map(before))
 }
 
 /// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, k the number of the output and `numbered`.

@@ -458,3 +458,41 @@ fn bonds_go_on_where_other_shapes_have_come() {
     near(end.force(1, 0).unwrap(), [-weight, 0.0, 0.0], 1e-9 * weight);
     near(end.v(1), [0.0; 3], 1e-12);
 }
+
+/// A bond at one point carries no moment: a ball that rolls on a free plank neither sinks in nor lifts.
+#[test]
+fn a_bonded_ball_rolls_on_a_free_body_at_its_height() {
+    const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    for driven in [false, true] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_MOHR_DS_CLB", &[1e-3, 1e-3, 0.5, 0.6]);
+        case.gravity = [0.0, 0.0, -8.0];
+        case.options.dt = 5e-3;
+        case.options.tol = Some(1e-8);
+        case.floor();
+        let plank = case.block([5.0, 1.0, 0.25], [0.0, 0.0, 0.25], AXES);
+        if driven {
+            case.drive(plank, [0.0; 6].map(Evolution::constant));
+        }
+        let ball = case.sphere(0.25, [0.0, 0.0, 0.75]);
+        case.launch(ball, [3.0, 0.0, 0.0], [0.0, 12.0, 0.0]);
+        let state = case.run(200);
+        near(state.x(ball), [3.0, 0.0, 0.75], 1e-5);
+        near(state.x(plank), [0.0, 0.0, 0.25], 1e-6);
+    }
+}
+
+/// Bonded balls of two sizes that turn as wheels of a gear stay where they are.
+#[test]
+fn bonded_wheels_of_a_gear_stay_where_they_are() {
+    let mut case = Case::new();
+    case.law("IQS_MOHR_DS_CLB", &[COHESION, 0.5 * COHESION, 0.125, 0.25]);
+    case.sphere(0.5, [0.0; 3]);
+    case.sphere(0.25, [0.75, 0.0, 0.0]);
+    case.launch(0, [0.0; 3], [0.0, 0.0, 2.0]);
+    case.launch(1, [0.0; 3], [0.0, 0.0, -4.0]);
+    let end = case.run(1000);
+    // Up to third order of the angles of 1000 steps.
+    near(end.x(1) - end.x(0), [0.75, 0.0, 0.0], 1e-6);
+    assert_eq!(bonded(&end), [1]);
+}

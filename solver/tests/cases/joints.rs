@@ -416,3 +416,29 @@ fn a_wall_stops_what_slides_at_it() {
         }
     }
 }
+
+/// The flat top of a pillar between two plates.
+#[test]
+fn a_cube_slides_over_the_flush_end_of_a_cylinder() {
+    for (law, parameters) in LAWS {
+        for narrow in NARROW {
+            for dt in [1e-2, 1e-3] {
+                println!("{law} {narrow:?} {dt}");
+                let mut case = scene(law, parameters, narrow, dt);
+                case.plate([2.0, 5.0, 0.5], [0.0, 0.0, -0.5], [X, Y, Z]);
+                case.plate([3.0, 5.0, 0.5], [6.0, 0.0, -0.5], [X, Y, Z]);
+                let pillar = case.plate([1.0; 3], [2.5, 0.0, -1.0], [X, Y, Z]);
+                let shape = Shape::Cylinder { half_height: 1.0, radius: 1.0, hollow: false };
+                case.bodies[pillar].contactors[0].shape = shape;
+                let (sin, cos) = 0.1f64.sin_cos();
+                let cube = case.block([0.25; 3], [0.0, 0.1, 0.25], [[cos, sin, 0.0], [-sin, cos, 0.0], Z]);
+                case.launch(cube, [6.0, 0.0, 0.0], [0.0; 3]);
+                let steps = steps(&case, 1.6);
+                let state = case.run(steps);
+                equal(state.x(cube).x, 4.5, 4.5e-3);
+                equal(state.x(cube).z, 0.25, 1e-5 + 40.0 * dt * dt);
+                assert!(state.v(cube).norm() < 1e-3 && state.w(cube).norm() < 1e-2);
+            }
+        }
+    }
+}

@@ -450,3 +450,66 @@ proptest! {
         }
     }
 }
+
+/// A block of 0.5 m that slides at 6 m/s on a free body, or on free bricks side by side: its deceleration over g in each step.
+fn decelerations(law: &str, parameters: &[f64], bricks: usize, steps: u64) -> Vec<f64> {
+    const G: f64 = 8.0;
+    const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut case = Case::new();
+    case.law_of_all(law, parameters);
+    case.gravity = [0.0, 0.0, -G];
+    case.options.dt = 1.0 / 256.0;
+    (case.options.tol, case.options.max_sweeps) = (None, None);
+    case.floor();
+    let length = 6.0 / bricks as f64;
+    for k in 0..bricks {
+        case.block([0.5 * length, 1.0, 0.25], [-1.0 + length * (k as f64 + 0.5), 0.0, 0.25], AXES);
+    }
+    let block = case.block([0.25; 3], [0.1, 0.0, 0.75], AXES);
+    case.launch(block, [6.0, 0.0, 0.0], [0.0; 3]);
+    let dt = case.options.dt;
+    let states = case.states(steps, 1);
+    states.windows(2).map(|pair| (pair[0].v(block).x - pair[1].v(block).x) / (G * dt)).collect()
+}
+
+#[test]
+fn what_slides_on_a_free_body_has_dynamic_friction_from_the_first_step_on() {
+    for (law, parameters) in [
+        ("IQS_DS_CLB", &[0.125, 0.25][..]),
+        ("IQS_DS_ROLL_CLB", &[0.125, 0.25, 0.0, 0.0]),
+        ("IQS_WET_DS_CLB", &[0.0, 0.0, 1e-3, 0.125, 0.25]),
+        ("RST_DS_CLB", &[0.0, 0.0, 0.125, 0.25]),
+    ] {
+        // RST lets a body fall for a step at a time, with less of a load and then more.
+        let steps = if law.starts_with("RST") { 1 } else { 3 };
+        for found in decelerations(law, parameters, 1, steps) {
+            // Within what a step by default leaves.
+            assert!((found - 0.125).abs() < 2e-3, "{law}: {found}");
+        }
+    }
+}
+
+#[test]
+fn what_slides_over_the_joints_of_free_bricks_has_dynamic_friction() {
+    let found = decelerations("IQS_DS_CLB", &[0.125, 0.25], 8, 128);
+    assert!(found.iter().all(|found| (found - 0.125).abs() < 2e-3), "{found:?}");
+}
+
+/// Bodies in space that a lid presses: no force of its own acts on what slides.
+#[test]
+fn what_slides_under_a_lid_has_dynamic_friction_from_the_first_step_on() {
+    const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut case = Case::new();
+    case.law_of_all("IQS_DS_CLB", &[0.125, 0.25]);
+    case.tact.visibility.retain(|see| see.antagonist.contactor != "PLANx");
+    case.law_between("POLYR", "PLANx", "IQS_CLB", &[0.0]);
+    case.options.dt = 1.0 / 256.0;
+    case.floor();
+    let lid = case.plate([8.0, 8.0, 0.5], [0.0, 0.0, 2.0], AXES);
+    case.press(lid, 2, -8.0);
+    let below = case.block([1.0, 1.0, 0.5], [0.0, 0.0, 0.5], AXES);
+    let block = case.block([0.5, 0.5, 0.25], [0.0, 0.0, 1.25], AXES);
+    case.launch(block, [5.0, 0.0, 0.0], [0.0; 3]);
+    let state = case.run(1);
+    equal(state.v(below).x * state.mass(below) / (8.0 * case.options.dt), 0.125, 1e-6);
+}

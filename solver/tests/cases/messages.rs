@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use cd_formats::compute::Adaptive;
+use cd_formats::compute::{Action, Adaptive};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::origin::Origin;
 use cd_formats::snapshot;
@@ -58,6 +58,8 @@ fn what_is_no_case_says_what_to_run() {
     fs::create_dir(case.join("DATBOX")).unwrap();
     fs::write(case.join("DATBOX/BODIES.DAT"), "").unwrap();
     assert_eq!(said("DATBOX"), "cd-solve: CASE/DATBOX: folder: is a DATBOX; expected the folder that it is in\n");
+    let (code, _, text) = ran(case, case, &["resume"]);
+    assert_eq!((code, text.as_str()), (2, "cd-solve: resume: is not expected here; did you mean --resume?\n"));
 }
 
 #[test]
@@ -97,7 +99,7 @@ fn a_scene_that_has_changed_since_is_named() {
     let origin = Origin::of(&scene, b"(a)", &["a=1".into()], &case.path()).unwrap();
     let options = case.path().join("DATBOX/COMPUTE.RON");
     let text = fs::read_to_string(&options).unwrap();
-    fs::write(&options, origin.line() + &text).unwrap();
+    fs::write(&options, origin.lines() + &text).unwrap();
     assert_eq!(of(&case, &[]).2, "");
     fs::write(&scene, "(b)").unwrap();
     let warning = "cd-solve: warning: CASE/scene.ron has changed since DATBOX was made from it; to use it, run \
@@ -196,4 +198,158 @@ fn steps_are_long_while_a_table_is_constant() {
     assert!(all.iter().any(|&(step, units)| step > 120.0 && units == 16.0), "{all:?}");
     let (_, out, _) = of(&case, &["--force", "--steps", "1"]);
     assert!(out.contains("cd-solve: adaptive: steps are dt while an imposed velocity or force changes\n"), "{out}");
+}
+
+#[test]
+fn a_model_that_has_changed_since_is_named() {
+    let case = falling();
+    case.write();
+    let (scene, model) = (case.path().join("scene.ron"), case.path().join("stone.stl"));
+    fs::write(&scene, "(a)").unwrap();
+    fs::write(&model, "solid").unwrap();
+    let mut origin = Origin::of(&scene, b"(a)", &[], &case.path()).unwrap();
+    origin.add(&model, &case.path());
+    let options = case.path().join("DATBOX/COMPUTE.RON");
+    let text = fs::read_to_string(&options).unwrap();
+    fs::write(&options, origin.lines() + &text).unwrap();
+    assert_eq!(of(&case, &[]).2, "");
+    fs::write(&model, "other").unwrap();
+    let warning = "cd-solve: warning: CASE/stone.stl has changed since DATBOX was made from it; to use it, run cd-pre \
+                   CASE/scene.ron\n";
+    assert_eq!(of(&case, &["--force"]).2, warning);
+}
+
+#[test]
+fn empty_files_of_datbox_are_named() {
+    let said = |name: &str, bytes: &[u8]| {
+        let case = falling();
+        case.write();
+        fs::write(case.path().join("DATBOX").join(name), bytes).unwrap();
+        let (code, _, text) = of(&case, &[]);
+        assert_eq!(code, 2, "{name}: {text}");
+        text
+    };
+    let expected = "cd-solve: CASE/DATBOX/BODIES.DAT: file: no body; expected a $bdyty for each\n";
+    assert_eq!(said("BODIES.DAT", b""), expected);
+    let expected = "cd-solve: CASE/DATBOX/TACT_BEHAV.DAT: file: no contact laws; expected a $behav for each law; \
+                    a file without laws says so by a line '! no contact laws'\n";
+    assert_eq!(said("TACT_BEHAV.DAT", b""), expected);
+    assert_eq!(said("TACT_BEHAV.DAT", b"\x8b\x01 random \xff\n bytes"), expected);
+    for name in ["BULK_BEHAV.DAT", "DOF.INI", "Vloc_Rloc.INI"] {
+        assert!(said(name, b"").starts_with(&format!("cd-solve: CASE/DATBOX/{name}")), "{name}");
+    }
+}
+
+#[test]
+fn a_misspelt_material_is_placed_in_its_line() {
+    let case = falling();
+    case.write();
+    let file = case.path().join("DATBOX/BODIES.DAT");
+    let text = fs::read_to_string(&file).unwrap();
+    fs::write(&file, text.replacen("ROCKx", "ROKCx", 1)).unwrap();
+    let line = "cd-solve: CASE/DATBOX/BODIES.DAT:4: body 1: material 'ROKCx' is not defined; did you mean ROCKx?\n";
+    assert_eq!(of(&case, &[]).2, line);
+}
+
+#[test]
+fn misspelt_kinds_and_laws_get_the_nearest() {
+    let case = falling();
+    case.write();
+    let file = case.path().join("DATBOX/TACT_BEHAV.DAT");
+    let text = fs::read_to_string(&file).unwrap();
+    for (from, to, expected) in [
+        ("IQS_CLB", "IQS_CBL", "its kind 'IQS_CBL' is not known; did you mean IQS_CLB?"),
+        ("PLANx", "PLAMx", "a contactor of type 'PLAMx'; did you mean PLANx?"),
+    ] {
+        fs::write(&file, text.replacen(from, to, 1)).unwrap();
+        let (code, _, said) = of(&case, &[]);
+        assert!(code == 2 && said.contains(expected), "{said}");
+    }
+}
+
+#[test]
+fn values_of_another_unit_are_questioned() {
+    let mut case = falling();
+    case.law("IQS_CLB", &[40.0]);
+    case.materials[0].density = 2.7;
+    case.event(0.002, Action::SetFriction("law00".into(), 50.0));
+    case.write();
+    let (code, _, text) = of(&case, &["--steps", "1"]);
+    assert_eq!(code, 0, "{text}");
+    assert!(
+        text.contains(
+            "BULK_BEHAV.DAT:4: material ROCKx, density: 2.7; did you mean kg/m^3? 2.7 g/cm^3 are 2700.0 kg/m^3"
+        ),
+        "{text}"
+    );
+    assert!(
+        text.contains("COMPUTE.RON:") && text.contains("event 1: SetFriction 50.0; did you mean an angle?"),
+        "{text}"
+    );
+    let events = "--events=[(time: 0.0, action: SetFriction(\"law00\", 45.0))]";
+    let (code, _, text) = of(&case, &["--force", "--steps", "1", events]);
+    assert!(code == 0 && text.contains("options: event 1: SetFriction 45.0; did you mean an angle?"), "{text}");
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[40.0]);
+    case.floor();
+    case.sphere(0.5, [0.0, 0.0, 0.6]);
+    case.options.steps = Some(1);
+    case.write();
+    let text = of(&case, &[]).2;
+    let line = "cd-solve: warning: CASE/DATBOX/TACT_BEHAV.DAT:2: law 'law00', fric: 40.0; did you mean an angle? 40.0 \
+                degrees are 0.839\n";
+    assert!(text.starts_with(line), "{text}");
+}
+
+#[test]
+fn events_before_time_0_are_errors() {
+    let case = falling();
+    case.write();
+    let events = "--events=[(time: -1.0, action: SetFriction(\"law00\", 0.1))]";
+    let (code, _, text) = of(&case, &[events]);
+    let line = "cd-solve: options: event 1, time: -1.0 s is before the start of the run; expected at least 0.0 s\n";
+    assert_eq!((code, text.as_str()), (2, line));
+    let mut case = falling();
+    case.event(-1.0, Action::SetQuench(0.1));
+    case.write();
+    let (code, _, text) = of(&case, &[]);
+    assert!(code == 2 && text.contains("COMPUTE.RON:") && text.contains("-1.0 s is before the start"), "{text}");
+}
+
+#[test]
+fn options_that_are_no_numbers_say_what_is_expected() {
+    let case = falling();
+    case.write();
+    for (flags, line) in [
+        (&["--dt", "abc"][..], "cd-solve: --dt: abc; expected a number (s)\n"),
+        (&["--threads", "-1"], "cd-solve: --threads: -1; expected an integer of 0 or more\n"),
+        (&["--dump-problem", "x"], "cd-solve: --dump-problem: x; expected an integer of 0 or more\n"),
+    ] {
+        let (code, _, text) = of(&case, flags);
+        assert_eq!((code, text.as_str()), (2, line));
+    }
+}
+
+#[test]
+fn a_snapshot_that_is_a_folder_is_named() {
+    let case = falling();
+    case.write();
+    fs::create_dir_all(case.path().join("OUTBOX/snapshot-000004.npz")).unwrap();
+    let line = "cd-solve: CASE/OUTBOX/snapshot-000004.npz: file: cannot be read: it is a folder; if it is deleted, \
+                --resume continues from DATBOX\n";
+    assert_eq!(of(&case, &["--resume"]).2, line);
+}
+
+#[test]
+fn a_resume_without_the_text_of_the_run_so_far_is_reported() {
+    let mut case = falling();
+    case.options.output_every = 2;
+    case.write();
+    assert_eq!(of(&case, &["--text"]).0, 0);
+    let line = "cd-solve: warning: text was true in the run so far and is false from here on; --text=true keeps it\n";
+    assert_eq!(of(&case, &["--resume", "--steps", "6"]).2, line);
+    assert_eq!(of(&case, &["--resume", "--steps", "8"]).2, "");
+    let (code, out, text) = of(&case, &["--resume", "--steps", "10", "--text"]);
+    assert_eq!((code, text.as_str()), (0, ""));
+    assert!(out.contains("cd-solve: text was false in the run so far and is true from here on\n"), "{out}");
 }

@@ -14,6 +14,7 @@ mod repair;
 mod stl;
 mod vtp;
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
@@ -144,16 +145,30 @@ fn mesh(bytes: &[u8], ending: &str) -> Result<Mesh, Vec<Refusal>> {
         _ => {}
     }
     match ending {
-        "obj" => obj::read(&String::from_utf8_lossy(bytes)),
+        "obj" => obj::read(&lines(&String::from_utf8_lossy(bytes))),
         "stl" => stl::read(bytes),
         _ if bytes.trim_ascii_start().starts_with(b"<") => vtp::read(bytes).map_err(Into::into),
         _ => legacy::read(bytes).map_err(Into::into),
     }
 }
 
+/// A text with line feeds at the ends of its lines, as old programs write carriage returns alone.
+fn lines(text: &str) -> Cow<'_, str> {
+    if text.contains('\n') { Cow::Borrowed(text) } else { Cow::Owned(text.replace('\r', "\n")) }
+}
+
 /// Reads a real number of a text file; Fortran's `1.0D+00` too.
 fn real(word: &str) -> Option<f64> {
     word.parse().ok().or_else(|| word.replace(['d', 'D'], "e").parse().ok())
+}
+
+/// Reads a coordinate. Errors: why it is none.
+fn coordinate(word: &str) -> Result<f64, String> {
+    match real(word) {
+        None => Err(format!("'{word}', which is no number")),
+        Some(x) if !x.is_finite() => Err(format!("'{word}', which is not finite")),
+        Some(x) => Ok(x),
+    }
 }
 
 /// Numbers of a binary array of VTK, by the name of their type in legacy or XML files.

@@ -1,11 +1,11 @@
 //! Wavefront OBJ: vertices and polygons; the other statements of polygonal files are read and not used.
 
-use super::{Mesh, Refusal, real};
+use super::{Mesh, Refusal, coordinate, real};
 
 const WORDS: &str = "v, f or another statement of a polygonal Wavefront OBJ file";
 
 /// Statements without influence on the surface.
-const UNUSED: [&str; 19] = [
+const UNUSED: [&str; 17] = [
     "vt",
     "vn",
     "o",
@@ -22,8 +22,6 @@ const UNUSED: [&str; 19] = [
     "d_interp",
     "shadow_obj",
     "trace_obj",
-    "csh",
-    "call",
     "vp",
 ];
 
@@ -64,6 +62,10 @@ pub fn read(text: &str) -> Result<Mesh, Vec<Refusal>> {
             },
             "l" | "p" => elements += 1,
             unused if UNUSED.contains(&unused) => {}
+            "call" | "csh" => {
+                let found = format!("'{keyword}', with which other files come in");
+                refusals.push(Refusal::new(line, found, "all vertices and polygons in this file"));
+            }
             free if FREE_FORM.contains(&free) => {
                 let found = format!("'{free}', a statement of free-form geometry");
                 refusals.push(Refusal::new(line, found, "polygons; let the program that wrote it triangulate"));
@@ -107,7 +109,6 @@ fn vertex<'a>(words: impl Iterator<Item = &'a str>) -> Result<([f64; 3], bool), 
     let [x, y, z, more @ ..] = words.as_slice() else {
         return Err(format!("a vertex of {} numbers", words.len()));
     };
-    let coordinate = |word: &str| real(word).ok_or_else(|| format!("'{word}', which is no number"));
     let point = [coordinate(x)?, coordinate(y)?, coordinate(z)?];
     for word in more {
         coordinate(word)?;

@@ -1,6 +1,6 @@
 //! STL, text and binary.
 
-use super::{Mesh, Number, Refusal, plural, real};
+use super::{Mesh, Number, Refusal, coordinate, lines, plural, real};
 
 /// Bytes before the first triangle of a binary file: a header of 80, then the number of triangles.
 const HEAD: usize = 84;
@@ -13,8 +13,11 @@ pub fn read(bytes: &[u8]) -> Result<Mesh, Vec<Refusal>> {
     let announced = bytes.get(80..HEAD).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
     let length = |count: u32| HEAD as u64 + TRIANGLE as u64 * u64::from(count);
     let exact = announced.is_some_and(|count| bytes.len() as u64 == length(count));
-    let text = bytes.trim_ascii_start();
+    let text = &bytes[bytes.iter().take_while(|&&byte| byte <= b' ').count()..];
     let begins = |word: &str| text.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word.as_bytes()));
+    if is_utf_16(bytes) {
+        return Err(Refusal::new(None, "text in UTF-16, not UTF-8 or ASCII", "an STL file, text or binary").into());
+    }
     let printable = !bytes.iter().any(|byte| matches!(byte, 0..=8 | 14..=26 | 28..=31));
     if !exact && printable && (begins("solid") || begins("facet")) {
         return text_file(&String::from_utf8_lossy(bytes)).map_err(Into::into);
@@ -27,6 +30,11 @@ pub fn read(bytes: &[u8]) -> Result<Mesh, Vec<Refusal>> {
         let found = "text that does not begin with 'solid'";
         return Err(Refusal::new(None, found, "an STL file, text or binary").into());
     }
+    if !exact && let Some(mesh) = shifted(bytes) {
+        return Ok(mesh);
+    }
+    let big_endian = !exact && length(count.swap_bytes()) == bytes.len() as u64;
+    let count = if big_endian { count.swap_bytes() } else { count };
     let whole = (bytes.len() - HEAD) / TRIANGLE;
     // Some programs leave the number at 0.
     let unset = count == 0 && whole > 0 && (bytes.len() - HEAD).is_multiple_of(TRIANGLE);
@@ -34,8 +42,10 @@ pub fn read(bytes: &[u8]) -> Result<Mesh, Vec<Refusal>> {
     if whole < count {
         // Text with a stray control character, such as the end mark of DOS.
         if begins("solid")
-            && let Ok(mesh) = text_file(&String::from_utf8_lossy(bytes).replace(['\0', '\u{1a}'], " "))
+            && let Ok(mut mesh) = text_file(&String::from_utf8_lossy(bytes).replace(['\0', '\u{1a}'], " "))
         {
+            let marks = bytes.iter().filter(|byte| [0, 0x1a].contains(*byte)).count();
+            mesh.note("ignored", marks, "control character", "");
             return Ok(mesh);
         }
         let found = format!("{} triangles announced, {whole} there: {} bytes", count, bytes.len());
@@ -45,11 +55,18 @@ pub fn read(bytes: &[u8]) -> Result<Mesh, Vec<Refusal>> {
         return Err(Refusal::new(None, "no triangles", "a closed surface").into());
     }
     let mut mesh = Mesh::default();
+    let mut wrong_normals = 0;
     for triangle in bytes[HEAD..HEAD + TRIANGLE * count].chunks_exact(TRIANGLE) {
-        let numbers = Number::Float.all(&triangle[12..48], false);
+        let normal = Number::Float.all(&triangle[..12], big_endian);
+        wrong_normals += usize::from(!normal.iter().all(|x| x.is_finite()));
+        let numbers = Number::Float.all(&triangle[12..48], big_endian);
         mesh.polygons.push((mesh.points.len()..).take(3).collect());
         mesh.points.extend(numbers.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
     }
+    if big_endian {
+        mesh.notes.push("read as big-endian, which STL files should not be".into());
+    }
+    mesh.note("ignored", wrong_normals, "normal", " without numbers");
     if unset {
         mesh.notes.push(format!("read {} where 0 are announced", plural(count, "triangle")));
     } else {
@@ -58,10 +75,35 @@ pub fn read(bytes: &[u8]) -> Result<Mesh, Vec<Refusal>> {
     Ok(mesh)
 }
 
+/// Whether bytes are text in UTF-16 that begins as STL does, with or without a byte order mark.
+fn is_utf_16(bytes: &[u8]) -> bool {
+    let text = bytes.strip_prefix(b"\xff\xfe").or(bytes.strip_prefix(b"\xfe\xff")).unwrap_or(bytes);
+    let letters = |first: usize| -> Vec<u8> { text.iter().skip(first).step_by(2).take(5).copied().collect() };
+    [0, 1].iter().any(|&first| {
+        let word = letters(first).to_ascii_lowercase();
+        (word == b"solid" || word == b"facet") && letters(1 - first).iter().all(|byte| *byte == 0)
+    })
+}
+
+/// A binary file behind a few bytes, such as the end of a line, if its length then fits the number of triangles.
+fn shifted(bytes: &[u8]) -> Option<Mesh> {
+    const MOST: usize = 8;
+    let fits = |first: &usize| {
+        let count = bytes.get(first + 80..first + HEAD)?;
+        let count = u32::from_le_bytes(count.try_into().ok()?) as usize;
+        (count > 0 && bytes.len() - first == HEAD + TRIANGLE * count).then_some(())
+    };
+    let first = (1..=MOST).find(|first| fits(first).is_some())?;
+    let mut mesh = read(&bytes[first..]).ok()?;
+    mesh.note("ignored", first, "byte", " before the header");
+    Some(mesh)
+}
+
 /// A word of a text file, in small letters, and its line.
 type Word = (usize, String);
 
 fn text_file(text: &str) -> Result<Mesh, Refusal> {
+    let text = lines(text);
     let mut words = Words { lines: text.split('\n').enumerate(), current: Vec::new().into_iter(), line: 0 };
     let mut mesh = Mesh::default();
     let (mut solids, mut wrong_normals) = (0, 0);
@@ -95,16 +137,19 @@ fn facet(words: &mut Words, line: usize, mesh: &mut Mesh) -> Result<bool, Refusa
     let mut normal = true;
     if word.1 == "normal" {
         // The normal follows from the corners.
+        let mut count = 0;
         loop {
             word = words.next().ok_or_else(ends)?;
             if word.1 == "outer" {
                 break;
             }
             normal &= real(&word.1).is_some_and(f64::is_finite);
+            count += 1;
             if word.0 > line + 1 {
                 break;
             }
         }
+        normal &= count == 3;
     }
     for expected in ["outer", "loop"] {
         if word.1 != expected {
@@ -115,10 +160,17 @@ fn facet(words: &mut Words, line: usize, mesh: &mut Mesh) -> Result<bool, Refusa
     let mut corners = Vec::new();
     while word.1 == "vertex" {
         let mut point = [0.0; 3];
-        for x in &mut point {
+        let of_vertex = word.0;
+        for (k, x) in point.iter_mut().enumerate() {
             let (line, word) = words.next().ok_or_else(ends)?;
-            let wrong = || Refusal::new(line, format!("'{word}', which is no number"), "vertex and three coordinates");
-            *x = real(&word).ok_or_else(wrong)?;
+            *x = coordinate(&word).map_err(|found| {
+                // The next word may be that of the next line.
+                let (line, found) = match line {
+                    line if line > of_vertex => (of_vertex, format!("a vertex of {}", plural(k, "number"))),
+                    line => (line, found),
+                };
+                Refusal::new(line, found, "vertex and three coordinates")
+            })?;
         }
         corners.push(mesh.points.len());
         mesh.points.push(point);
@@ -158,7 +210,15 @@ impl Words<'_> {
         }
     }
 
+    /// Passes by a name, up to the end of the line or, in a file that is one line, to the next facet.
     fn skip_line(&mut self) {
-        self.current = Vec::new().into_iter();
+        let rest = self.current.as_slice();
+        let begins = |words: &[&str]| {
+            let is = |k: usize, word: &str| words.get(k).is_some_and(|known: &&str| known.eq_ignore_ascii_case(word));
+            let numbers = words.get(2..5).is_some_and(|normal| normal.iter().all(|word| real(word).is_some()));
+            is(0, "facet") && is(1, "normal") && numbers && is(5, "outer") && is(6, "loop")
+        };
+        let facet = (0..rest.len()).find(|&k| begins(&rest[k..]));
+        self.current = facet.map_or(Vec::new(), |k| rest[k..].to_vec()).into_iter();
     }
 }

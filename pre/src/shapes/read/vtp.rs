@@ -88,8 +88,19 @@ impl<'a> File<'a> {
             let expected = "PolyData; in ParaView: Extract Surface";
             return Err(Refusal::new(first.line, format!("VTKFile of the type '{kind}'"), expected));
         }
-        file.big_endian = first.attribute("byte_order") == Some("BigEndian");
-        file.head = if first.attribute("header_type") == Some("UInt64") { 8 } else { 4 };
+        let refuse = |name: &str, value: &str, expected: &str| {
+            Err(Refusal::new(first.line, format!("{name}=\"{value}\""), expected))
+        };
+        file.big_endian = match first.attribute("byte_order") {
+            None | Some("LittleEndian") => false,
+            Some("BigEndian") => true,
+            Some(other) => return refuse("byte_order", other, "LittleEndian or BigEndian"),
+        };
+        file.head = match first.attribute("header_type") {
+            None | Some("UInt32") => 4,
+            Some("UInt64") => 8,
+            Some(other) => return refuse("header_type", other, "UInt32 or UInt64"),
+        };
         file.compressed = match first.attribute("compressor") {
             None | Some("") => false,
             Some("vtkZLibDataCompressor") => true,
@@ -141,6 +152,12 @@ impl<'a> File<'a> {
                         _ => None,
                     };
                     if let Some(list) = list {
+                        let components = tag.number("NumberOfComponents")?;
+                        let expected = if parent == "Points" { 3 } else { 1 };
+                        if let Some(other) = components.filter(|components| *components != expected) {
+                            let found = format!("NumberOfComponents=\"{other}\" of {parent}");
+                            return Err(Refusal::new(tag.line, found, format!("{expected}")));
+                        }
                         *list = self.array(tag)?;
                     }
                 }

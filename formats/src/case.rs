@@ -1,0 +1,193 @@
+//! Folders of cases on a command line, and mistakes in it.
+
+use std::ffi::OsString;
+use std::path::Path;
+
+use clap::Command;
+
+use crate::atomic;
+use crate::error::Fault;
+use crate::ron_text::nearest;
+
+/// Folder of a case that a program reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CaseFolder {
+    /// DATBOX, the input of cd-solve.
+    Datbox,
+    /// OUTBOX, the results of cd-solve.
+    Outbox,
+    /// None that is known beforehand.
+    Any,
+}
+
+impl CaseFolder {
+    fn name(self) -> &'static str {
+        match self {
+            CaseFolder::Datbox => "DATBOX",
+            CaseFolder::Outbox => "OUTBOX",
+            CaseFolder::Any => "",
+        }
+    }
+}
+
+/// The fault of a path that is not a case with this folder; None if it is one. `program`: the one that reads it.
+pub fn no_case(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
+    let box_name = inner(path);
+    if path.join(part.name()).is_dir() && (part != CaseFolder::Any || box_name.is_none()) {
+        return None;
+    }
+    let parent = |path: &Path| match path.parent() {
+        Some(parent) if parent != Path::new("") => parent.display().to_string(),
+        _ => ".".into(),
+    };
+    let scene = path.join("scene.ron");
+    let with = match part {
+        CaseFolder::Any => "expected the folder of a case".into(),
+        part => format!("expected the folder of a case, with {} in it", part.name()),
+    };
+    let fault = |object: &str, found: String, expected: String| Some(Fault::new(path, None, object, found, expected));
+    if path.is_file() {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let folder = parent(path);
+        if name.ends_with(".ron") {
+            let expected = match part {
+                CaseFolder::Datbox => format!("run cd-pre {} first, then {program} {folder}", path.display()),
+                _ if Path::new(&folder).join("OUTBOX").is_dir() => format!("did you mean {folder}?"),
+                _ if Path::new(&folder).join("DATBOX").is_dir() => format!("run cd-solve {folder} first"),
+                _ => format!("run cd-pre {} and cd-solve {folder} first", path.display()),
+            };
+            return fault("file", "is a scene, no case".into(), expected);
+        }
+        if name.starts_with("snapshot-") && name.ends_with(".npz") {
+            let of_outbox = Path::new(&folder).file_name().is_some_and(|name| name == "OUTBOX");
+            let expected = if of_outbox { format!("did you mean {}?", parent(Path::new(&folder))) } else { with };
+            return fault("file", "is a snapshot, no case".into(), expected);
+        }
+        return fault("file", "is no folder".into(), with);
+    }
+    if !path.exists() {
+        return fault("folder", "there is no such folder".into(), with);
+    }
+    if let Some(name) = box_name {
+        let article = if name == "OUTBOX" { "an" } else { "a" };
+        return fault("folder", format!("is {article} {name}"), "expected the folder that it is in".into());
+    }
+    match part {
+        CaseFolder::Datbox if scene.is_file() => {
+            fault("folder", "has a scene but no DATBOX".into(), format!("run cd-pre {} first", scene.display()))
+        }
+        CaseFolder::Datbox => {
+            fault("folder", "has no DATBOX".into(), "expected the files of cd-pre or LMGC90 in it".into())
+        }
+        _ if path.join("DATBOX").is_dir() => {
+            fault("folder", "has no OUTBOX".into(), format!("run cd-solve {} first", path.display()))
+        }
+        _ if scene.is_file() => {
+            let run = format!("run cd-pre {} and cd-solve {} first", scene.display(), path.display());
+            fault("folder", "has a scene but no OUTBOX".into(), run)
+        }
+        _ => {
+            let expected = "expected snapshot-*.npz, the results of cd-solve";
+            Some(Fault::new(&path.join("OUTBOX"), None, "folder", "is not there", expected))
+        }
+    }
+}
+
+/// The part of a case that a folder itself is.
+fn inner(path: &Path) -> Option<&'static str> {
+    let holds_snapshots = || {
+        let entries = atomic::entries(path).unwrap_or_default();
+        let names = entries.iter().filter_map(|entry| entry.file_name()?.to_str());
+        names.into_iter().any(|name| name.starts_with("snapshot-") && name.ends_with(".npz"))
+    };
+    let named = |name: &str| path.file_name().is_some_and(|own| own == name) && path.is_dir();
+    if path.join("BODIES.DAT").is_file() {
+        Some("DATBOX")
+    } else if named("OUTBOX") || holds_snapshots() {
+        Some("OUTBOX")
+    } else {
+        ["POSTPRO", "DISPLAY"].into_iter().find(|name| named(name))
+    }
+}
+
+/// The likely mistake in a command line that `program` has refused: a command behind its arguments, or an option without its
+/// two dashes; None if neither is found. `args`: the program's name first.
+pub fn misplaced(program: &Command, args: &[OsString]) -> Option<String> {
+    let words: Vec<&str> = args.iter().skip(1).map(|arg| arg.to_str()).collect::<Option<_>>()?;
+    let commands: Vec<&str> = program.get_subcommands().map(Command::get_name).collect();
+    let name = program.get_name();
+    let first = words.first()?;
+    if !first.starts_with('-')
+        && !commands.contains(first)
+        && let Some(k) = words.iter().position(|word| commands.contains(word))
+    {
+        let rest = [&words[..k], &words[k + 1..]].concat().join(" ");
+        return Some(format!("{}: a command comes first; did you mean {name} {} {rest}?", words[k], words[k]));
+    }
+    let command = program.get_subcommands().find(|command| command.get_name() == *first);
+    let options = command.unwrap_or(program).get_arguments().filter_map(|option| option.get_long());
+    let options: Vec<&str> = options.collect();
+    let dashless = |word: &&str| {
+        let bare = word.strip_prefix('-').unwrap_or(word);
+        let known = nearest(bare, &options).filter(|_| bare.len() > 2 && !bare.starts_with('-'))?;
+        (word.starts_with('-') || !Path::new(word).exists()).then_some(known)
+    };
+    let behind = words.iter().skip(if command.is_some() { 2 } else { 1 });
+    let (word, option) = behind.filter_map(|word| Some((word, dashless(word)?))).next()?;
+    Some(format!("{word}: is not expected here; did you mean --{option}?"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use clap::Arg;
+
+    use super::*;
+
+    #[test]
+    fn what_is_no_case_says_what_to_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let case = folder.path();
+        let said = |name: &str, part: CaseFolder| {
+            let text = no_case(&case.join(name), part, "cd-x").map_or(String::new(), |fault| fault.to_string());
+            text.replace(&case.display().to_string(), "CASE")
+        };
+        let outbox = |name: &str| said(name, CaseFolder::Outbox);
+        assert_eq!(outbox(""), "CASE/OUTBOX: folder: is not there; expected snapshot-*.npz, the results of cd-solve");
+        let absent = "CASE/absent: folder: there is no such folder; expected the folder of a case, with OUTBOX in it";
+        assert_eq!(outbox("absent"), absent);
+        fs::write(case.join("scene.ron"), "()").unwrap();
+        let steps = "run cd-pre CASE/scene.ron and cd-solve CASE first";
+        assert_eq!(outbox("scene.ron"), format!("CASE/scene.ron: file: is a scene, no case; {steps}"));
+        fs::create_dir(case.join("DATBOX")).unwrap();
+        fs::write(case.join("DATBOX/BODIES.DAT"), "").unwrap();
+        assert_eq!(outbox("scene.ron"), "CASE/scene.ron: file: is a scene, no case; run cd-solve CASE first");
+        assert_eq!(outbox("DATBOX"), "CASE/DATBOX: folder: is a DATBOX; expected the folder that it is in");
+        fs::create_dir(case.join("OUTBOX")).unwrap();
+        assert_eq!(outbox("OUTBOX"), "CASE/OUTBOX: folder: is an OUTBOX; expected the folder that it is in");
+        fs::write(case.join("OUTBOX/snapshot-000001.npz"), "").unwrap();
+        assert_eq!(outbox("scene.ron"), "CASE/scene.ron: file: is a scene, no case; did you mean CASE?");
+        let snapshot = "CASE/OUTBOX/snapshot-000001.npz: file: is a snapshot, no case; did you mean CASE?";
+        assert_eq!(outbox("OUTBOX/snapshot-000001.npz"), snapshot);
+        for part in [CaseFolder::Datbox, CaseFolder::Outbox, CaseFolder::Any] {
+            assert_eq!(no_case(case, part, "cd-x"), None);
+            assert!(said("OUTBOX", part).contains("is an OUTBOX") && said("DATBOX", part).contains("is a DATBOX"));
+        }
+    }
+
+    #[test]
+    fn words_out_of_order_and_without_dashes_are_recognised() {
+        let state = Command::new("state").arg(Arg::new("snapshot").long("snapshot"));
+        let program = Command::new("cd-x").subcommand(state).arg(Arg::new("resume").long("resume"));
+        let said = |line: &str| {
+            let args: Vec<OsString> = format!("cd-x {line}").split(' ').map(OsString::from).collect();
+            misplaced(&program, &args).unwrap_or_default()
+        };
+        assert_eq!(said("here state there"), "state: a command comes first; did you mean cd-x state here there?");
+        assert_eq!(said(". resume"), "resume: is not expected here; did you mean --resume?");
+        assert_eq!(said(". -resume"), "-resume: is not expected here; did you mean --resume?");
+        assert_eq!(said("state . snapshot 3"), "snapshot: is not expected here; did you mean --snapshot?");
+        assert_eq!(said(". other"), "");
+    }
+}

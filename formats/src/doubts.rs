@@ -1,0 +1,54 @@
+//! Values that are allowed, and probably mistakes of units: cd-pre asks about those of a scene, cd-solve about those of DATBOX.
+
+use crate::compute::{Action, Event};
+use crate::report::Report;
+
+/// Bulk densities of solids, kg/m^3, with a margin: snow and foams have 100, osmium 22 600.
+const DENSITIES: std::ops::RangeInclusive<f64> = 100.0..=30_000.0;
+
+/// The largest friction coefficient that is not taken for an angle in degrees: rubber has 1 to 2, interlocking rocks 3.
+const FRICTION: f64 = 5.0;
+
+/// Question about a density, kg/m^3, that no solid has.
+///
+/// ```
+/// use cd_formats::doubts::density;
+/// assert!(density(2.7).unwrap().contains("2700.0 kg/m^3") && density(2700.0).is_none());
+/// ```
+pub fn density(density: f64) -> Option<String> {
+    if DENSITIES.contains(&density) {
+        return None;
+    }
+    let as_grams = 1000.0 * density;
+    Some(if DENSITIES.contains(&as_grams) && density >= 0.5 {
+        format!("did you mean kg/m^3? {density:?} g/cm^3 are {as_grams:?} kg/m^3")
+    } else {
+        "did you mean kg/m^3? water has 1000, rock 2500 to 3500".into()
+    })
+}
+
+/// Question about a friction coefficient that is larger than those of materials.
+///
+/// ```
+/// use cd_formats::doubts::friction;
+/// assert!(friction(40.0).unwrap().contains("0.839") && friction(0.8).is_none());
+/// ```
+pub fn friction(value: f64) -> Option<String> {
+    (value > FRICTION).then(|| {
+        if value < 90.0 {
+            format!("did you mean an angle? {value:?} degrees are {:.3}", value.to_radians().tan())
+        } else {
+            "did you mean a coefficient? it is tangential over normal force".into()
+        }
+    })
+}
+
+/// Asks about the friction that events set; `at` stands before their paths.
+pub fn events(events: &[Event], at: &str, report: &mut Report) {
+    for (k, event) in events.iter().enumerate() {
+        let Action::SetFriction(_, value) = event.action else { continue };
+        if let Some(question) = friction(value) {
+            report.ask(&format!("{at}events.{k}"), format!("SetFriction {value:?}"), &question);
+        }
+    }
+}
