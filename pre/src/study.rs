@@ -75,6 +75,9 @@ const SCENE: &str = "scene.ron";
 /// File of a case that goes on from another.
 const CHANGES: &str = "changes.ron";
 
+/// End of the first line of what is written.
+const WRITTEN: &str = " Written by cd-pre study.";
+
 /// Paths in scenes and changes whose values are names of files, in which `N` is any item of a list.
 const FILES: [&str; 3] = ["grains.N.shape.file", "grains.N.place.envelope.file", "bodies.N.case"];
 
@@ -104,6 +107,10 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
         };
         let Some(original) = original else { continue };
         let path = output.join(&case.name).join(case.kind());
+        if path.exists() && !is_written_here(&path) {
+            let expected = "expected another name of the case: its file would be replaced";
+            report.faults.push(Fault::new(&path, None, "file", "is not from a study", expected));
+        }
         match case_text(case, &base, &original, &path) {
             Ok(text) => files.push((path, text)),
             Err(faults) => faults.0.into_iter().for_each(|fault| case.place(fault, &mut report)),
@@ -130,8 +137,10 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
     atomic::write_all(files.iter().map(|(path, text)| (path.clone(), text.as_bytes())))?;
     for case in &cases {
         // What another study left in the folder.
-        let other = if case.kind() == SCENE { CHANGES } else { SCENE };
-        let _ = fs::remove_file(output.join(&case.name).join(other));
+        let other = output.join(&case.name).join(if case.kind() == SCENE { CHANGES } else { SCENE });
+        if is_written_here(&other) {
+            let _ = fs::remove_file(other);
+        }
     }
     Ok(format!("{count} cases, {written} of them new or changed; wrote {}\n", rules.display()))
 }
@@ -292,7 +301,7 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
     faults.into_result(())?;
     let changed = places::set(original, &settings)?;
     let values = case.values.iter().map(|(name, value)| format!("; {name}: {}", value.replace('\n', " ")));
-    let head = format!("// Case {} of a study{}. Written by cd-pre study.\n", case.name, values.collect::<String>());
+    let head = format!("// Case {} of a study{}.{WRITTEN}\n", case.name, values.collect::<String>());
     let text = with_files(&changed, base, path.parent().unwrap_or(Path::new(""))).map(|text| head + &text);
     if text.as_ref().is_ok_and(|text| is_as(path, text)) {
         return text;
@@ -302,6 +311,11 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
         Some(_) => drop(crate::from_outbox::read(base, &changed, &settings)?),
     }
     text
+}
+
+/// Whether a file is from a study, by its first line.
+fn is_written_here(path: &Path) -> bool {
+    fs::read_to_string(path).is_ok_and(|text| text.lines().next().is_some_and(|line| line.ends_with(WRITTEN)))
 }
 
 /// Whether a file holds this text.
@@ -371,7 +385,7 @@ fn rules_for_make(file: &Path, rules: &Path, study: &Study, cases: &[Case]) -> S
     }
     let read: Vec<String> = read.iter().map(|path| path.display().to_string()).collect();
     let names: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
-    let mut text = format!("# Cases of {}. Written by cd-pre study.\n", read[0]);
+    let mut text = format!("# Cases of {}.{WRITTEN}\n", read[0]);
     text += &format!("CASES := {}\n", names.join(" "));
     text += &format!("{}: {}\n", seen(rules).display(), read.join(" "));
     for case in cases {

@@ -169,6 +169,17 @@ fn another_folder_and_values_from_the_command_line() {
 }
 
 #[test]
+fn scenes_from_elsewhere_are_not_replaced() {
+    let study = Study::new("(groups: [(name: \"a\", base: \"scene.ron\")])");
+    fs::create_dir(study.path().join("a")).unwrap();
+    study.write("a/changes.ron", "()");
+    study.succeeds();
+    assert_eq!(study.read("a/changes.ron"), "()");
+    study.write("a/scene.ron", SCENE);
+    study.is_refused(&["a/scene.ron: file: is not from a study; expected another name of the case"]);
+}
+
+#[test]
 fn files_are_seen_from_the_case() {
     let study = Study::new(
         r#"(groups: [(name: "deep/a{a}", base: "scene.ron", parameters: [(name: "a", paths: ["grains.1.number"], values: [5])])])"#,
