@@ -120,7 +120,7 @@ pub fn write(
     let measured = |case: &PathBuf| {
         let path = place(case, table);
         let columns = read(&path, &known).map_err(|mut faults| {
-            if !atomic::is_there(&path) {
+            if !atomic::path_exists(&path) {
                 faults.0.iter_mut().for_each(|fault| fault.expected = origin(case, table));
             }
             faults
@@ -130,7 +130,7 @@ pub fn write(
         }
         Ok(columns)
     };
-    let with_name = |(case, name)| Some(Run { name, columns: faults.gather(measured(case))? });
+    let with_name = |(case, name)| Some(Run { name, columns: faults.gather_result(measured(case))? });
     let runs: Vec<Run> = cases.iter().zip(names).filter_map(with_name).collect();
     faults.into_result(())?;
     let mut notes = Vec::new();
@@ -152,7 +152,7 @@ fn place(case: &Path, table: &Path) -> PathBuf {
     let folder = case.join("POSTPRO");
     let Ok(rest) = table.strip_prefix("state") else { return folder.join(table) };
     let number = |name: &str| name.strip_prefix("state-")?.parse::<u64>().ok();
-    let entries = atomic::entries(&folder).unwrap_or_default().into_iter();
+    let entries = atomic::folder_entries(&folder).unwrap_or_default().into_iter();
     let states = entries.filter_map(|path| Some((number(path.file_name()?.to_str()?)?, path)));
     // What an earlier, longer run has left is none of this one; without its snapshots nothing tells which that is.
     let steps: Option<Vec<u64>> =

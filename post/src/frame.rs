@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, Meta, SHAPE_PLANE, Snapshot};
+use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SnapshotMeta, SHAPE_PLANE, Snapshot};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::shapes::{Shapes, Solid};
@@ -15,7 +15,7 @@ pub type Mat3 = Matrix3<f64>;
 /// The state at one instant.
 #[derive(Debug, Clone)]
 pub struct Frame {
-    pub meta: Meta,
+    pub meta: SnapshotMeta,
     /// In the order of the snapshot's bodies.
     pub grains: Vec<Grain>,
     /// In the order of the snapshot's bodies.

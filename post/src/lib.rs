@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::case::{CaseFolder, misplaced, no_case};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::ron_text::nearest;
-use cd_formats::tell::{complain, tell, usage};
+use cd_formats::ron_text::nearest_name;
+use cd_formats::tell::{print_error, print_line, usage};
 use cd_formats::{atomic, snapshot};
 use clap::builder::RangedU64ValueParser;
 use clap::{CommandFactory, Parser};
@@ -202,7 +202,7 @@ fn misspelt(args: &[OsString]) -> Option<String> {
     if names.contains(&first) {
         return None;
     }
-    Some(format!("{first}: is no folder and no command; did you mean {}?", nearest(first, &names)?))
+    Some(format!("{first}: is no folder and no command; did you mean {}?", nearest_name(first, &names)?))
 }
 
 /// Takes a case for this run alone, until the file is dropped; waits for another that is at work in it. Two would write
@@ -212,7 +212,7 @@ fn misspelt(args: &[OsString]) -> Option<String> {
 fn take(case: &Path) -> Option<File> {
     let folder = File::open(case).ok()?;
     if matches!(folder.try_lock(), Err(TryLockError::WouldBlock)) {
-        complain(format_args!("cd-post: {}: another cd-post is at work in it; waiting for its end", case.display()));
+        print_error(format_args!("cd-post: {}: another cd-post is at work in it; waiting for its end", case.display()));
         folder.lock().ok()?;
     }
     Some(folder)
@@ -305,7 +305,7 @@ impl Options {
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = args.into_iter().collect();
     if let Some(message) = misspelt(&args) {
-        complain(format_args!("cd-post: {message}"));
+        print_error(format_args!("cd-post: {message}"));
         return 2;
     }
     let arguments = match Arguments::try_parse_from(&args) {
@@ -313,19 +313,19 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Err(error) => {
             let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
             let Some(mistake) = mistake else { return usage("cd-post", &error) };
-            complain(format_args!("cd-post: {mistake}"));
+            print_error(format_args!("cd-post: {mistake}"));
             return error.exit_code();
         }
     };
     if let Err(faults) = arguments.folders() {
-        complain(faults.report("cd-post").trim_end());
+        print_error(faults.format_report("cd-post").trim_end());
         return 2;
     }
     let Arguments { command, options } = &arguments;
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {
         Ok(pool) => pool,
         Err(_) => {
-            complain(format_args!(
+            print_error(format_args!(
                 "cd-post: options: threads: {} cannot be started; expected a number that the system allows",
                 options.threads
             ));
@@ -337,44 +337,44 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         None => process(options),
         Some(Command::State { dir, snapshot, mean, slope }) => state::write(dir, *snapshot, *mean, slope.slope_reach)
             .map(|(folder, notes)| {
-                tell(format_args!("cd-post: {}", folder.display()));
+                print_line(format_args!("cd-post: {}", folder.display()));
                 notes
             }),
         Some(Command::Compare { dirs, output, labels, table, columns, against }) => {
             let compared = compare::Compared { table, columns, against: against.as_deref() };
             compare::write(dirs, labels, &compared, output).map(|(count, notes)| {
-                tell(format_args!("cd-post: {count} figures in {}", output.display()));
+                print_line(format_args!("cd-post: {count} figures in {}", output.display()));
                 notes
             })
         }
         Some(Command::Study { dirs, output, groups, from, until }) => study::write(dirs, groups, *from, *until, output)
             .map(|(count, notes)| {
-                tell(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
+                print_line(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
                 notes
             }),
         Some(Command::Trade { dirs, output, groups, values, from, early, title }) => {
             let asked = trade::Asked { groups, values, from: *from, early: *early };
             trade::write(dirs, &asked, title, output).map(|(table, notes)| {
-                tell(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
+                print_line(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
                 notes
             })
         }
         Some(Command::Track { dir, body }) => track::write(dir, *body).map(|(folder, notes)| {
-            tell(format_args!("cd-post: {}", folder.display()));
+            print_line(format_args!("cd-post: {}", folder.display()));
             notes
         }),
         Some(Command::Report { dir, every, measures }) => report::write(dir, *every, measures).map(|(page, notes)| {
-            tell(format_args!("cd-post: {}", page.display()));
+            print_line(format_args!("cd-post: {}", page.display()));
             notes
         }),
     });
     match done {
         Ok(notes) => {
-            notes.iter().for_each(|note| complain(format_args!("cd-post: {note}")));
+            notes.iter().for_each(|note| print_error(format_args!("cd-post: {note}")));
             i32::from(!notes.is_empty())
         }
         Err(faults) => {
-            complain(faults.report("cd-post").trim_end());
+            print_error(faults.format_report("cd-post").trim_end());
             2
         }
     }
@@ -389,11 +389,11 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
     let last = frames.last().expect("the last snapshot is taken");
     let postpro = options.dir.join("POSTPRO");
     atomic::write(&postpro.join("series.csv"), write::series::text(&rows).as_bytes())?;
-    tell(format_args!("cd-post: {} snapshots of {}", rows.len(), options.dir.join("OUTBOX").display()));
-    tell(format_args!("  series   {}", postpro.join("series.csv").display()));
+    print_line(format_args!("cd-post: {} snapshots of {}", rows.len(), options.dir.join("OUTBOX").display()));
+    print_line(format_args!("  series   {}", postpro.join("series.csv").display()));
     let regions = write::plots::regions(&rows);
     if !regions.is_empty() {
-        tell(format_args!("  region   {regions}: Z, ν, pressure, stress"));
+        print_line(format_args!("  region   {regions}: Z, ν, pressure, stress"));
     }
     if !options.no_plots {
         for plot in &write::plots::PLOTS {
@@ -404,14 +404,14 @@ pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
         atomic::write(&postpro.join("aggregate_energy.svg"), picture(Shade::KineticEnergy).as_bytes())?;
         let frames: Vec<&Frame> = frames.iter().collect();
         atomic::write(&postpro.join("snapshots.svg"), write::picture::snapshots(&frames).as_bytes())?;
-        tell(format_args!("  plots    {}", postpro.join("*.svg").display()));
+        print_line(format_args!("  plots    {}", postpro.join("*.svg").display()));
     }
     let mut notes = notes(&rows);
     notes.extend(outside_of_layers(&rows));
     notes.extend(empty_region(options, &rows, last));
     if !options.no_vtk {
         notes.extend(finish_display(&options.dir, &rows, last)?);
-        tell(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
+        print_line(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
     }
     Ok(notes)
 }
@@ -495,8 +495,8 @@ fn evenly(k: usize, count: usize, some: usize) -> bool {
 fn snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let expected = "expected snapshot-*.npz, the results of cd-solve";
     let refuse = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
-    match snapshot::list(outbox)? {
-        _ if !atomic::is_there(outbox) => refuse("is not there"),
+    match snapshot::list_snapshots(outbox)? {
+        _ if !atomic::path_exists(outbox) => refuse("is not there"),
         all if all.is_empty() => refuse("holds no snapshot"),
         all => Ok(all),
     }
@@ -547,7 +547,7 @@ fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<Strin
     let display = dir.join("DISPLAY");
     let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
     let mut current = HashSet::new();
-    let folder = fs::canonicalize(&display).map_err(|error| Fault::io(&display, "read", &error))?;
+    let folder = fs::canonicalize(&display).map_err(|error| Fault::from_io(&display, "read", &error))?;
     atomic::write(&display.join("view.py"), display::view(&folder).as_bytes())?;
     for kind in display::KINDS.into_iter().filter(|kind| has(last, kind)) {
         let name = format!("{kind}.pvd");
@@ -555,10 +555,10 @@ fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<Strin
         current.insert(name);
         current.extend(times.iter().map(|(step, _)| display::file_name(kind, *step)));
     }
-    for path in atomic::entries(&display)? {
+    for path in atomic::folder_entries(&display)? {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if display::is_ours(&name) && !current.contains(&name) {
-            fs::remove_file(&path).map_err(|error| Fault::io(&path, "removed", &error))?;
+            fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;
         }
     }
     let nameless = folder.to_str().is_none();

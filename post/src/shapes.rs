@@ -4,12 +4,12 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use cd_formats::bodies::{Bodies, Body, Shape};
+use cd_formats::bodies::{Bodies, Body, ShapeRecord};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::groups::Groups;
+use cd_formats::groups::DisjointSets;
 use cd_formats::snapshot::{BodyArrays, SHAPE_PARTS, Snapshot};
 use cd_formats::surface::Surface;
-use cd_formats::unchanged::Computed;
+use cd_formats::unchanged::ComputedSnapshot;
 use nalgebra::Matrix3;
 
 use crate::frame::Vec3;
@@ -104,7 +104,7 @@ struct Known {
 
 impl Known {
     /// Reads BODIES.DAT, whose bodies must be those of the snapshot.
-    fn read(file: &Path, computed: Computed) -> Result<Known, Faults> {
+    fn read(file: &Path, computed: ComputedSnapshot) -> Result<Known, Faults> {
         let records = Bodies::read(file)?;
         computed.expect_bodies(file, &records)?;
         let mut solids = Vec::new();
@@ -146,7 +146,7 @@ impl Shapes {
         let file = case.join("DATBOX").join("BODIES.DAT");
         let mut cases = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if !cases.get(&file).is_some_and(|known| known.fit(bodies)) {
-            cases.insert(file.clone(), Known::read(&file, Computed { path, snapshot })?);
+            cases.insert(file.clone(), Known::read(&file, ComputedSnapshot { path, snapshot })?);
         }
         let rows = cases[&file].solids.iter().zip(&bodies.body_shape);
         Ok(rows.map(|(solid, &shape)| solid.clone().filter(|_| shape == SHAPE_PARTS)).collect())
@@ -157,28 +157,28 @@ impl Shapes {
 /// centre of mass of all contactors and in their principal axes; else as they stand.
 pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
     let lone = body.contactors.len() == 1;
-    let is_solid = |shape: &Shape| match shape {
-        Shape::Cylinder { .. } | Shape::Polyhedron { .. } | Shape::OffsetSphere { .. } => true,
-        Shape::Sphere { .. } => !lone,
-        Shape::Plane { .. } | Shape::Point { .. } => false,
+    let is_solid = |shape: &ShapeRecord| match shape {
+        ShapeRecord::Cylinder { .. } | ShapeRecord::Polyhedron { .. } | ShapeRecord::OffsetSphere { .. } => true,
+        ShapeRecord::Sphere { .. } => !lone,
+        ShapeRecord::Plane { .. } | ShapeRecord::Point { .. } => false,
     };
     if !body.contactors.iter().any(|contactor| is_solid(&contactor.shape)) {
         return Ok(None);
     }
     let given = body.inertia.is_some_and(|moments| moments != [0.0; 3]);
-    let simple = lone && !matches!(body.contactors[0].shape, Shape::Polyhedron { .. });
+    let simple = lone && !matches!(body.contactors[0].shape, ShapeRecord::Polyhedron { .. });
     let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
     if !simple {
         let properties = body.mass_properties().map_err(|faults| faults.join("; "))?;
-        centre = body.shift(&properties).into();
+        centre = body.centre_of_mass_offset(&properties).into();
         if !given {
-            axes = Matrix3::from_rows(&properties.principal().1.map(|axis| Vec3::from(axis).transpose()));
+            axes = Matrix3::from_rows(&properties.principal_axes().1.map(|axis| Vec3::from(axis).transpose()));
         }
     }
     let mut solid = Solid::default();
     for contactor in &body.contactors {
         match &contactor.shape {
-            Shape::Cylinder { half_height, radius, hollow } => {
+            ShapeRecord::Cylinder { half_height, radius, hollow } => {
                 solid.hollow = hollow.then_some(Hollow { radius: *radius, half_height: *half_height });
                 // A lone one's frame is the body's.
                 let frame = contactor.local_frame.as_ref().filter(|_| !lone);
@@ -186,21 +186,21 @@ pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
                 let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());
                 solid.add_cylinder(*half_height, *radius, |v| axes * (turn * v + offset - centre));
             }
-            Shape::Polyhedron { vertices, triangles } => {
+            ShapeRecord::Polyhedron { vertices, triangles } => {
                 let surface = Surface::new(vertices, triangles).map_err(|faults| faults.join("; "))?;
                 let first = solid.vertices.len() as u32;
                 solid.vertices.extend(surface.vertices().iter().map(|&v| axes * (Vec3::from(v) - centre)));
                 let moved = |face: Vec<u32>| face.into_iter().map(|k| first + k).collect();
                 solid.faces.extend(faces(&surface).into_iter().map(moved));
             }
-            Shape::Sphere { radius } => {
+            ShapeRecord::Sphere { radius } => {
                 let offset = contactor.local_frame.as_ref().map_or(Vec3::zeros(), |frame| frame.offset.into());
                 solid.balls.push((axes * (offset - centre), *radius));
             }
-            Shape::OffsetSphere { radius, offset } => {
+            ShapeRecord::OffsetSphere { radius, offset } => {
                 solid.balls.push((axes * (Vec3::from(*offset) - centre), *radius));
             }
-            Shape::Plane { .. } | Shape::Point { .. } => {}
+            ShapeRecord::Plane { .. } | ShapeRecord::Point { .. } => {}
         }
     }
     Ok(Some(solid))
@@ -218,17 +218,17 @@ fn faces(surface: &Surface) -> Vec<Vec<u32>> {
     for (k, t) in triangles.iter().enumerate() {
         beside.extend([[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]].map(|side| (side, k)));
     }
-    let mut groups = Groups::new(triangles.len());
+    let mut groups = DisjointSets::new(triangles.len());
     for ([a, b], &k) in &beside {
         if let Some(&other) = beside.get(&[*b, *a])
             && (normals[k] - normals[other]).norm() < FLAT
         {
-            groups.join(k, other);
+            groups.union(k, other);
         }
     }
     let mut faces: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for k in 0..triangles.len() {
-        faces.entry(groups.root(k)).or_default().push(k);
+        faces.entry(groups.find(k)).or_default().push(k);
     }
     let mut polygons = Vec::new();
     for face in faces.values() {
@@ -237,7 +237,7 @@ fn faces(surface: &Surface) -> Vec<Vec<u32>> {
             let [a, b, c] = triangles[k];
             [[a, b], [b, c], [c, a]]
         });
-        let mut on_rim = |side: &[u32; 2]| groups.root(beside[&[side[1], side[0]]]) != groups.root(face[0]);
+        let mut on_rim = |side: &[u32; 2]| groups.find(beside[&[side[1], side[0]]]) != groups.find(face[0]);
         let rim: BTreeMap<u32, u32> = sides.filter(|side| on_rim(side)).map(|[a, b]| (a, b)).collect();
         let first = rim.keys().next().copied().unwrap_or_default();
         let round = std::iter::successors(Some(first), |k| rim.get(k).copied().filter(|next| *next != first));
@@ -264,7 +264,7 @@ mod tests {
             |k: usize| [0, 1, 2].map(|axis| to + [1.0, 2.0, 3.0][axis] * if k >> axis & 1 == 0 { -1.0 } else { 1.0 });
         let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
         let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-        let shape = Shape::Polyhedron { vertices: (0..8).map(corner).collect(), triangles };
+        let shape = ShapeRecord::Polyhedron { vertices: (0..8).map(corner).collect(), triangles };
         let contactor = Contactor { colour: "BLUEx".into(), shape, local_frame: None };
         let material = "ROCKx".to_string();
         Body { line: 0, material, equivalent_radius: 1.0, inertia, position: [0.0; 3], contactors: vec![contactor] }
@@ -293,7 +293,7 @@ mod tests {
     fn a_cluster_without_inertia_is_about_its_centre_in_its_principal_axes() {
         let mut pair = body(0.0, None);
         let mut other = pair.contactors[0].clone();
-        let Shape::Polyhedron { vertices, .. } = &mut other.shape else { unreachable!() };
+        let ShapeRecord::Polyhedron { vertices, .. } = &mut other.shape else { unreachable!() };
         vertices.iter_mut().for_each(|v| v[2] += 10.0);
         pair.contactors.push(other);
         // The longest axis first, then that of the middle moment.
@@ -314,7 +314,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("OUTBOX").join("snapshot-000000.npz");
         let mut ball = body(0.0, None);
-        ball.contactors[0].shape = Shape::Sphere { radius: 1.0 };
+        ball.contactors[0].shape = ShapeRecord::Sphere { radius: 1.0 };
         let datbox = folder.path().join("DATBOX").join("BODIES.DAT");
         let text = Bodies(vec![ball, body(0.0, Some([1.0; 3]))]).to_text();
         cd_formats::atomic::write(&datbox, text.as_bytes()).unwrap();
@@ -350,7 +350,7 @@ mod tests {
     #[test]
     fn a_cylinder_is_a_prism_that_looks_outward() {
         let mut drum = body(0.0, None);
-        drum.contactors[0].shape = Shape::Cylinder { half_height: 1.5, radius: 2.0, hollow: true };
+        drum.contactors[0].shape = ShapeRecord::Cylinder { half_height: 1.5, radius: 2.0, hollow: true };
         let solid = solid(&drum).unwrap().unwrap();
         let inside = Some(Hollow { radius: 2.0, half_height: 1.5 });
         assert_eq!((solid.vertices.len(), solid.faces.len(), solid.hollow), (128, 66, inside));
@@ -371,7 +371,7 @@ mod tests {
         let mut pair = body(0.0, None);
         let ball = |y: f64| Contactor {
             colour: "BLUEx".into(),
-            shape: Shape::OffsetSphere { radius: 0.5, offset: [1.0, y, 0.0] },
+            shape: ShapeRecord::OffsetSphere { radius: 0.5, offset: [1.0, y, 0.0] },
             local_frame: None,
         };
         pair.contactors = vec![ball(-2.0), ball(4.0)];
@@ -398,7 +398,7 @@ mod tests {
     #[test]
     fn a_broken_surface_is_told() {
         let mut broken = body(0.0, None);
-        let Shape::Polyhedron { triangles, .. } = &mut broken.contactors[0].shape else { unreachable!() };
+        let ShapeRecord::Polyhedron { triangles, .. } = &mut broken.contactors[0].shape else { unreachable!() };
         triangles.pop();
         assert!(solid(&broken).unwrap_err().contains("belongs to 1 triangle"));
     }

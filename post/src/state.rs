@@ -15,7 +15,7 @@ use crate::derive::fabric::{anisotropy, distribution, eigenvalues, fabric, mobil
 use crate::derive::fragments::{Fragment, fragments};
 use crate::derive::free_surface::{self, FreeSurface};
 use crate::derive::motion::Axes;
-use crate::derive::orbits::orbits;
+use crate::derive::orbits::{orbits};
 use crate::derive::plane_fit;
 use crate::derive::profile::shells;
 use crate::derive::surface::{Facet, Grid, noise, slopes_below, surface};
@@ -188,8 +188,8 @@ pub fn write(
 fn clear(folder: &Path, files: &[File]) -> Result<(), Faults> {
     for name in NAMES.into_iter().filter(|name| files.iter().all(|(made, _)| made != name)) {
         let path = folder.join(name);
-        if atomic::is_there(&path) {
-            fs::remove_file(&path).map_err(|error| Fault::io(&path, "removed", &error))?;
+        if atomic::path_exists(&path) {
+            fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;
         }
     }
     Ok(())
@@ -199,7 +199,7 @@ fn clear(folder: &Path, files: &[File]) -> Result<(), Faults> {
 /// those without a case; none where there is no such file.
 pub fn newcomers(dir: &Path) -> Result<HashSet<u64>, Faults> {
     let path = dir.join("DATBOX/ORIGIN.csv");
-    if !atomic::is_there(&path) {
+    if !atomic::path_exists(&path) {
         return Ok(HashSet::new());
     }
     let text = atomic::read_text(&path)?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{Meta, Snapshot};
+use cd_formats::snapshot::{SnapshotMeta, Snapshot};
 
 use crate::compare::{self, Columns};
 use crate::derive::{Field, Row};
@@ -110,7 +110,7 @@ pub fn write(
     for (k, case) in cases.iter().enumerate() {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
         let name = names[k].clone();
-        runs.extend(faults.gather(measured(case, from, until)).map(|values| Run { name, group, values }));
+        runs.extend(faults.gather_result(measured(case, from, until)).map(|values| Run { name, group, values }));
     }
     faults.into_result(())?;
     let mut order: Vec<&str> = Vec::new();
@@ -205,7 +205,7 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
 }
 
 /// Whether the series of a case is that of its snapshots, and not of those of a run before; `end`: that of the last.
-pub fn of_this_run(case: &Path, series: &Columns, end: &Meta) -> Result<(), Faults> {
+pub fn of_this_run(case: &Path, series: &Columns, end: &SnapshotMeta) -> Result<(), Faults> {
     let last = |name: &str| series[name].last().copied().unwrap_or(f64::NAN);
     let (step, time) = (last("step"), last("time"));
     if step == end.step as f64 && compare::same_time(time, end.time) {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::field::Outside;
+use cd_formats::field::FieldModel;
 
 use crate::compare::reached;
 use crate::derive::bed::borne;
@@ -172,11 +172,11 @@ fn away(frame: &Frame, body: u64) -> Option<Vec3> {
 /// The acceleration of a grain that nothing touches, m/s^2; none in axes that turn.
 fn free_fall(frame: &Frame, grain: usize) -> Option<Vec3> {
     let (x, fields) = (frame.grains[grain].x, outside(frame));
-    let turns = fields.iter().any(|field| matches!(field, Outside::Turning { .. }));
+    let turns = fields.iter().any(|field| matches!(field, FieldModel::Turning { .. }));
     let others = frame.grains.iter().enumerate().filter(|(k, _)| *k != grain);
     let pull = self_gravity_constant(frame)
         .map_or(Vec3::zeros(), |constant| others.map(|(_, other)| attraction(other, x)).sum::<Vec3>() * constant);
-    let from_outside: Vec3 = fields.iter().map(|field| field.at(&x).0).sum();
+    let from_outside: Vec3 = fields.iter().map(|field| field.acceleration_and_potential(&x).0).sum();
     (!turns).then(|| Vec3::from(frame.meta.parameters.uniform_gravity) + pull + from_outside)
 }
 

@@ -145,14 +145,14 @@ fn of_runs(cases: &[PathBuf], asked: &Asked) -> Result<(Vec<Compared>, String), 
     faults.0.extend(compare::blank(groups));
     let measured = |(k, case): (usize, &PathBuf)| -> Option<Run> {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
-        faults.gather(measured(case, names[k].clone(), group, values.get(k).copied().unwrap_or(f64::NAN)))
+        faults.gather_result(measured(case, names[k].clone(), group, values.get(k).copied().unwrap_or(f64::NAN)))
     };
     let runs: Vec<Run> = cases.iter().enumerate().filter_map(measured).collect();
     faults.into_result(())?;
     let finest = runs.iter().position(|run| run.accuracy == Some(Accuracy::Reference)).unwrap_or(runs.len() - 1);
     let exact = Exact::of(&runs[finest], from, early)?;
     let mut faults = Faults::default();
-    let compared: Vec<Compared> = runs.iter().filter_map(|run| faults.gather(exact.compared(run))).collect();
+    let compared: Vec<Compared> = runs.iter().filter_map(|run| faults.gather_result(exact.compared(run))).collect();
     faults.into_result(())?;
     Ok((compared, format!("errors against {}", runs[finest].name)))
 }
@@ -165,7 +165,7 @@ fn of_realisations(folders: &[PathBuf], asked: &Asked) -> Result<(Vec<Compared>,
         let found = "--groups, --values, --from or --early with folders that this command has written";
         faults.push(Fault::new(Path::new("options"), None, "trade", found, "expected --title and -o alone"));
     }
-    let all: Vec<Vec<Compared>> = folders.iter().filter_map(|folder| faults.gather(read(&table_of(folder)))).collect();
+    let all: Vec<Vec<Compared>> = folders.iter().filter_map(|folder| faults.gather_result(read(&table_of(folder)))).collect();
     faults.into_result(())?;
     let compared = realised(folders, &all)?;
     Ok((compared, format!("root mean squares of the errors of {} realisations", all.len())))
@@ -210,7 +210,7 @@ fn realised(folders: &[PathBuf], all: &[Vec<Compared>]) -> Result<Vec<Compared>,
         let of_each = |(folder, runs): (&PathBuf, &Vec<Compared>)| {
             named(runs, &run.name).ok_or_else(|| Faults::from(other(folder, format!("no {}", run.name))))
         };
-        let values: Vec<[f64; 15]> = folders.iter().zip(all).filter_map(|each| faults.gather(of_each(each))).collect();
+        let values: Vec<[f64; 15]> = folders.iter().zip(all).filter_map(|each| faults.gather_result(of_each(each))).collect();
         let mean = |k: usize| values.iter().map(|of| of[k]).sum::<f64>() / values.len() as f64;
         let root = |k: usize| (values.iter().map(|of| of[k] * of[k]).sum::<f64>() / values.len() as f64).sqrt();
         let mut one = run.clone();

@@ -65,7 +65,7 @@ fn arrays_of_the_paraview_files() {
     scene.plate([0.0, 0.0, -1.1], [1.0, 1.0, 0.1]);
     let cube = scene.cube([0.0, 0.0, 3.0], 1.0);
     let case = tempfile::tempdir().unwrap();
-    let path = snapshot::path(&case.path().join("OUTBOX"), 0);
+    let path = snapshot::snapshot_path(&case.path().join("OUTBOX"), 0);
     scene.snapshot.write(&path).unwrap();
     let bodies = scene.records().to_text();
     atomic::write(&case.path().join("DATBOX").join("BODIES.DAT"), bodies.as_bytes()).unwrap();

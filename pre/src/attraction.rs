@@ -1,6 +1,6 @@
 //! A warning where an attraction per contact point depends on how faces are described.
 
-use cd_formats::report::Report;
+use cd_formats::report::FaultReport;
 
 use crate::population::Population;
 use crate::scene::{LawKind, Scene};
@@ -10,7 +10,7 @@ const MOST_NAMED: usize = 3;
 
 /// Reports, once for each law, between which colours an attraction acts at several contact points of two bodies: polyhedra
 /// meet each other and walls in up to one point for each corner, bodies of pieces in those of each piece.
-pub fn warnings(scene: &Scene, population: &Population, report: &mut Report) {
+pub fn warnings(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let of_colour = |colour: &str, counts: &dyn Fn(usize) -> bool| {
         let mut polyhedra =
             population.grains.iter().filter_map(|grain| Some((grain.group, grain.polyhedron.as_ref()?)));
@@ -46,7 +46,7 @@ pub fn warnings(scene: &Scene, population: &Population, report: &mut Report) {
             law.kind.row().0
         );
         let advice = "for a cohesion in proportion to the area of faces, use IQS_MOHR_DS_CLB";
-        report.ask(&format!("laws.{k}"), found, advice);
+        report.add_warning(&format!("laws.{k}"), found, advice);
     }
 }
 

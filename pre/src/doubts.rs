@@ -1,15 +1,15 @@
 //! Values of a scene that are allowed, and probably mistakes: units, functions that are 0 at all times.
 
 use cd_formats::doubts::{density, friction};
-use cd_formats::report::Report;
+use cd_formats::report::FaultReport;
 
 use crate::scene::{Evolution, Grains, Law, Material, Wall};
 
 /// Reports the doubtful values of the parts of a scene.
-pub fn doubts(materials: &[Material], laws: &[Law], grains: &[Grains], walls: &[Wall], report: &mut Report) {
+pub fn doubts(materials: &[Material], laws: &[Law], grains: &[Grains], walls: &[Wall], report: &mut FaultReport) {
     for (k, material) in materials.iter().enumerate() {
         if let Some(question) = density(material.density) {
-            report.ask(&format!("materials.{k}.density"), format!("{:?}", material.density), &question);
+            report.add_warning(&format!("materials.{k}.density"), format!("{:?}", material.density), &question);
         }
     }
     for (k, law) in laws.iter().enumerate() {
@@ -17,7 +17,7 @@ pub fn doubts(materials: &[Material], laws: &[Law], grains: &[Grains], walls: &[
             if let Some(question) = friction(value)
                 && ["friction", "dynamic_friction", "static_friction"].contains(&name)
             {
-                report.ask(&format!("laws.{k}.kind.{name}"), format!("{value:?}"), &question);
+                report.add_warning(&format!("laws.{k}.kind.{name}"), format!("{value:?}"), &question);
             }
         }
     }
@@ -43,21 +43,21 @@ pub fn doubts(materials: &[Material], laws: &[Law], grains: &[Grains], walls: &[
 }
 
 /// A function that is 0 at all times, unless it is written as a constant.
-fn function(report: &mut Report, path: &str, function: &Evolution) {
+fn function(report: &mut FaultReport, path: &str, function: &Evolution) {
     match function {
         &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
             if ramp_start == Some(0.0) && ramp_rate == 0.0 {
                 let found = "ramp_start 0 without ramp_rate: the function is 0 at all times";
-                report.ask(path, found, "leave ramp_start out, or give a ramp_rate in 1/s");
+                report.add_warning(path, found, "leave ramp_start out, or give a ramp_rate in 1/s");
             } else if constant == 0.0 && amplitude == 0.0 {
-                report.ask(path, "the function is 0 at all times", "give an amplitude or a constant");
+                report.add_warning(path, "the function is 0 at all times", "give an amplitude or a constant");
             } else if omega == 0.0 && (constant + amplitude * libm::cos(phase)).abs() <= f64::EPSILON * amplitude.abs()
             {
-                report.ask(path, "omega 0: the function is 0 at all times", "give an omega in rad/s");
+                report.add_warning(path, "omega 0: the function is 0 at all times", "give an omega in rad/s");
             }
         }
         Evolution::Table(points) if points.iter().all(|point| point.1 == 0.0) => {
-            report.ask(path, "the function is 0 at all times", "give values, or Constant(0.0)");
+            report.add_warning(path, "the function is 0 at all times", "give values, or Constant(0.0)");
         }
         Evolution::Constant(_) | Evolution::Table(_) => {}
     }

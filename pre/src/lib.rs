@@ -39,12 +39,12 @@ use cd_formats::atomic;
 use cd_formats::case::misplaced;
 use cd_formats::compute::from_ron;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::origin::Origin;
+use cd_formats::origin::SceneOrigin;
 use cd_formats::places;
-use cd_formats::report::Report;
-use cd_formats::ron_text::nearest;
-use cd_formats::scan::{fortran_real, long14};
-use cd_formats::tell::{complain, tell, usage};
+use cd_formats::report::FaultReport;
+use cd_formats::ron_text::nearest_name;
+use cd_formats::scan::{fortran_real, format_long14};
+use cd_formats::tell::{print_error, print_line, usage};
 use clap::{CommandFactory, Parser};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -102,8 +102,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let commands = Arguments::command();
     let commands: Vec<&str> = commands.get_subcommands().map(|command| command.get_name()).collect();
     let unknown = !commands.contains(&first) && !first.starts_with('-') && !Path::new(first).exists();
-    if let Some(near) = nearest(first, &commands).filter(|_| unknown) {
-        complain(format_args!("cd-pre: {first}: is no file and no command; did you mean {near}?"));
+    if let Some(near) = nearest_name(first, &commands).filter(|_| unknown) {
+        print_error(format_args!("cd-pre: {first}: is no file and no command; did you mean {near}?"));
         return 2;
     }
     let arguments = match Arguments::try_parse_from(&args) {
@@ -111,7 +111,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Err(error) => {
             let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
             let Some(mistake) = mistake else { return usage("cd-pre", &error) };
-            complain(format_args!("cd-pre: {mistake}"));
+            print_error(format_args!("cd-pre: {mistake}"));
             return error.exit_code();
         }
     };
@@ -127,11 +127,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     };
     match written {
         Ok(summary) => {
-            tell(summary.trim_end());
+            print_line(summary.trim_end());
             0
         }
         Err(faults) => {
-            complain(faults.report("cd-pre").trim_end());
+            print_error(faults.format_report("cd-pre").trim_end());
             2
         }
     }
@@ -144,9 +144,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
 /// that cannot be written.
 pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result<String, Faults> {
     let original = atomic::read_text(source)?;
-    let text = places::set(&original, settings)?;
+    let text = places::apply_settings(&original, settings)?;
     let (scene, population) = read(source, &text, settings)?;
-    let mut report = Report::with(source, &text, settings);
+    let mut report = FaultReport::with_settings(source, &text, settings);
     doubts::doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
     cd_formats::doubts::events(&scene.compute.events, "compute.", &mut report);
     attraction::warnings(&scene, &population, &mut report);
@@ -158,15 +158,15 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
         return Err(report.faults);
     }
     // Whether the scene lies near DATBOX is known when there is one.
-    std::fs::create_dir_all(datbox).map_err(|error| Fault::io(datbox, "written", &error))?;
+    std::fs::create_dir_all(datbox).map_err(|error| Fault::from_io(datbox, "written", &error))?;
     let case = datbox.parent().unwrap_or(Path::new(""));
-    let mut origin = Origin::of(source, original.as_bytes(), settings, case);
+    let mut origin = SceneOrigin::from_scene(source, original.as_bytes(), settings, case);
     if let Some(origin) = &mut origin {
         let folder = source.parent().unwrap_or(Path::new(""));
         models(&scene.grains).for_each(|file| origin.add(&folder.join(file), case));
     }
     for (_, text) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE) {
-        text.insert_str(0, &origin.as_ref().map_or(String::new(), Origin::lines));
+        text.insert_str(0, &origin.as_ref().map_or(String::new(), SceneOrigin::lines));
     }
     atomic::write_all(files.iter().map(|(name, text)| (datbox.join(name), text.as_bytes())))?;
     from_outbox::clear(datbox)?;
@@ -196,14 +196,14 @@ pub(crate) fn models(grains: &[scene::Grains]) -> impl Iterator<Item = &str> {
 /// Prints warnings on stderr.
 fn warn(warnings: &Faults) {
     if !warnings.0.is_empty() {
-        complain(warnings.report("cd-pre: warning").trim_end());
+        print_error(warnings.format_report("cd-pre: warning").trim_end());
     }
 }
 
 /// The scene in `text`, and its bodies; the faults name the file `source`, and those of `settings` in the text these.
 pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Population), Faults> {
     let scene: Scene = parsed(source, text, settings, "scene")?;
-    let mut report = Report::with(source, text, settings);
+    let mut report = FaultReport::with_settings(source, text, settings);
     check::check(&scene, &mut report);
     if !report.faults.0.is_empty() {
         return Err(report.faults);
@@ -218,7 +218,7 @@ fn parsed<T: DeserializeOwned>(file: &Path, text: &str, settings: &[String], obj
         for fault in &mut faults.0 {
             let (line, column) = (fault.line.unwrap_or(1), fault.column.unwrap_or(1));
             if let Some(setting) = places::setting_at(settings, text, line, column) {
-                *fault = places::fault(setting, fault.found.as_str(), fault.expected.as_str());
+                *fault = places::setting_fault(setting, fault.found.as_str(), fault.expected.as_str());
             }
         }
         faults
@@ -312,7 +312,7 @@ pub fn round_point(point: &Vector3<f64>) -> Vector3<f64> {
 
 /// The nearest number that the files can hold for a polyhedron: up to 12 digits, and no negative zero.
 pub fn round14(x: f64) -> f64 {
-    fortran_real(&long14(x)).unwrap_or(x) + 0.0
+    fortran_real(&format_long14(x)).unwrap_or(x) + 0.0
 }
 
 /// [`round14`] of each component of axes.

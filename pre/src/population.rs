@@ -3,10 +3,10 @@
 use std::cell::OnceCell;
 use std::path::Path;
 
-use cd_formats::bodies::Shape;
+use cd_formats::bodies::ShapeRecord;
 use cd_formats::compute::Compute;
 use cd_formats::error::Faults;
-use cd_formats::report::Report;
+use cd_formats::report::FaultReport;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::place::cells::Cells;
@@ -95,11 +95,11 @@ impl Grain {
 }
 
 /// Takes the faults of a file that the value at `path` names into the report: of one that cannot be read, the value is at fault.
-fn of_file(faults: Faults, path: &str, report: &mut Report) {
+fn of_file(faults: Faults, path: &str, report: &mut FaultReport) {
     for fault in faults.0 {
         if fault.line.is_none() && fault.object == "file" && fault.found.starts_with("cannot be read") {
             let found = format!("{} {}", fault.file.display(), fault.found);
-            report.fault(path, found, "a file next to the scene, or an absolute path");
+            report.add_fault(path, found, "a file next to the scene, or an absolute path");
         } else {
             report.faults.push(fault);
         }
@@ -109,7 +109,7 @@ fn of_file(faults: Faults, path: &str, report: &mut Report) {
 /// The bodies of a (checked) scene; what does not fit or overlaps goes into the report.
 ///
 /// Paths of files begin at `folder`.
-pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population {
+pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Population {
     let walls = walls::bodies(&scene.walls);
     let mut population = Population { grains: Vec::new(), walls, rooms: Vec::new(), told: Vec::new() };
     for (group, grains) in scene.grains.iter().enumerate() {
@@ -117,7 +117,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
         let shapes = shapes.map_err(|wrong| match wrong {
             Wrong::File(faults) => of_file(faults, &format!("grains.{group}.shape"), report),
             Wrong::Shape(misfit) => {
-                report.fault(&format!("grains.{group}.shape"), misfit.to_string(), "a shape that can be made");
+                report.add_fault(&format!("grains.{group}.shape"), misfit.to_string(), "a shape that can be made");
             }
         });
         let room = grains.place.envelope().map(|envelope| envelope.room(folder)).transpose();
@@ -128,17 +128,17 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
             Ok(placed) => {
                 let alone = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
                 let expected = "several grains, or 0: one alone has no motion about the mean";
-                report.expect(!alone, &format!("grains.{group}.thermal_velocity"), "given for one grain", expected);
+                report.require(!alone, &format!("grains.{group}.thermal_velocity"), "given for one grain", expected);
                 let told = [shapes.told(), &of_room].into_iter().filter(|told| !told.is_empty());
                 population.told.push(told.collect::<Vec<_>>().join(", "));
                 population.rooms.push(placed.room.clone());
                 population.grains.extend(in_motion(scene, group, grains, placed));
             }
-            Err(misfit) => report.fault(&format!("grains.{group}.place"), misfit.found, misfit.expected),
+            Err(misfit) => report.add_fault(&format!("grains.{group}.place"), misfit.found, misfit.expected),
         }
     }
     let bodies = population.grains.len() + population.walls.len();
-    report.expect(bodies <= MOST_BODIES, "grains", format!("{bodies} bodies"), &format!("at most {MOST_BODIES}"));
+    report.require(bodies <= MOST_BODIES, "grains", format!("{bodies} bodies"), &format!("at most {MOST_BODIES}"));
     let balls = population.grains.iter().map(|grain| (grain.position, grain.reach));
     check_extent(&scene.compute, balls, report);
     check_numbers(scene, &population, report);
@@ -153,9 +153,9 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
 }
 
 /// A hollow cylinder pushes inwards alone: what meets it must be within.
-fn check_drums(scene: &Scene, population: &Population, report: &mut Report) {
+fn check_drums(scene: &Scene, population: &Population, report: &mut FaultReport) {
     for drum in &population.walls {
-        if !matches!(drum.shape, Shape::Cylinder { hollow: true, .. }) {
+        if !matches!(drum.shape, ShapeRecord::Cylinder { hollow: true, .. }) {
             continue;
         }
         let meets = |colour: &str| {
@@ -172,16 +172,16 @@ fn check_drums(scene: &Scene, population: &Population, report: &mut Report) {
         if let Some((k, grain)) = outside {
             let found = format!("body {} is outside of wall {}, a hollow cylinder", k + 1, drum.wall + 1);
             let expected = "grains that meet it within: it is closed, and pushes inwards alone";
-            report.fault(&format!("grains.{}.place", grain.group), found, expected);
+            report.add_fault(&format!("grains.{}.place", grain.group), found, expected);
         }
     }
 }
 
 /// Plates that span a period must not lean along it: their images would be stairs.
-fn check_level(scene: &Scene, population: &Population, report: &mut Report) {
+fn check_level(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let periods = [("xperiode", scene.compute.xperiode), ("yperiode", scene.compute.yperiode)];
     for plate in &population.walls {
-        let Shape::Plane { half_lengths } = plate.shape else { continue };
+        let ShapeRecord::Plane { half_lengths } = plate.shape else { continue };
         for (axis, (name, period)) in periods.into_iter().enumerate() {
             let width = 2.0 * plate.axes.column(axis).abs().dot(&Vector3::from(half_lengths));
             let normal = plate.axes[(2, axis)];
@@ -189,7 +189,7 @@ fn check_level(scene: &Scene, population: &Population, report: &mut Report) {
             if period.is_some_and(|period| width >= period * (1.0 - 1e-6)) && normal.abs() > 1e-6 {
                 let found = format!("a plate as wide as {name} whose normal leans along it by {normal:.4}");
                 let expected = format!("{} 0 of the normal, as images make stairs; gravity may lean", ["x", "y"][axis]);
-                report.fault(&format!("walls.{}", plate.wall), found, expected);
+                report.add_fault(&format!("walls.{}", plate.wall), found, expected);
             }
         }
     }
@@ -225,7 +225,7 @@ fn in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed) -> Ve
 pub(crate) fn check_extent(
     options: &Compute,
     balls: impl Iterator<Item = (Vector3<f64>, f64)> + Clone,
-    report: &mut Report,
+    report: &mut FaultReport,
 ) {
     let periods = [("xperiode", options.xperiode), ("yperiode", options.yperiode)];
     for (axis, (name, period)) in periods.into_iter().enumerate() {
@@ -233,7 +233,7 @@ pub(crate) fn check_extent(
         let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
         if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING)) {
             let found = format!("{period} with grains over {:.6} m", high - low);
-            report.fault(&format!("compute.{name}"), found, "at least as much");
+            report.add_fault(&format!("compute.{name}"), found, "at least as much");
         }
     }
 }
@@ -254,12 +254,12 @@ pub(crate) fn images(options: &Compute, way: &Vector3<f64>) -> Vec<Vector3<f64>>
 }
 
 /// Refuses products of numbers of a scene that do not fit the files, whose exponents have two digits.
-fn check_numbers(scene: &Scene, population: &Population, report: &mut Report) {
+fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
     let mut told = Vec::new();
     let mut fault = |path: String, name: &str, x: f64| {
         if !told.contains(&path) {
-            report.fault(&path, format!("{name} {x:e}"), "numbers below 1e99, and sizes and masses of at least 1e-99");
+            report.add_fault(&path, format!("{name} {x:e}"), "numbers below 1e99, and sizes and masses of at least 1e-99");
             told.push(path);
         }
     };
@@ -287,7 +287,7 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut Report) {
 }
 
 /// No two grains, and no grain and wall, may overlap, unless a List allows it.
-fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
+fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
     let allowed: Vec<bool> =
         scene.grains.iter().map(|g| matches!(g.place, Place::List { allow_overlap: true, .. })).collect();
@@ -343,9 +343,9 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
     overlaps.sort();
     let expected = "grains that touch at most (a List may have allow_overlap: true)";
     for (k, found) in overlaps.iter().take(TOLD) {
-        report.fault(&format!("grains.{}.place", grains[*k].group), found, expected);
+        report.add_fault(&format!("grains.{}.place", grains[*k].group), found, expected);
     }
     if overlaps.len() > TOLD {
-        report.fault("grains", format!("{} more overlaps", overlaps.len() - TOLD), expected);
+        report.add_fault("grains", format!("{} more overlaps", overlaps.len() - TOLD), expected);
     }
 }

@@ -1,6 +1,6 @@
 //! Walls as bodies: plates and cylinders.
 
-use cd_formats::bodies::{Contactor, Shape};
+use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::drv_dof::{Evolution as Written, table_text};
 use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -22,7 +22,7 @@ pub struct WallBody {
     /// First and second axis and normal, or axis of the cylinder, as rows: orthonormal, right-handed.
     pub axes: Matrix3<f64>,
     /// [`Shape::Plane`] or [`Shape::Cylinder`].
-    pub shape: Shape,
+    pub shape: ShapeRecord,
     /// Along the fixed axes, m/s; about its own axes, rad/s.
     pub motion: [Evolution; 6],
     /// Along the fixed axes, N; in place of a velocity.
@@ -53,12 +53,12 @@ impl WallBody {
 
 /// How deep convex pieces reach into a plate or cylinder with the axes `axes` (rows), m; at most `allowed` as soon as that
 /// is certain.
-pub fn overlap_of(wall: &Shape, centre: &Vector3<f64>, axes: &Matrix3<f64>, pieces: &[Convex], allowed: f64) -> f64 {
+pub fn overlap_of(wall: &ShapeRecord, centre: &Vector3<f64>, axes: &Matrix3<f64>, pieces: &[Convex], allowed: f64) -> f64 {
     match *wall {
-        Shape::Plane { half_lengths } => {
+        ShapeRecord::Plane { half_lengths } => {
             deepest(pieces, &[Convex::cuboid(*centre, axes, &half_lengths.into())], allowed)
         }
-        Shape::Cylinder { half_height, radius, hollow } => {
+        ShapeRecord::Cylinder { half_height, radius, hollow } => {
             let into = |piece: &Convex| {
                 if hollow {
                     // The inside is convex: no point is farther out than some vertex.
@@ -76,17 +76,17 @@ pub fn overlap_of(wall: &Shape, centre: &Vector3<f64>, axes: &Matrix3<f64>, piec
 
 /// How deep a ball reaches into a plate or cylinder, m, its centre in the wall's own axes, m; negative when apart. A centre
 /// within a solid one counts by the nearest face; what is not near the inside of a hollow one is apart from it.
-pub fn overlap(wall: &Shape, centre: &Vector3<f64>, radius: f64) -> f64 {
+pub fn overlap(wall: &ShapeRecord, centre: &Vector3<f64>, radius: f64) -> f64 {
     match *wall {
-        Shape::Plane { half_lengths } => {
+        ShapeRecord::Plane { half_lengths } => {
             let beyond = centre.abs() - Vector3::from(half_lengths);
             radius - beyond.sup(&Vector3::zeros()).norm() - beyond.max().min(0.0)
         }
-        Shape::Cylinder { half_height, radius: wide, hollow: false } => {
+        ShapeRecord::Cylinder { half_height, radius: wide, hollow: false } => {
             let outside = Vector2::new(centre.xy().norm() - wide, centre.z.abs() - half_height);
             radius - outside.sup(&Vector2::zeros()).norm() - outside.max().min(0.0)
         }
-        Shape::Cylinder { half_height, radius: wide, hollow: true }
+        ShapeRecord::Cylinder { half_height, radius: wide, hollow: true }
             if centre.norm() - radius < wide.hypot(half_height) =>
         {
             radius + beyond(centre, half_height, wide)
@@ -116,7 +116,7 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<WallBody> {
                 colour: colour.clone(),
                 centre: round_point(&(*centre).into()),
                 axes: axes_about(&(*normal).into(), first_axis.map(Vector3::from)),
-                shape: Shape::Plane { half_lengths: round_point(&(*half_lengths).into()).into() },
+                shape: ShapeRecord::Plane { half_lengths: round_point(&(*half_lengths).into()).into() },
                 motion: [a, b, c, d, e, f],
                 force: *force.clone(),
             }]
@@ -129,7 +129,7 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<WallBody> {
                 colour: colour.clone(),
                 centre: round_point(&(*centre).into()),
                 axes: axes_about(&(*axis).into(), None),
-                shape: Shape::Cylinder { half_height: round8(*half_height), radius: round8(*radius), hollow: *hollow },
+                shape: ShapeRecord::Cylinder { half_height: round8(*half_height), radius: round8(*radius), hollow: *hollow },
                 motion: [a, b, c, Evolution::default(), Evolution::default(), rotation.clone()],
                 force: *force.clone(),
             }]
@@ -156,7 +156,7 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<WallBody> {
                     colour: colour.clone(),
                     centre: round_point(&(Vector3::from(*centre) + turn * offset)),
                     axes: Matrix3::from_rows(&rows),
-                    shape: Shape::Plane {
+                    shape: ShapeRecord::Plane {
                         half_lengths: round_point(&Vector3::new(reach(first), reach(second), *half_thickness)).into(),
                     },
                     motion: [a, b, c, Evolution::default(), Evolution::default(), Evolution::default()],
@@ -215,7 +215,7 @@ impl Evolution {
     pub fn at_start(&self) -> f64 {
         match self {
             Evolution::Constant(value) => round8(*value),
-            _ => Tables::default().written(self).at(0.0),
+            _ => Tables::default().written(self).value_at(0.0),
         }
     }
 }

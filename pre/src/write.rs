@@ -1,11 +1,11 @@
 //! The bodies of a scene in the types of DATBOX, and the text of every file.
 
-use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::dof::{BodyDof, Dof};
-use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof};
+use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof};
 use cd_formats::surface::MassProperties;
-use cd_formats::tact_behav::{Law, See, Side, TactBehav};
+use cd_formats::tact_behav::{LawRecord, VisibilityRow, VisibilitySide, TactBehav};
 use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::Matrix3;
 
@@ -43,7 +43,7 @@ pub fn bodies(scene: &Scene, population: &Population) -> Bodies {
         let group = &scene.grains[grain.group];
         let radius = grain.radius;
         let (inertia, shapes) = match &grain.polyhedron {
-            None => ([0.4 * volume(radius) * radius * radius; 3], vec![Shape::Sphere { radius }]),
+            None => ([0.4 * volume(radius) * radius * radius; 3], vec![ShapeRecord::Sphere { radius }]),
             Some(polyhedron) => (polyhedron.moments(), polyhedra(polyhedron)),
         };
         Body {
@@ -70,13 +70,13 @@ pub fn bodies(scene: &Scene, population: &Population) -> Bodies {
 }
 
 /// A contactor for each convex piece.
-fn polyhedra(polyhedron: &Polyhedron) -> Vec<Shape> {
+fn polyhedra(polyhedron: &Polyhedron) -> Vec<ShapeRecord> {
     let triangles = polyhedron.solid.pieces.iter().map(|piece| piece.triangles().to_vec());
-    let shape = |(vertices, triangles)| Shape::Polyhedron { vertices, triangles };
+    let shape = |(vertices, triangles)| ShapeRecord::Polyhedron { vertices, triangles };
     polyhedron.vertices().into_iter().zip(triangles).map(shape).collect()
 }
 
-fn contactor(colour: &str, shape: Shape) -> Contactor {
+fn contactor(colour: &str, shape: ShapeRecord) -> Contactor {
     Contactor { colour: colour.to_string(), shape, local_frame: None }
 }
 
@@ -89,14 +89,14 @@ pub fn bulk_behav(scene: &Scene) -> BulkBehav {
 /// Comments of TACT_BEHAV.DAT for the colours that are to have no law.
 fn without_law(scene: &Scene) -> String {
     let meant = scene.contacts.iter().filter(|contact| contact.law.is_none());
-    meant.map(|contact| TactBehav::no_law(&contact.between.0, &contact.between.1)).collect()
+    meant.map(|contact| TactBehav::no_law_comment(&contact.between.0, &contact.between.1)).collect()
 }
 
 pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     let law = |law: &crate::scene::Law| {
         let (kind, parameters) = law.kind.row();
         let parameters = parameters.into_iter().map(|(_, value)| value).collect();
-        Law { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters }
+        LawRecord { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters }
     };
     // LMGC90 has spheres before polyhedra and walls last, whoever comes first in the scene.
     const WALLS: [&str; 3] = ["PLANx", "CYLND", "DNLYC"];
@@ -109,7 +109,7 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
         let all = [("SPHER", worn(false)), ("POLYR", worn(true))].into_iter().chain(walls);
         all.filter_map(|(contactor, worn)| worn.then_some(contactor)).collect()
     };
-    let side = |contactor: &str, colour: &str| Side {
+    let side = |contactor: &str, colour: &str| VisibilitySide {
         body: "RBDY3".to_string(),
         contactor: contactor.to_string(),
         colour: colour.to_string(),
@@ -119,8 +119,8 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
         let Some(law) = &contact.law else { continue };
         let range = scene.laws.iter().find(|known| known.name == *law).map_or(0.0, |known| known.kind.range());
         let alert = contact.alert.unwrap_or_else(|| default_alert(population).max(range));
-        let mut row = |candidate: Side, antagonist: Side| {
-            visibility.push(See { line: 0, candidate, law: law.clone(), antagonist, alert });
+        let mut row = |candidate: VisibilitySide, antagonist: VisibilitySide| {
+            visibility.push(VisibilityRow { line: 0, candidate, law: law.clone(), antagonist, alert });
         };
         let (a, b) = (contact.between.0.as_str(), contact.between.1.as_str());
         let rank = |contactor: &str| ["SPHER", "POLYR"].iter().position(|known| *known == contactor).unwrap_or(2);
@@ -151,7 +151,7 @@ pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, Tables) {
     let mut driven = Vec::new();
     let mut drive = |body: usize, component: usize, kind: DrivenKind, evolution: &Evolution| {
         let evolution = tables.written(evolution);
-        driven.push(Driven { line: 0, body, component, kind, evolution });
+        driven.push(DrivenComponent { line: 0, body, component, kind, evolution });
     };
     for (body, grain) in population.grains.iter().enumerate() {
         if let Some(motion) = &scene.grains[grain.group].driven {

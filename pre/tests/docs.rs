@@ -69,7 +69,7 @@ fn options_of_the_run_are_those_of_the_solver() {
     let row = |(name, default, help): (&str, String, String)| {
         format!("| `{name}` | {default} | {} |\n", help.replace('|', "\\|"))
     };
-    let table: String = Compute::table().into_iter().map(row).collect();
+    let table: String = Compute::option_table().into_iter().map(row).collect();
     assert!(text.contains(&table), "docs/scene.md should hold the rows\n{table}");
 }
 

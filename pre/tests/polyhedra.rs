@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, Body, Shape};
+use cd_formats::bodies::{Bodies, Body, ShapeRecord};
 use cd_formats::dof::Dof;
-use cd_formats::scan::Text;
+use cd_formats::scan::AsciiText;
 use cd_formats::surface::Surface;
 use cd_pre::write;
 use nalgebra::{Matrix3, Vector3};
@@ -27,14 +27,14 @@ fn files(text: &str) -> (Bodies, Dof, String) {
         cd_pre::read(Path::new("scene.ron"), text, &[]).unwrap_or_else(|faults| panic!("{faults}"));
     let files = write::files(&scene, &population);
     let of = |name: &str| files.iter().find(|(known, _)| known == name).unwrap().1.clone();
-    let text = |name: &str| Text::new(of(name).as_bytes());
+    let text = |name: &str| AsciiText::new(of(name).as_bytes());
     let bodies = Bodies::parse(Path::new("BODIES.DAT"), &text("BODIES.DAT")).unwrap();
     (bodies, Dof::parse(Path::new("DOF.INI"), &text("DOF.INI")).unwrap(), of("TACT_BEHAV.DAT"))
 }
 
 fn surface(body: &Body) -> Surface {
     let [contactor] = body.contactors.as_slice() else { panic!("{} contactors", body.contactors.len()) };
-    let Shape::Polyhedron { vertices, triangles } = &contactor.shape else { panic!("no polyhedron") };
+    let ShapeRecord::Polyhedron { vertices, triangles } = &contactor.shape else { panic!("no polyhedron") };
     Surface::new(vertices, triangles).unwrap()
 }
 

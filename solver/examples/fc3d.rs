@@ -47,7 +47,7 @@ fn limit(text: &str) -> Result<f64, String> {
 
 fn run(arguments: &Arguments) -> Result<bool, Faults> {
     let path = &arguments.file;
-    let Fc3d { mu, q, blocks, .. } = Fc3d::read(path)?;
+    let Fc3d { mu, free_velocities: q, blocks, .. } = Fc3d::read(path)?;
     let problem = Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).map_err(|found| {
         Fault::new(path, None, "problem", found, "expected finite numbers below 1e100, and frictions of 0 or more")
     })?;
@@ -73,7 +73,7 @@ fn main() -> ExitCode {
     match run(&Arguments::parse()) {
         Ok(converged) => ExitCode::from(u8::from(!converged)),
         Err(faults) => {
-            eprint!("{}", faults.report("fc3d"));
+            eprint!("{}", faults.format_report("fc3d"));
             ExitCode::from(2)
         }
     }

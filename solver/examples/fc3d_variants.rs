@@ -204,10 +204,10 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let (mut count, mut unsolved, mut seconds, mut slowest) = (0, 0, 0.0, 0.0f64);
     for path in &arguments.files {
-        let Fc3d { name, mu, q, blocks, .. } = match Fc3d::read(path) {
+        let Fc3d { name, mu, free_velocities: q, blocks, .. } = match Fc3d::read(path) {
             Ok(document) => document,
             Err(faults) => {
-                eprint!("{}", faults.report("fc3d_variants"));
+                eprint!("{}", faults.format_report("fc3d_variants"));
                 return ExitCode::from(2);
             }
         };
@@ -241,12 +241,12 @@ fn main() -> ExitCode {
                 println!("{full}: {} {} {time:.4} {:.3e}", problem.len(), solution.sweeps, solution.residual);
             }
             if let (Some(folder), false) = (&arguments.keep, solution.converged) {
-                let blocks = blocks.into_iter().map(|(row, column, w)| cd_formats::fc3d::Block { row, column, w });
+                let blocks = blocks.into_iter().map(|(row, column, w)| cd_formats::fc3d::Fc3dBlock { row, column, w });
                 let document =
-                    Fc3d { name: name.clone(), mu, q, blocks: blocks.collect(), comments: vec![full.clone()] };
+                    Fc3d { name: name.clone(), mu, free_velocities: q, blocks: blocks.collect(), comments: vec![full.clone()] };
                 let file = folder.join(format!("{}.fc3d", full.replace([',', ' ', ':'], "_")));
                 if let Err(faults) = cd_formats::atomic::write(&file, document.to_text().as_bytes()) {
-                    eprint!("{}", faults.report("fc3d_variants"));
+                    eprint!("{}", faults.format_report("fc3d_variants"));
                 }
             }
         }

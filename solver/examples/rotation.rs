@@ -11,9 +11,9 @@ use std::error::Error;
 use std::fmt::Write;
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
-use cd_formats::compute::Flags;
+use cd_formats::compute::ComputeFlags;
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::tact_behav::TactBehav;
 use cd_solve::math::Vec3;
@@ -73,7 +73,7 @@ fn body(folder: &Path) -> Result<(Scene, State), Box<dyn Error>> {
     std::fs::create_dir_all(&datbox)?;
     let third = 1.0 / 3.0;
     let vertices = vec![[-third, -third, -third], [1.0, -third, -third], [-third, 1.0, -third], [-third, -third, 1.0]];
-    let shape = Shape::Polyhedron { vertices, triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] };
+    let shape = ShapeRecord::Polyhedron { vertices, triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] };
     let body = Body {
         line: 0,
         material: "ROCKx".into(),
@@ -95,7 +95,7 @@ fn body(folder: &Path) -> Result<(Scene, State), Box<dyn Error>> {
     std::fs::write(datbox.join("TACT_BEHAV.DAT"), TactBehav::default().to_text())?;
     std::fs::write(datbox.join("DRV_DOF.DAT"), "")?;
     std::fs::write(datbox.join("DOF.INI"), Dof { step: 0, time: 0.0, bodies: vec![dof] }.to_text())?;
-    read::case(folder, &Flags::default()).map_err(|faults| faults.report("rotation").into())
+    read::case(folder, &ComputeFlags::default()).map_err(|faults| faults.format_report("rotation").into())
 }
 
 fn run(scene: &Scene, start: &State, direction: [f64; 3], spin: f64, h: f64) -> Errors {

@@ -4,9 +4,9 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use cd_formats::case::{CaseFolder, misplaced, no_case};
-use cd_formats::compute::Flags;
+use cd_formats::compute::ComputeFlags;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::{complain, tell, usage};
+use cd_formats::tell::{print_error, print_line, usage};
 use clap::{CommandFactory, Parser};
 
 use crate::run::{Failure, check, run as run_case, take_on_forces};
@@ -35,7 +35,7 @@ struct Arguments {
     #[arg(long, value_name = "STEP")]
     dump_problem: Option<u64>,
     #[command(flatten)]
-    flags: Flags,
+    flags: ComputeFlags,
 }
 
 /// Runs the program; returns its exit code: 0 done, 2 input refused, 3 our fault, 4 stopped on the way.
@@ -46,30 +46,30 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
         Err(error) => {
             let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
             let Some(mistake) = mistake else { return usage(PROGRAM, &error) };
-            complain(format_args!("{PROGRAM}: {mistake}"));
+            print_error(format_args!("{PROGRAM}: {mistake}"));
             return error.exit_code();
         }
     };
     match solve(&arguments) {
         Ok(summary) => {
             let title = if arguments.plan { "plan" } else { "done" };
-            tell(format_args!("{PROGRAM}: {title}\n{}", summary.trim_end()));
+            print_line(format_args!("{PROGRAM}: {title}\n{}", summary.trim_end()));
             0
         }
         Err(Failure::Files(faults)) => {
-            complain(faults.report(PROGRAM).trim_end());
+            print_error(faults.format_report(PROGRAM).trim_end());
             2
         }
         Err(Failure::Unwritten(faults)) => {
-            complain(faults.report(PROGRAM).trim_end());
+            print_error(faults.format_report(PROGRAM).trim_end());
             4
         }
         Err(Failure::Stopped(message)) => {
-            complain(format_args!("{PROGRAM}: {message}"));
+            print_error(format_args!("{PROGRAM}: {message}"));
             4
         }
         Err(Failure::Broken(message)) => {
-            complain(format_args!("{PROGRAM}: internal: {message}"));
+            print_error(format_args!("{PROGRAM}: internal: {message}"));
             3
         }
     }
@@ -82,8 +82,8 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
     }
     let (mut scene, mut state) = read::case(case, &arguments.flags)?;
     let _lock = if arguments.plan { None } else { Some(write::lock(case)?) };
-    scene.notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
-    let warn = |warning: &String| complain(format_args!("{PROGRAM}: warning: {warning}"));
+    scene.notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
+    let warn = |warning: &String| print_error(format_args!("{PROGRAM}: warning: {warning}"));
     scene.warnings.iter().for_each(warn);
     let mut resumed = false;
     if arguments.resume {
@@ -93,12 +93,12 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
             take_on_forces(&scene, &before.parameters, &mut state);
             // The start stands in DATBOX.
             let text = (state.step > 0).then(|| write::text::is_written(&write::outbox(case), &state)).transpose()?;
-            let (warnings, notes) = before.changes(&scene, text, &arguments.flags.given());
+            let (warnings, notes) = before.changes(&scene, text, &arguments.flags.given_names());
             warnings.iter().for_each(warn);
-            notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
+            notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
         } else {
             write::expect_none(case, scene.options.text)?;
-            tell(format_args!("{PROGRAM}: no snapshot to go on from: starting from DATBOX"));
+            print_line(format_args!("{PROGRAM}: no snapshot to go on from: starting from DATBOX"));
         }
     } else if !arguments.force && !arguments.plan {
         write::expect_none(case, scene.options.text)?;

@@ -224,7 +224,7 @@ pub fn text(scene: &Scene, state: &State) -> String {
         let value = if name == "gravity_refresh" { scene.gravity_refresh().to_string() } else { value };
         format!("{name} {value}{}", if alone { " (set)" } else { "" })
     };
-    let knobs: Vec<String> = scene.options.knobs().into_iter().map(knob).collect();
+    let knobs: Vec<String> = scene.options.accuracy_options().into_iter().map(knob).collect();
     let preset = scene.options.accuracy.map_or("none".into(), |accuracy| accuracy.to_string());
     lines.push(("accuracy", format!("{preset}: {}", knobs.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);
@@ -256,10 +256,10 @@ pub fn text(scene: &Scene, state: &State) -> String {
     };
     lines.push(("h", place));
     if let Some(sharpest) = bounds.first() {
-        let of = |accuracy: Accuracy| format!("{accuracy} up to {:.3e} s", accuracy.step() * sharpest.h);
+        let of = |accuracy: Accuracy| format!("{accuracy} up to {:.3e} s", accuracy.step_factor() * sharpest.h);
         lines.push(("", Accuracy::ALL.map(of).join(", ")));
     }
-    lines.extend(Accuracy::ALL.map(|accuracy| ("", format!("{accuracy}: {}", accuracy.measured()))));
+    lines.extend(Accuracy::ALL.map(|accuracy| ("", format!("{accuracy}: {}", accuracy.measured_cost_and_error()))));
     lines.extend(bounds.iter().map(|bound| ("", format!("up to {:.3e} s: {}", bound.h, bound.reason))));
     lines.extend(astray(scene, state).map(|message| ("digits", message)));
     lines

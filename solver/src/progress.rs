@@ -7,7 +7,7 @@ use std::thread::{JoinHandle, spawn};
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::{Compute, ContactSolver};
-use cd_formats::tell::{complain, tell};
+use cd_formats::tell::{print_error, print_line};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::activity;
@@ -80,7 +80,7 @@ impl Progress {
         }
         let rate = (state.step - self.first) as f64 / self.start.elapsed().as_secs_f64().max(1e-9);
         let left = (self.last - state.step) as f64 / rate.max(1e-9);
-        tell(format_args!(
+        print_line(format_args!(
             "step {}/{}  t = {:.6} s  {} contacts carry force  {} sweeps, residual {:.1e}  kinetic {:.3e} J  {} steps/s, {:.0} s left",
             state.step,
             self.last,
@@ -107,17 +107,17 @@ impl Progress {
             "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, {why}{worst}; continuing",
             state.step, state.time, report.sweeps
         );
-        self.bar.suspend(|| complain(&message));
+        self.bar.suspend(|| print_error(&message));
     }
 
     /// A warning on stderr, next to the bar.
     pub fn warn(&self, message: &str) {
-        self.bar.suspend(|| complain(format_args!("cd-solve: warning: {message}")));
+        self.bar.suspend(|| print_error(format_args!("cd-solve: warning: {message}")));
     }
 
     /// Any line, beside the bar.
     pub fn tell(&self, message: &str) {
-        self.bar.suspend(|| tell(format_args!("{message}")));
+        self.bar.suspend(|| print_line(format_args!("{message}")));
     }
 
     pub fn finish(&self) {
@@ -156,7 +156,7 @@ fn watch(heard: Arc<Mutex<(Instant, u64)>>, last: u64) -> (Sender<()>, JoinHandl
             let Ok(mut heard) = heard.lock() else { return };
             let silent = heard.0.elapsed();
             if silent >= SILENCE {
-                tell(format_args!("after step {}/{last}: next step in progress, {}", heard.1, activity::describe()));
+                print_line(format_args!("after step {}/{last}: next step in progress, {}", heard.1, activity::describe()));
                 heard.0 = Instant::now();
             }
             wait = SILENCE.saturating_sub(heard.0.elapsed()).max(Duration::from_millis(100));

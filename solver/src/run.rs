@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::Parameters;
-use cd_formats::tell::{complain, tell};
+use cd_formats::snapshot::RunParameters;
+use cd_formats::tell::{print_error, print_line};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
@@ -86,7 +86,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
             if number <= state.step + units {
                 let number = state.step + units;
                 let path = crate::write::problem(case, number, problem).map_err(Failure::Unwritten)?;
-                tell(format_args!("cd-solve: contact problem of step {number} in {}", path.display()));
+                print_line(format_args!("cd-solve: contact problem of step {number} in {}", path.display()));
             }
         }
         let mut lap = Clock { writing: std::mem::take(&mut writing), ..Clock::default() };
@@ -150,7 +150,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     {
         course.penetration_end = overlap.depth;
         if overlap.share > deep && course.overlap.is_none_or(|before| before.share <= deep) {
-            complain(format_args!("cd-solve: warning: {}", deepened(&state, overlap)));
+            print_error(format_args!("cd-solve: warning: {}", deepened(&state, overlap)));
         }
         course.overlap = deeper(course.overlap, overlap);
     }
@@ -187,7 +187,7 @@ fn written_before(failure: Failure) -> Failure {
 }
 
 /// Enters in the ledger what forces other than those before a resume make of the potential energy, and tells it.
-pub fn take_on_forces(scene: &Scene, before: &Parameters, state: &mut State) {
+pub fn take_on_forces(scene: &Scene, before: &RunParameters, state: &mut State) {
     let options = &scene.options;
     let same = [
         ("gravity", state.gravity == Vec3::from(before.uniform_gravity)),
@@ -209,7 +209,7 @@ pub fn take_on_forces(scene: &Scene, before: &Parameters, state: &mut State) {
     let work = potential_energy(scene, state, &state.x) - potential_energy(&old_scene, &old, &old.x);
     state.ledger.outside_work += work;
     let changed = changed.join(", ");
-    tell(format_args!(
+    print_line(format_args!(
         "cd-solve: other than before: {changed}; the change of potential energy, {work:.3e} J, is work from outside"
     ));
 }
@@ -220,7 +220,7 @@ const DEEPER: f64 = 1.1;
 /// What to tell of a step that is longer than suits even a draft.
 fn too_long(scene: &Scene, state: &State) -> Option<String> {
     let sharpest = bounds(scene, state).into_iter().next()?;
-    let (h, suits) = (scene.options.dt, Accuracy::Draft.step() * sharpest.h);
+    let (h, suits) = (scene.options.dt, Accuracy::Draft.step_factor() * sharpest.h);
     let Bound { reason, .. } = sharpest;
     (h > suits).then(|| {
         format!(

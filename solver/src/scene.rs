@@ -2,7 +2,7 @@
 
 use cd_formats::compute::{Compute, Event, GravityMethod, NarrowPhase};
 use cd_formats::drv_dof::Evolution;
-use cd_formats::field::Outside;
+use cd_formats::field::FieldModel;
 use cd_formats::snapshot::{LawName, MaterialName};
 
 use crate::BARE;
@@ -171,7 +171,7 @@ impl Drive {
     /// Velocity (m/s) and angular velocity (rad/s, world frame) at a time (s) of the body with the orientation `q` and, where it is
     /// pushed, the velocity `v`.
     pub fn at(&self, time: f64, q: &Quat, v: &Vec3) -> (Vec3, Vec3) {
-        let imposed = |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.at(time));
+        let imposed = |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.value_at(time));
         (Vec3::from_fn(|k, _| imposed(k, v[k])), q * Vec3::from_fn(|k, _| imposed(3 + k, 0.0)))
     }
 }
@@ -444,13 +444,13 @@ impl Scene {
     }
 
     /// The fields that act from outside.
-    pub fn outside(&self) -> Vec<Outside> {
-        self.options.fields.iter().map(|field| field.outside(self.options.gravity_constant)).collect()
+    pub fn outside(&self) -> Vec<FieldModel> {
+        self.options.fields.iter().map(|field| field.to_model(self.options.gravity_constant)).collect()
     }
 
     /// How fast the axes turn from which all is seen, rad/s.
     pub fn rate(&self) -> Vec3 {
-        self.outside().iter().map(Outside::rate).sum()
+        self.outside().iter().map(FieldModel::rotation_rate).sum()
     }
 
     /// The models that this scene uses, for the summary.

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use cd_formats::compute::Action;
-use cd_formats::snapshot::{Fallback, Ledger};
+use cd_formats::compute::EventAction;
+use cd_formats::snapshot::{FallbackState, Ledger};
 use rayon::prelude::*;
 
 use crate::geometry::Memory;
@@ -197,7 +197,7 @@ impl Interval {
 /// The last two evaluations of self-gravity, where it is not evaluated at every step; rows are free bodies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attraction {
-    pub record: cd_formats::snapshot::Attraction,
+    pub record: cd_formats::snapshot::GravityEvaluations,
     /// m/s^2; shared by the states that extrapolate from the same evaluations.
     pub last: Arc<[Vec3]>,
     pub before: Arc<[Vec3]>,
@@ -242,7 +242,7 @@ pub struct State {
     /// Events that have happened.
     pub events_done: usize,
     pub attraction: Option<Attraction>,
-    pub fallback: Fallback,
+    pub fallback: FallbackState,
     pub ledger: Ledger,
 }
 
@@ -261,19 +261,19 @@ impl State {
     }
 
     /// Takes over a setting that an event changes; motion is left alone.
-    pub fn set_by(&mut self, action: &Action, scene: &Scene) {
+    pub fn set_by(&mut self, action: &EventAction, scene: &Scene) {
         let law = |name: &String| scene.law_names.iter().position(|law| law.nickname == *name);
         match action {
-            Action::SetGravity(gravity) => self.gravity = Vec3::from(*gravity),
-            Action::SetQuench(quench) => self.quench = *quench,
-            Action::SetTorque(torque) => self.torque = Vec3::from(*torque),
-            Action::SetFriction(name, friction) => {
+            EventAction::SetGravity(gravity) => self.gravity = Vec3::from(*gravity),
+            EventAction::SetQuench(quench) => self.quench = *quench,
+            EventAction::SetTorque(torque) => self.torque = Vec3::from(*torque),
+            EventAction::SetFriction(name, friction) => {
                 law(name).into_iter().for_each(|k| self.laws[k].set_friction(*friction));
             }
-            Action::SetCohesion(name, value) => {
+            EventAction::SetCohesion(name, value) => {
                 law(name).into_iter().for_each(|k| _ = self.laws[k].set_cohesion(*value));
             }
-            Action::AddSpin(_) | Action::AddVelocity(_) | Action::Shake { .. } | Action::Bond => {}
+            EventAction::AddSpin(_) | EventAction::AddVelocity(_) | EventAction::Shake { .. } | EventAction::Bond => {}
         }
     }
 

@@ -14,7 +14,7 @@ fn file(name: &str) -> PathBuf {
 }
 
 fn load(name: &str) -> Problem {
-    let Fc3d { mu, q, blocks, .. } = Fc3d::read(&file(name)).unwrap();
+    let Fc3d { mu, free_velocities: q, blocks, .. } = Fc3d::read(&file(name)).unwrap();
     Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).unwrap()
 }
 

@@ -1,6 +1,6 @@
 //! Kinetic and potential energies.
 
-use cd_formats::field::Outside;
+use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
 use crate::derive::gravity::Tree;
@@ -25,15 +25,15 @@ pub fn self_gravity_constant(frame: &Frame) -> Option<f64> {
 }
 
 /// The fields that act from outside, besides uniform gravity.
-pub fn outside(frame: &Frame) -> Vec<Outside> {
+pub fn outside(frame: &Frame) -> Vec<FieldModel> {
     let parameters = &frame.meta.parameters;
-    parameters.fields.iter().map(|field| field.outside(parameters.gravity_constant)).collect()
+    parameters.fields.iter().map(|field| field.to_model(parameters.gravity_constant)).collect()
 }
 
 /// Potential energy in such fields, J: sum m_i phi(x_i), [`Outside::at`], and what the grains' extent adds,
 /// [`Outside::of_extent`].
-pub fn in_fields(grains: &[Grain], fields: &[Outside]) -> f64 {
-    let of = |g: &Grain, field: &Outside| g.mass * field.at(&g.x).1 + field.of_extent(|rate| g.inertia * rate);
+pub fn in_fields(grains: &[Grain], fields: &[FieldModel]) -> f64 {
+    let of = |g: &Grain, field: &FieldModel| g.mass * field.acceleration_and_potential(&g.x).1 + field.tidal_energy(|rate| g.inertia * rate);
     // 0 without fields, not the -0 of an empty sum.
     grains.iter().flat_map(|g| fields.iter().map(move |field| of(g, field))).fold(0.0, |sum, energy| sum + energy)
 }

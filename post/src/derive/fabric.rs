@@ -1,7 +1,7 @@
 //! How contacts are directed and what they carry.
 
 use cd_formats::snapshot::{LawName, STATUS_SLIDE};
-use cd_formats::tact_behav::LAWS;
+use cd_formats::tact_behav::LAW_LABELS;
 use nalgebra::SymmetricEigen;
 
 use crate::derive::coordination::touching;
@@ -39,7 +39,7 @@ pub fn anisotropy(fabric: &Mat3) -> f64 {
 /// mu is the coefficient of (static) friction, f_c the attraction of a liquid within its range and, of a law that remembers,
 /// where its bridge holds. Of a bond over the area S, f_c = c_n S, and c_t / c_n stands for mu. Source: the laws of cd-solve.
 pub fn tangential_limit(contact: &Contact, law: &LawName) -> f64 {
-    let labels = LAWS.iter().find(|(kind, _)| *kind == law.kind).map_or(&[][..], |(_, lines)| *lines);
+    let labels = LAW_LABELS.iter().find(|(kind, _)| *kind == law.kind).map_or(&[][..], |(_, lines)| *lines);
     let labels: Vec<&str> = labels.iter().flat_map(|line| line.iter().copied()).collect();
     let of = |name: &str| labels.iter().position(|label| *label == name).and_then(|k| law.parameters.get(k)).copied();
     let friction = of("fric").or(of("stfr")).unwrap_or(0.0);
@@ -90,7 +90,7 @@ pub fn distribution(values: impl Iterator<Item = f64>, width: f64) -> Vec<(f64, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cd_formats::snapshot::{STATUS_STICK, Shapes};
+    use cd_formats::snapshot::{STATUS_STICK, ShapeArrays};
 
     use crate::frame::Vec3;
     use crate::samples::Scene;
@@ -175,7 +175,7 @@ mod tests {
         scene.remember(&[1]);
         assert!((share(&scene) - area / (2.0 * area - 0.5)).abs() < 1e-15, "{}", share(&scene));
         // Where faces meet the area is theirs.
-        let mut shapes = Shapes::default();
+        let mut shapes = ShapeArrays::default();
         shapes.contacts.contact_area = vec![2.0 * area];
         scene.snapshot.shapes = Some(shapes);
         assert!((share(&scene) - area / (4.0 * area - 0.5)).abs() < 1e-15, "{}", share(&scene));

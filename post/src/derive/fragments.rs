@@ -1,6 +1,6 @@
 //! Groups of grains that touch.
 
-use cd_formats::groups::Groups;
+use cd_formats::groups::DisjointSets;
 
 use crate::derive::motion::{Axes, Whole};
 use crate::frame::{Frame, Grain, Vec3};
@@ -31,18 +31,18 @@ pub struct Fragment {
 /// their contacts where these were looked for. Walls link nothing.
 pub fn fragments(frame: &Frame) -> Vec<Fragment> {
     let grains = &frame.grains;
-    let mut groups = Groups::new(grains.len());
+    let mut groups = DisjointSets::new(grains.len());
     for contact in &frame.contacts {
         if let Some((i, j)) = contact.pair()
             && (contact.active || !both_spheres(frame, i, j) && contact.gap <= touching_gap(frame, i, j))
         {
-            groups.join(i, j);
+            groups.union(i, j);
         }
     }
     join_spheres(frame, &mut groups);
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); grains.len()];
     for i in 0..grains.len() {
-        members[groups.root(i)].push(i);
+        members[groups.find(i)].push(i);
     }
     members.retain(|group| !group.is_empty());
     let axes = Axes::of(frame);
@@ -64,7 +64,7 @@ pub fn fragments(frame: &Frame) -> Vec<Fragment> {
 ///
 /// They are swept along x in columns as wide as the largest of them, each in up to four columns, as what touches shares one;
 /// images beside the cell too.
-fn join_spheres(frame: &Frame, groups: &mut Groups) {
+fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
     let grains = &frame.grains;
     let reach = |i: usize| grains[i].radius * (1.0 + TOUCHING_GAP);
     let spheres = || (0..grains.len()).filter(|&i| grains[i].solid.is_none());
@@ -83,7 +83,7 @@ fn join_spheres(frame: &Frame, groups: &mut Groups) {
         for (_, _, j, y) in places[k + 1..].iter().take_while(|other| other.0 == *column && other.1 <= end) {
             let touching = grains[*i].radius + grains[*j].radius + touching_gap(frame, *i, *j);
             if (x - y).norm_squared() <= touching * touching {
-                groups.join(*i, *j);
+                groups.union(*i, *j);
             }
         }
     }

@@ -1,6 +1,6 @@
 //! The grains as one body: centre of mass, momenta, inertia, spin.
 
-use cd_formats::compute::Field;
+use cd_formats::compute::ExternalField;
 use nalgebra::SymmetricEigen;
 
 use crate::frame::{Frame, Grain, Mat3, Vec3};
@@ -11,8 +11,8 @@ pub struct Axes(Vec<(Vec3, Vec3)>);
 
 impl Axes {
     pub fn of(frame: &Frame) -> Axes {
-        let turning = |field: &Field| match *field {
-            Field::RotatingFrame { rate, centre } => Some((rate.into(), centre.into())),
+        let turning = |field: &ExternalField| match *field {
+            ExternalField::RotatingFrame { rate, centre } => Some((rate.into(), centre.into())),
             _ => None,
         };
         Axes(frame.meta.parameters.fields.iter().filter_map(turning).collect())
@@ -203,7 +203,7 @@ mod tests {
             bodies.body_v[row] = (Vec3::from(bodies.body_v[row]) - rate.cross(&(x - centre))).into();
             bodies.body_w_world[row] = (Vec3::from(bodies.body_w_world[row]) - rate).into();
         }
-        scene.snapshot.meta.parameters.fields = vec![Field::RotatingFrame { rate: rate.into(), centre: centre.into() }];
+        scene.snapshot.meta.parameters.fields = vec![ExternalField::RotatingFrame { rate: rate.into(), centre: centre.into() }];
         let seen = scene.frame();
         let (expected, found) = (Whole::of(&fixed.grains), Whole::of(&seen.grains));
         assert!((found.spin() - expected.spin()).norm() > 0.5);

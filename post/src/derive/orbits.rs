@@ -78,9 +78,9 @@ pub fn axis_of(whole: &Whole) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cd_formats::compute::Field;
+    use cd_formats::compute::ExternalField;
 
-    use crate::derive::fragments::fragments;
+    use crate::derive::fragments::{fragments};
     use crate::samples::Scene;
 
     #[track_caller]
@@ -143,7 +143,7 @@ mod tests {
         let mu = 2.0 * constant * scene.snapshot.bodies.body_mass[0];
         let rate = k * (mu / distance.powi(3)).sqrt();
         scene.snapshot.meta.parameters.fields =
-            vec![Field::RotatingFrame { rate: [0.0, 0.0, rate], centre: [-3.0, 4.0, 0.0] }];
+            vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, rate], centre: [-3.0, 4.0, 0.0] }];
         let found = orbits(&fragments(&scene.frame()), constant)[0];
         assert_close(found.speed, rate * distance);
         assert_close(found.e, k * k - 1.0);

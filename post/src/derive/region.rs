@@ -254,7 +254,7 @@ impl Region {
         let fields = outside(frame);
         let rate = Axes::of(frame).rate();
         let pull = |g: &Grain| -> Vec3 {
-            let at_rest: Vec3 = fields.iter().map(|field| field.at(&g.x_contact).0).sum();
+            let at_rest: Vec3 = fields.iter().map(|field| field.acceleration_and_potential(&g.x_contact).0).sum();
             at_rest - 2.0 * rate.cross(&g.v)
         };
         let fields: f64 = self.grains(frame).map(|g| g.mass * (g.x_contact - com).dot(&pull(g))).sum();
@@ -548,7 +548,7 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    use crate::derive::fragments::fragments;
+    use crate::derive::fragments::{fragments};
     use crate::derive::{Choices, Row};
     use crate::frame::{Wall, WallShape};
     use crate::samples::Scene;

@@ -1,6 +1,6 @@
 //! The surface of an aggregate by direction: height, effective gravity, slope.
 
-use cd_formats::field::Outside;
+use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
 use crate::derive::energy::outside;
@@ -129,13 +129,13 @@ pub fn noise(facets: &[Facet]) -> f64 {
 /// Where a wall touches one of them with force they rest in the axes of the scene: uniform gravity, and of axes that turn
 /// the centrifugal acceleration of their centre of mass. Else they fall freely: against the mean pull of primaries and other
 /// grains, so that tides are left of these, and uniform gravity is not felt.
-fn in_own_axes(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, fields: &[Outside]) -> Vec3 {
+fn in_own_axes(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, fields: &[FieldModel]) -> Vec3 {
     let mut own = vec![false; frame.grains.len()];
     members.iter().for_each(|&i| own[i] = true);
     let borne = |contact: &Contact| contact.pair().is_none() && contact.on_grains().any(|(i, _, _)| own[i]);
     if frame.active().any(borne) {
-        let turning = fields.iter().filter(|field| matches!(field, Outside::Turning { .. }));
-        return Vec3::from(frame.meta.parameters.uniform_gravity) + turning.map(|f| f.at(&whole.x).0).sum::<Vec3>();
+        let turning = fields.iter().filter(|field| matches!(field, FieldModel::Turning { .. }));
+        return Vec3::from(frame.meta.parameters.uniform_gravity) + turning.map(|f| f.acceleration_and_potential(&whole.x).0).sum::<Vec3>();
     }
     let others: Vec<&Grain> = (0..own.len()).filter(|&i| !own[i]).map(|i| &frame.grains[i]).collect();
     let pull = |&i: &usize| {
@@ -149,8 +149,8 @@ fn in_own_axes(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, f
 }
 
 /// Attraction by the primaries among the fields, m/s^2.
-fn primaries(fields: &[Outside], x: Vec3) -> Vec3 {
-    fields.iter().filter(|field| matches!(field, Outside::Primary { .. })).map(|field| field.at(&x).0).sum()
+fn primaries(fields: &[FieldModel], x: Vec3) -> Vec3 {
+    fields.iter().filter(|field| matches!(field, FieldModel::Primary { .. })).map(|field| field.acceleration_and_potential(&x).0).sum()
 }
 
 /// Distance along each direction from `centre` to the last surface of a grain, m; NaN without.
@@ -294,9 +294,9 @@ pub fn slopes_below(facets: &[Facet], shares: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cd_formats::compute::Field;
+    use cd_formats::compute::ExternalField;
 
-    use crate::derive::fragments::fragments;
+    use crate::derive::fragments::{fragments};
     use crate::samples::Scene;
 
     /// Heights of the ellipsoid with these semi-axes.
@@ -380,7 +380,7 @@ mod tests {
         scene.grain([1.0, -2.0, 0.5], radius);
         let attraction = constant * scene.snapshot.bodies.body_mass[0] / (radius * radius);
         let rate = [0.0, 0.0, (0.5 * attraction / radius).sqrt()];
-        scene.snapshot.meta.parameters.fields = vec![Field::RotatingFrame { rate, centre: [5.0, 0.0, 0.0] }];
+        scene.snapshot.meta.parameters.fields = vec![ExternalField::RotatingFrame { rate, centre: [5.0, 0.0, 0.0] }];
         let frame = scene.frame();
         let largest = &fragments(&frame)[0];
         for facet in surface(&frame, &largest.grains, &largest.whole, constant, Grid::STANDARD, 3.0) {
@@ -412,7 +412,7 @@ mod tests {
         }
         // At rest in axes that turn about the middle of a turntable 10 m away: w^2 r.
         let rate = [0.0, 0.0, 0.3];
-        scene.snapshot.meta.parameters.fields = vec![Field::RotatingFrame { rate, centre: [-10.0, 0.0, 0.0] }];
+        scene.snapshot.meta.parameters.fields = vec![ExternalField::RotatingFrame { rate, centre: [-10.0, 0.0, 0.0] }];
         for facet in of(&scene, 0.0) {
             let expected = Vec3::new(0.09 * (facet.x.x + 10.0), 0.09 * facet.x.y, -2.0);
             assert!((facet.gravity - expected).norm() < 1e-14, "{facet:?}");
@@ -424,7 +424,7 @@ mod tests {
         let (constant, distance, mass) = (1.0, 100.0, 3e4);
         let primary = |scene: &mut Scene| {
             let position = [distance, 0.0, 0.0];
-            scene.snapshot.meta.parameters.fields = vec![Field::PointMass { mass, position }];
+            scene.snapshot.meta.parameters.fields = vec![ExternalField::PointMass { mass, position }];
         };
         let moon = |scene: &mut Scene| {
             let moon = scene.grain([distance, 0.0, 0.0], 0.9);

@@ -253,7 +253,7 @@ fn steps_of_log(path: &Path, last: u64) -> Option<u64> {
 
 /// Seconds spent in each room, the sums of the columns of TIMER.csv; none where there is no such file.
 fn seconds(path: &Path) -> Result<Vec<(&'static str, f64)>, Faults> {
-    if !atomic::is_there(path) {
+    if !atomic::path_exists(path) {
         return Ok(Vec::new());
     }
     let rooms = [&TIMED[..], &["writing"]].concat();

@@ -2,10 +2,10 @@
 
 use std::fmt::Display;
 
-use cd_formats::bodies::{Body, Contactor, LocalFrame, Shape};
-use cd_formats::drv_dof::{Driven, DrvDof, Evolution};
-use cd_formats::scan::{fortran_real, long14};
-use cd_formats::tact_behav::labels;
+use cd_formats::bodies::{Body, Contactor, LocalFrame, ShapeRecord};
+use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution};
+use cd_formats::scan::{fortran_real, format_long14};
+use cd_formats::tact_behav::parameter_labels;
 
 use super::tables::Tables;
 
@@ -21,11 +21,11 @@ pub fn lost(bodies: &[Body], tables: &Tables, driven: &DrvDof) -> String {
     let materials = tables.bulk.materials.iter();
     let materials = materials.flat_map(|m| of(format_args!("material {}", m.name), [("Umas", m.density)]));
     let laws = tables.tact.laws.iter().flat_map(|law| {
-        of(format_args!("law '{}'", law.nickname), labels(&law.kind).zip(law.parameters.iter().copied()))
+        of(format_args!("law '{}'", law.nickname), parameter_labels(&law.kind).zip(law.parameters.iter().copied()))
     });
     let rows = (1..).zip(&tables.tact.visibility);
     let rows = rows.flat_map(|(k, row)| of(format_args!("see row {k}"), [("alert", row.alert)]));
-    let functions = driven.0.iter().flat_map(|Driven { body, component, evolution, .. }| match *evolution {
+    let functions = driven.0.iter().flat_map(|DrivenComponent { body, component, evolution, .. }| match *evolution {
         Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
             let names = ["CT", "AMP", "OMEGA", "PHI", "RAMPI", "RAMP"];
             let values = [constant, amplitude, omega, phase, ramp_start, ramp_rate];
@@ -52,8 +52,8 @@ pub fn lost(bodies: &[Body], tables: &Tables, driven: &DrvDof) -> String {
 
 /// Of the numbers of an object by their labels, those that are not written with all their digits, in words.
 fn of(object: impl Display, numbers: impl IntoIterator<Item = (&'static str, f64)>) -> Vec<String> {
-    let lost = numbers.into_iter().filter(|(_, x)| fortran_real(&long14(*x)) != Ok(*x));
-    lost.map(|(label, x)| format!("{object}: {label} {x:?} is written as {}", long14(x).trim())).collect()
+    let lost = numbers.into_iter().filter(|(_, x)| fortran_real(&format_long14(*x)) != Ok(*x));
+    lost.map(|(label, x)| format!("{object}: {label} {x:?} is written as {}", format_long14(x).trim())).collect()
 }
 
 /// What makes the mass and the shape of a body.
@@ -63,18 +63,18 @@ fn numbers(body: &Body) -> Vec<(&'static str, f64)> {
     body.inertia.iter().for_each(|moments| add("I", moments));
     for Contactor { shape, local_frame, .. } in &body.contactors {
         match shape {
-            Shape::Sphere { radius } => add("byrd", &[*radius]),
-            Shape::OffsetSphere { radius, offset } => {
+            ShapeRecord::Sphere { radius } => add("byrd", &[*radius]),
+            ShapeRecord::OffsetSphere { radius, offset } => {
                 add("byrd", &[*radius]);
                 add("coo", offset);
             }
-            Shape::Plane { half_lengths } => add("axe", half_lengths),
-            Shape::Cylinder { half_height, radius, .. } => {
+            ShapeRecord::Plane { half_lengths } => add("axe", half_lengths),
+            ShapeRecord::Cylinder { half_height, radius, .. } => {
                 add("High", &[*half_height]);
                 add("byrd", &[*radius]);
             }
-            Shape::Polyhedron { vertices, .. } => add("coo", vertices.as_flattened()),
-            Shape::Point { offset } => add("coo", offset),
+            ShapeRecord::Polyhedron { vertices, .. } => add("coo", vertices.as_flattened()),
+            ShapeRecord::Point { offset } => add("coo", offset),
         }
         if let Some(LocalFrame { axes, offset }) = local_frame {
             add("localframe", axes.as_flattened());
@@ -105,12 +105,12 @@ mod tests {
         let third = 1.0 / 3.0;
         let contactor = |shape| Contactor { colour: "BLUEx".into(), shape, local_frame: None };
         let shapes = [
-            (Shape::Sphere { radius: third }, 1),
-            (Shape::OffsetSphere { radius: third, offset: [third; 3] }, 4),
-            (Shape::Plane { half_lengths: [third; 3] }, 3),
-            (Shape::Cylinder { half_height: third, radius: third, hollow: true }, 2),
-            (Shape::Polyhedron { vertices: vec![[third; 3]; 4], triangles: Vec::new() }, 12),
-            (Shape::Point { offset: [third; 3] }, 3),
+            (ShapeRecord::Sphere { radius: third }, 1),
+            (ShapeRecord::OffsetSphere { radius: third, offset: [third; 3] }, 4),
+            (ShapeRecord::Plane { half_lengths: [third; 3] }, 3),
+            (ShapeRecord::Cylinder { half_height: third, radius: third, hollow: true }, 2),
+            (ShapeRecord::Polyhedron { vertices: vec![[third; 3]; 4], triangles: Vec::new() }, 12),
+            (ShapeRecord::Point { offset: [third; 3] }, 3),
         ];
         for (shape, count) in shapes {
             let mut body = Body {

@@ -19,16 +19,16 @@ pub mod tables;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use cd_formats::atomic::{self, is_there};
+use cd_formats::atomic::{self, path_exists};
 use cd_formats::bodies::Bodies;
-use cd_formats::compute::{ABOUT_A_PERIOD, Compute};
+use cd_formats::compute::{ROTATION_ABOUT_PERIOD, Compute};
 use cd_formats::dof::{BodyDof, Dof};
-use cd_formats::drv_dof::{Driven, DrvDof, Evolution, table_text};
+use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::origin::Origin;
+use cd_formats::origin::SceneOrigin;
 use cd_formats::places;
-use cd_formats::report::Report;
-use cd_formats::snapshot::{self, Ledger, START, Snapshot};
+use cd_formats::report::FaultReport;
+use cd_formats::snapshot::{self, Ledger, START_FILE, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
 use serde::Deserialize;
 
@@ -159,7 +159,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         None => (Path::new("changes"), "()".to_string()),
     };
     let parsed = |text: &str, settings: &[String]| -> Result<(Changes, String), Faults> {
-        let text = places::set(text, settings)?;
+        let text = places::apply_settings(text, settings)?;
         Ok((crate::parsed(file, &text, settings, "changes")?, text))
     };
     // Options that are set where the file has none are for those of the first case.
@@ -172,7 +172,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     if changes.bodies.is_empty() {
         changes.bodies.push(Taken::default());
     }
-    let mut report = Report::with(file, &text, settings);
+    let mut report = FaultReport::with_settings(file, &text, settings);
     check(&changes, &mut report);
     let folder = file.parent().unwrap_or(Path::new(""));
     let cases: Vec<PathBuf> =
@@ -184,7 +184,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
             let expected = "expected another folder than that of a case that is read";
             report.faults.push(Fault::new(dir, None, "folder", "is the case itself", expected));
         }
-        sources.extend(report.faults.gather(Source::read(case, taken.snapshot)));
+        sources.extend(report.faults.gather_result(Source::read(case, taken.snapshot)));
     }
     if !events_go_on {
         sources.iter_mut().for_each(Source::end_events);
@@ -197,7 +197,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     for (k, (source, taken)) in sources.iter().zip(&changes.bodies).enumerate() {
         match source.take(taken) {
             Ok(part) => parts.push(part),
-            Err((found, expected)) => report.fault(&format!("bodies.{k}"), found, expected),
+            Err((found, expected)) => report.add_fault(&format!("bodies.{k}"), found, expected),
         }
     }
     if !report.faults.0.is_empty() {
@@ -216,13 +216,13 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         }
     }
     for (k, taken) in changes.bodies.iter().enumerate() {
-        let turns = taken.stop != Stop::RigidMotion || options.may_turn(&[1.0; 3]);
-        report.expect(turns, &format!("bodies.{k}.stop"), "RigidMotion", ABOUT_A_PERIOD);
-        report.expect(
-            options.may_turn(&taken.spin),
+        let turns = taken.stop != Stop::RigidMotion || options.allows_rotation_about(&[1.0; 3]);
+        report.require(turns, &format!("bodies.{k}.stop"), "RigidMotion", ROTATION_ABOUT_PERIOD);
+        report.require(
+            options.allows_rotation_about(&taken.spin),
             &format!("bodies.{k}.spin"),
             format!("{:?}", taken.spin),
-            ABOUT_A_PERIOD,
+            ROTATION_ABOUT_PERIOD,
         );
     }
     let new = New::of(&changes, &parts, &options, folder, &mut report);
@@ -261,12 +261,12 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
-    fs::create_dir_all(&datbox).map_err(|error| Fault::io(&datbox, "written", &error))?;
-    let mut origin = Origin::from_outbox(case, changes_file, settings, dir);
+    fs::create_dir_all(&datbox).map_err(|error| Fault::from_io(&datbox, "written", &error))?;
+    let mut origin = SceneOrigin::from_outbox(case, changes_file, settings, dir);
     changes_file.into_iter().for_each(|file| origin.add(file, dir));
     crate::models(&changes.grains).for_each(|model| origin.add(&folder.join(model), dir));
     for part in &parts {
-        origin.add(&snapshot::path(&part.source.case.join("OUTBOX"), part.source.snapshot.meta.step), dir);
+        origin.add(&snapshot::snapshot_path(&part.source.case.join("OUTBOX"), part.source.snapshot.meta.step), dir);
     }
     for (_, bytes) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE) {
         bytes.splice(..0, origin.lines().into_bytes());
@@ -295,13 +295,13 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
 
 /// Takes away what only `from-outbox` writes, and what another scene would misread.
 pub fn clear(datbox: &Path) -> Result<(), Faults> {
-    for path in [datbox.join(START), datbox.join(ORIGIN)].iter().filter(|path| is_there(path)) {
-        fs::remove_file(path).map_err(|error| Fault::io(path, "removed", &error))?;
+    for path in [datbox.join(START_FILE), datbox.join(ORIGIN)].iter().filter(|path| path_exists(path)) {
+        fs::remove_file(path).map_err(|error| Fault::from_io(path, "removed", &error))?;
     }
     Ok(())
 }
 
-fn check(changes: &Changes, report: &mut Report) {
+fn check(changes: &Changes, report: &mut FaultReport) {
     for (k, taken) in changes.bodies.iter().enumerate() {
         let path = format!("bodies.{k}");
         three(report, &format!("{path}.velocity"), &taken.velocity, "m/s");
@@ -326,7 +326,7 @@ fn check(changes: &Changes, report: &mut Report) {
     for (k, material) in changes.materials.iter().enumerate() {
         let found = format!("{:?}", material.density);
         let path = format!("materials.{k}.density");
-        report.expect(crate::check::positive(material.density), &path, found, "a density > 0 kg/m^3");
+        report.require(crate::check::positive(material.density), &path, found, "a density > 0 kg/m^3");
     }
     crate::check::names(report, "laws", changes.laws.iter().map(|law| &law.name));
     for (k, law) in changes.laws.iter().enumerate() {
@@ -345,7 +345,7 @@ struct New {
 
 impl New {
     /// Reports bodies that cannot be placed.
-    fn of(changes: &Changes, parts: &[Part], options: &Compute, folder: &Path, report: &mut Report) -> New {
+    fn of(changes: &Changes, parts: &[Part], options: &Compute, folder: &Path, report: &mut FaultReport) -> New {
         let known = parts.iter().flat_map(|part| &part.source.bulk.materials);
         let known = known.map(|known| Material { name: known.name.clone(), density: known.density });
         let scene = Scene {
@@ -428,7 +428,7 @@ fn files(
             files.push((name.clone(), table_text(points).into_bytes()));
         }
     }
-    files.push((START.to_string(), start.to_bytes()));
+    files.push((START_FILE.to_string(), start.to_bytes()));
     files
 }
 
@@ -444,12 +444,12 @@ fn driven(parts: &[Part], new: &New) -> DrvDof {
     for part in parts {
         for row in &part.source.driven.0 {
             let Ok(k) = part.rows.binary_search(&row.body) else { continue };
-            all.push(Driven { body: first + k, ..row.clone() });
+            all.push(DrivenComponent { body: first + k, ..row.clone() });
         }
         first += part.rows.len();
     }
     let (rows, _) = write::drv_dof(&new.scene, &new.population);
-    all.extend(rows.0.into_iter().map(|row| Driven { body: first + row.body, ..row }));
+    all.extend(rows.0.into_iter().map(|row| DrivenComponent { body: first + row.body, ..row }));
     let mut tables = Vec::<Vec<[f64; 2]>>::new();
     for row in &mut all {
         if let Evolution::Table { name, points } = &mut row.evolution {

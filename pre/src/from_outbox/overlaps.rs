@@ -2,11 +2,11 @@
 
 use std::cell::OnceCell;
 
-use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::compute::Compute;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
-use cd_formats::report::Report;
-use cd_formats::tact_behav::{Side, TactBehav};
+use cd_formats::report::FaultReport;
+use cd_formats::tact_behav::{VisibilitySide, TactBehav};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::Changes;
@@ -25,7 +25,7 @@ const ROUNDING: f64 = 1e-3;
 
 /// A plate or cylinder where it is; rows of `axes` are its own axes.
 struct Wall {
-    shape: Shape,
+    shape: ShapeRecord,
     centre: Vec3,
     axes: Matrix3<f64>,
 }
@@ -50,13 +50,13 @@ impl Solid {
             let frame = local_frame.as_ref();
             let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());
             match shape {
-                Shape::Sphere { radius } => solid.balls.push((if lone { *x } else { at(offset) }, *radius)),
-                Shape::OffsetSphere { radius, offset } => solid.balls.push((at(Vec3::from(*offset)), *radius)),
-                Shape::Polyhedron { vertices, triangles } => {
+                ShapeRecord::Sphere { radius } => solid.balls.push((if lone { *x } else { at(offset) }, *radius)),
+                ShapeRecord::OffsetSphere { radius, offset } => solid.balls.push((at(Vec3::from(*offset)), *radius)),
+                ShapeRecord::Polyhedron { vertices, triangles } => {
                     let vertices = vertices.iter().map(|v| at(Vec3::from(*v)) - x).collect();
                     solid.pieces.push(Convex::new(*x, vertices, triangles));
                 }
-                Shape::Plane { .. } | Shape::Cylinder { .. } => {
+                ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {
                     let columns = frame.map_or(Matrix3::identity(), |f| Matrix3::from_columns(&f.axes.map(Vec3::from)));
                     let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
                     let turn = turn.into_inner();
@@ -65,7 +65,7 @@ impl Solid {
                     let (centre, axes) = if lone { (*x, q) } else { (at(offset), q * own.transpose() * turn) };
                     solid.walls.push(Wall { shape: shape.clone(), centre, axes: axes.transpose() });
                 }
-                Shape::Point { .. } => {}
+                ShapeRecord::Point { .. } => {}
             }
         }
         solid
@@ -115,12 +115,12 @@ impl Solid {
 /// The axes of a body in the frame of its file, as columns: the fixed ones where its inertia is given, and of a lone wall or
 /// sphere; else its principal ones, as cd-solve has it.
 fn own_axes(body: &Body) -> Matrix3<f64> {
-    let simple = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, Shape::Polyhedron { .. }));
+    let simple = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::Polyhedron { .. }));
     if simple || body.inertia.is_some_and(|inertia| inertia != [0.0; 3]) {
         return Matrix3::identity();
     }
     let axes =
-        body.mass_properties().map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |own| own.principal().1);
+        body.mass_properties().map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |own| own.principal_axes().1);
     Matrix3::from_fn(|i, j| axes[j][i])
 }
 
@@ -152,7 +152,7 @@ pub fn check(
     new: &Population,
     records: &Bodies,
     options: &Compute,
-    report: &mut Report,
+    report: &mut FaultReport,
 ) {
     let mut owner = Vec::new();
     let mut solids: Vec<Box<dyn Fn() -> Solid + '_>> = Vec::new();
@@ -187,12 +187,12 @@ pub fn check(
         let shift = centre - Vec3::from(body.position);
         let from_centre = |point: &[f64; 3]| (Vec3::from(*point) - shift).norm();
         let reach = |contactor: &Contactor| match &contactor.shape {
-            Shape::Sphere { radius } => *radius,
-            Shape::OffsetSphere { radius, offset } => from_centre(offset) + radius,
-            Shape::Polyhedron { vertices, .. } => vertices.iter().map(from_centre).fold(0.0, f64::max),
+            ShapeRecord::Sphere { radius } => *radius,
+            ShapeRecord::OffsetSphere { radius, offset } => from_centre(offset) + radius,
+            ShapeRecord::Polyhedron { vertices, .. } => vertices.iter().map(from_centre).fold(0.0, f64::max),
             _ => body.equivalent_radius,
         };
-        let is_wall = |shape: &Shape| matches!(shape, Shape::Plane { .. } | Shape::Cylinder { .. });
+        let is_wall = |shape: &ShapeRecord| matches!(shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. });
         body.contactors.iter().filter(|contactor| !is_wall(&contactor.shape)).map(reach).reduce(f64::max)
     };
     let of_each = records.0.iter().zip(&centres).map(reach).enumerate();
@@ -217,7 +217,7 @@ pub fn check(
         }
     };
     let with_walls = (0..records.0.len()).filter(|&k| {
-        records.0[k].contactors.iter().any(|c| matches!(c.shape, Shape::Plane { .. } | Shape::Cylinder { .. }))
+        records.0[k].contactors.iter().any(|c| matches!(c.shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }))
     });
     for wall in with_walls {
         for &(k, radius) in balls.iter().filter(|(k, _)| owner[*k] != owner[wall]) {
@@ -278,7 +278,7 @@ pub fn check(
                 "bodies of different origin that touch, or overlap by at most the {left:.3e} m that the run had left"
             ),
         };
-        report.fault(&name, found, expected);
+        report.add_fault(&name, found, expected);
     }
 }
 
@@ -289,9 +289,9 @@ pub fn check_drums(
     records: &Bodies,
     tact: &TactBehav,
     driven: &DrvDof,
-    report: &mut Report,
+    report: &mut FaultReport,
 ) {
-    let is_drum = |contactor: &Contactor| matches!(contactor.shape, Shape::Cylinder { hollow: true, .. });
+    let is_drum = |contactor: &Contactor| matches!(contactor.shape, ShapeRecord::Cylinder { hollow: true, .. });
     if !records.0.iter().any(|body| body.contactors.iter().any(is_drum)) {
         return;
     }
@@ -316,7 +316,7 @@ pub fn check_drums(
         is_driven[row.body] = true;
     }
     let meets = |a: &Contactor, b: &Contactor| {
-        let of = |side: &Side, c: &Contactor| side.colour == c.colour && side.contactor == c.shape.name();
+        let of = |side: &VisibilitySide, c: &Contactor| side.colour == c.colour && side.contactor == c.shape.type_name();
         let rows = &mut tact.visibility.iter();
         rows.any(|row| {
             of(&row.candidate, a) && of(&row.antagonist, b) || of(&row.candidate, b) && of(&row.antagonist, a)
@@ -325,7 +325,7 @@ pub fn check_drums(
     for (j, body) in records.0.iter().enumerate() {
         let solid = Solid::of(body, &placed[j].1, &placed[j].2, &placed[j].3);
         let drums = body.contactors.iter().filter(|contactor| is_drum(contactor));
-        let walls = solid.walls.iter().filter(|wall| matches!(wall.shape, Shape::Cylinder { hollow: true, .. }));
+        let walls = solid.walls.iter().filter(|wall| matches!(wall.shape, ShapeRecord::Cylinder { hollow: true, .. }));
         for (drum, wall) in drums.zip(walls) {
             let outside = (0..records.0.len()).filter(|&k| k != j && !is_driven[k]).find(|&k| {
                 let (_, shift, x, q) = &placed[k];
@@ -342,7 +342,7 @@ pub fn check_drums(
                     None => format!("body {}", j + 1),
                 };
                 let found = format!("body {} is outside of {of_drum}, a hollow cylinder", k + 1);
-                report.fault(path, found, "bodies that meet it within: it is closed, and pushes inwards alone");
+                report.add_fault(path, found, "bodies that meet it within: it is closed, and pushes inwards alone");
             }
         }
     }
@@ -350,7 +350,7 @@ pub fn check_drums(
 
 /// Centre of a contactor of a body as in [`Solid::of`].
 fn centre(body: &Body, contactor: &Contactor, shift: &Vec3, x: &Vec3, q: &UnitQuaternion<f64>) -> Vec3 {
-    let lone = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, Shape::OffsetSphere { .. }));
+    let lone = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::OffsetSphere { .. }));
     match contactor.mass_properties() {
         Ok(own) if !lone => x + q * (own_axes(body).transpose() * (Vec3::from(own.centre) - shift)),
         _ => *x,
@@ -366,7 +366,7 @@ mod tests {
         let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.3, -1.1, 0.7));
         let centre = Vec3::new(5.0, -2.0, 1.0);
         let overlap = |hollow: bool, local: [f64; 3]| {
-            let shape = Shape::Cylinder { half_height: 4.0, radius: 3.0, hollow };
+            let shape = ShapeRecord::Cylinder { half_height: 4.0, radius: 3.0, hollow };
             let wall = Wall { shape, centre, axes: turn.to_rotation_matrix().into_inner().transpose() };
             let wall = Solid { walls: vec![wall], ..Solid::default() };
             let shift = Vec3::new(10.0, 0.0, 0.0);

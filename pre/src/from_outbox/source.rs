@@ -2,20 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use cd_formats::atomic::is_there;
+use cd_formats::atomic::path_exists;
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::case::{CaseFolder, no_case};
-use cd_formats::compute::{Action, Compute, Event};
+use cd_formats::compute::{EventAction, Compute, Event};
 use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::groups::Groups;
+use cd_formats::groups::DisjointSets;
 use cd_formats::snapshot::{
-    self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, START, Shapes, Snapshot, TurningArrays,
+    self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, START_FILE, ShapeArrays, Snapshot, TurningArrays,
 };
 use cd_formats::tact_behav::TactBehav;
-use cd_formats::unchanged::Computed;
+use cd_formats::unchanged::ComputedSnapshot;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 use super::options::{done, of_run};
@@ -69,7 +69,7 @@ impl Source {
         }
         let (datbox, outbox) = (case.join("DATBOX"), case.join("OUTBOX"));
         let mut faults = Faults::default();
-        let all = snapshot::list(&outbox)?;
+        let all = snapshot::list_snapshots(&outbox)?;
         let found = match step {
             Some(step) => all.iter().find(|(number, _)| *number == step),
             None => all.last(),
@@ -83,36 +83,36 @@ impl Source {
             };
             faults.push(Fault::new(&outbox, None, "folder", found, expected));
         }
-        let snapshot = found.and_then(|(_, path)| Some((path, faults.gather(Snapshot::read(path))?)));
+        let snapshot = found.and_then(|(_, path)| Some((path, faults.gather_result(Snapshot::read(path))?)));
         let [of_bodies, of_bulk, of_tact, of_driven] =
             ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT", "DRV_DOF.DAT"].map(|name| datbox.join(name));
-        let bodies = faults.gather(Bodies::read(&of_bodies));
-        let bulk = faults.gather(BulkBehav::read(&of_bulk));
-        let tact = faults.gather(TactBehav::read(&of_tact));
-        let driven = faults.gather(DrvDof::read(&of_driven));
+        let bodies = faults.gather_result(Bodies::read(&of_bodies));
+        let bulk = faults.gather_result(BulkBehav::read(&of_bulk));
+        let tact = faults.gather_result(TactBehav::read(&of_tact));
+        let driven = faults.gather_result(DrvDof::read(&of_driven));
         let compute = datbox.join("COMPUTE.RON");
         let written =
-            if is_there(&compute) { faults.gather(Compute::read(&compute)) } else { Some(Compute::default()) };
+            if path_exists(&compute) { faults.gather_result(Compute::read(&compute)) } else { Some(Compute::default()) };
         let (Some((path, snapshot)), Some(bodies), Some(bulk), Some(tact), Some(driven), Some(written)) =
             (snapshot, bodies, bulk, tact, driven, written)
         else {
             return Err(faults);
         };
-        let computed = Computed { path, snapshot: &snapshot };
-        let own = faults.gather(computed.expect_bodies(&of_bodies, &bodies)).unwrap_or_default();
-        faults.gather(computed.expect_materials(&of_bulk, &bulk));
-        faults.gather(computed.expect_laws(&of_tact, &tact));
-        faults.gather(computed.expect_driven(&of_driven, &driven));
+        let computed = ComputedSnapshot { path, snapshot: &snapshot };
+        let own = faults.gather_result(computed.expect_bodies(&of_bodies, &bodies)).unwrap_or_default();
+        faults.gather_result(computed.expect_materials(&of_bulk, &bulk));
+        faults.gather_result(computed.expect_laws(&of_tact, &tact));
+        faults.gather_result(computed.expect_driven(&of_driven, &driven));
         faults.into_result(())?;
-        let shifts = bodies.0.iter().zip(&own).map(|(body, own)| body.shift(own).into()).collect();
+        let shifts = bodies.0.iter().zip(&own).map(|(body, own)| body.centre_of_mass_offset(own).into()).collect();
         let is_first = all.first().is_some_and(|first| first.1 == *path);
-        let (options, mut notes) = of_run(&written, &snapshot.meta, is_first, is_there(&datbox.join(START)));
-        let there = if is_there(&compute) { "COMPUTE.RON has" } else { "the default is" };
-        let changed = options.values().into_iter().zip(written.values()).filter(|(run, file)| run != file);
+        let (options, mut notes) = of_run(&written, &snapshot.meta, is_first, path_exists(&datbox.join(START_FILE)));
+        let there = if path_exists(&compute) { "COMPUTE.RON has" } else { "the default is" };
+        let changed = options.option_values().into_iter().zip(written.option_values()).filter(|(run, file)| run != file);
         notes.extend(changed.map(|((name, run), (_, file))| (name, format!("{run} as in the run; {there} {file}"))));
         let mut bulk = bulk;
         let gravity = snapshot.meta.parameters.uniform_gravity;
-        let by_event = |event: &Event| matches!(event.action, Action::SetGravity(_));
+        let by_event = |event: &Event| matches!(event.action, EventAction::SetGravity(_));
         if bulk.gravity != gravity && !done(&written.events, &snapshot.meta).iter().any(by_event) {
             let text = format!("{gravity:?} m/s^2 as in the run; BULK_BEHAV.DAT has {:?}", bulk.gravity);
             notes.push(("uniform gravity", text));
@@ -123,7 +123,7 @@ impl Source {
 
     /// Differences of the run from the files of its DATBOX, a line each; of options those that are the same `now`.
     pub fn notes(&self, now: Option<&Compute>) -> String {
-        let (own, now) = (self.options.values(), now.map(Compute::values).unwrap_or_default());
+        let (own, now) = (self.options.option_values(), now.map(Compute::option_values).unwrap_or_default());
         let holds = |name| own.iter().find(|(known, _)| *known == name).is_none_or(|value| now.contains(value));
         let notes = self.notes.iter().filter(|(name, _)| holds(*name));
         notes.map(|(name, text)| format!("{}: {name}: {text}\n", self.case.display())).collect()
@@ -140,8 +140,8 @@ impl Source {
         self.bulk.gravity = meta.parameters.uniform_gravity;
         for event in done(&std::mem::take(&mut self.options.events), meta) {
             match event.action {
-                Action::SetQuench(quench) => self.options.quench = quench,
-                Action::SetTorque(_) => self.options.events = vec![Event::once(0.0, event.action)],
+                EventAction::SetQuench(quench) => self.options.quench = quench,
+                EventAction::SetTorque(_) => self.options.events = vec![Event::at_time(0.0, event.action)],
                 _ => {}
             }
         }
@@ -164,7 +164,7 @@ impl Source {
         if let Some(shapes) = &mut self.snapshot.shapes {
             let as_before = |body: u32| Some(body).filter(|&body| factors[body as usize] == 1.0);
             let (kept, turning_body) = renumbered(&shapes.turning.turning_body, as_before);
-            shapes.turning = TurningArrays { turning_body, ..shapes.turning.rows(&kept) };
+            shapes.turning = TurningArrays { turning_body, ..shapes.turning.select_rows(&kept) };
         }
     }
 
@@ -197,13 +197,13 @@ impl Source {
             return Err((found, "walls: false, or neither turn nor centre".into()));
         }
         let mut state = Snapshot { meta: self.snapshot.meta.clone(), ..Snapshot::default() };
-        state.bodies = bodies.rows(&rows);
+        state.bodies = bodies.select_rows(&rows);
         let row_of = |body: u32| rows.binary_search(&(body as usize)).ok().map(|k| k as u32);
         let both = |[a, b]: [u32; 2]| Some([row_of(a)?, row_of(b)?]);
         let (kept, pairs) = renumbered(&self.snapshot.contacts.contact_body, both);
-        state.contacts = self.snapshot.contacts.rows(&kept);
+        state.contacts = self.snapshot.contacts.select_rows(&kept);
         state.contacts.contact_body = pairs;
-        state.memory = self.snapshot.memory.as_ref().map(|memory| memory.rows(&kept));
+        state.memory = self.snapshot.memory.as_ref().map(|memory| memory.select_rows(&kept));
         relocate(&mut state, &free, taken);
         state.shapes = self.snapshot.shapes.as_ref().map(|shapes| {
             // Of a body that turns otherwise than before the momentum follows from its angular velocity.
@@ -213,11 +213,11 @@ impl Source {
             };
             let (turning, turning_body) = renumbered(&shapes.turning.turning_body, |b| row_of(b).filter(as_before));
             let (near, pair_body) = renumbered(&shapes.pairs.pair_body, both);
-            Shapes {
-                turning: TurningArrays { turning_body, ..shapes.turning.rows(&turning) },
-                contacts: shapes.contacts.rows(&kept),
+            ShapeArrays {
+                turning: TurningArrays { turning_body, ..shapes.turning.select_rows(&turning) },
+                contacts: shapes.contacts.select_rows(&kept),
                 // A direction in fixed axes among them is but where a search begins.
-                pairs: PairArrays { pair_body, ..shapes.pairs.rows(&near) },
+                pairs: PairArrays { pair_body, ..shapes.pairs.select_rows(&near) },
             }
         });
         let record = |(&row, x): (&usize, &[f64; 3])| {
@@ -281,21 +281,21 @@ impl Source {
     fn largest(&self) -> Vec<bool> {
         let Snapshot { bodies, contacts, .. } = &self.snapshot;
         let count = bodies.body_id.len();
-        let mut groups = Groups::new(count);
+        let mut groups = DisjointSets::new(count);
         for (row, pair) in contacts.contact_body.iter().enumerate() {
             let [a, b] = pair.map(|body| body as usize);
             let close = TOUCHING_GAP * bodies.body_radius[a].min(bodies.body_radius[b]);
             let touch = contacts.contact_impulse[row] != [0.0; 3] || contacts.contact_gap[row] <= close;
             if touch && bodies.body_driven[a] == 0 && bodies.body_driven[b] == 0 {
-                groups.join(a, b);
+                groups.union(a, b);
             }
         }
         let mut mass = vec![0.0; count];
         for row in (0..count).filter(|&row| bodies.body_driven[row] == 0) {
-            mass[groups.root(row)] += bodies.body_mass[row];
+            mass[groups.find(row)] += bodies.body_mass[row];
         }
         let heaviest = (0..count).fold(0, |best, root| if mass[root] > mass[best] { root } else { best });
-        (0..count).map(|row| groups.root(row) == heaviest).collect()
+        (0..count).map(|row| groups.find(row) == heaviest).collect()
     }
 }
 
@@ -425,9 +425,9 @@ impl Part<'_> {
             start.memory.get_or_insert_with(|| unbonded(before)).append(memory);
         }
         // Of spheres and plates alone the contacts are those of first contactors, in points.
-        let plain = |count| Shapes {
+        let plain = |count| ShapeArrays {
             contacts: ContactPartArrays { contact_rank: vec![[0; 2]; count], contact_area: vec![0.0; count] },
-            ..Shapes::default()
+            ..ShapeArrays::default()
         };
         if start.shapes.is_some() || self.state.shapes.is_some() {
             let mut shapes = self.state.shapes.clone().unwrap_or_else(|| plain(count));

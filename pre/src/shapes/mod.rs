@@ -65,7 +65,7 @@ impl Solid {
         let (moments, axes) = if beside.amax() <= ALREADY_SO * inertia.trace() {
             (inertia.diagonal().into(), Matrix3::identity())
         } else {
-            let (moments, axes) = properties.principal();
+            let (moments, axes) = properties.principal_axes();
             nearest(moments, axes.map(Vector3::from))
         };
         let moved = |surface: &Surface| {

@@ -105,7 +105,7 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
             let model = bounds(&read.surface);
             for file in files {
                 let path = folder.join(file);
-                if let Some(mut read) = faults.gather(read::surface(&path)) {
+                if let Some(mut read) = faults.gather_result(read::surface(&path)) {
                     match convex(&read.surface) {
                         Some((surface, note)) if note.is_empty() => read.surface = surface,
                         Some((surface, note)) => {
@@ -125,7 +125,7 @@ pub fn solid(folder: &Path, file: &str, scaled: Scaled, contact: &ContactSurface
                     if !read.repairs.is_empty() {
                         told += &format!(", {file}: {}", read.repairs.join(", "));
                     }
-                    pieces.extend(faults.gather(times(&path, &read.surface, factor)));
+                    pieces.extend(faults.gather_result(times(&path, &read.surface, factor)));
                 }
             }
             faults.into_result(())?;

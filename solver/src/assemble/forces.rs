@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use cd_formats::compute::Action;
-use cd_formats::field::Outside;
-use cd_formats::snapshot::Attraction as Record;
+use cd_formats::compute::EventAction;
+use cd_formats::field::FieldModel;
+use cd_formats::snapshot::GravityEvaluations as Record;
 
 use crate::detect::broad::pairs;
 use crate::gravity::quadrupole::{Rigid, correction};
@@ -71,24 +71,24 @@ pub fn events(scene: &Scene, state: &mut State) -> Happened {
         let gravity = state.gravity;
         state.set_by(&event.action, scene);
         book_potential(scene, state, state.gravity - gravity);
-        happened.moved |= matches!(event.action, Action::AddVelocity(_) | Action::AddSpin(_));
+        happened.moved |= matches!(event.action, EventAction::AddVelocity(_) | EventAction::AddSpin(_));
         match event.action {
-            Action::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
-            Action::AddSpin(spin) => {
+            EventAction::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
+            EventAction::AddSpin(spin) => {
                 add_spin(scene, state, Vec3::from(spin));
                 state.attraction = None; // what bodies were on their way to says nothing any more
             }
-            Action::Shake { speed, seed } => {
+            EventAction::Shake { speed, seed } => {
                 state.attraction = None;
                 let seed = scrambled(scrambled(seed) ^ state.events_done as u64);
                 happened.shakes.push(Shake { speed, seed });
             }
-            Action::Bond => state.bonding = Bonding::All,
-            Action::SetTorque(_)
-            | Action::SetGravity(_)
-            | Action::SetQuench(_)
-            | Action::SetFriction(..)
-            | Action::SetCohesion(..) => {}
+            EventAction::Bond => state.bonding = Bonding::All,
+            EventAction::SetTorque(_)
+            | EventAction::SetGravity(_)
+            | EventAction::SetQuench(_)
+            | EventAction::SetFriction(..)
+            | EventAction::SetCohesion(..) => {}
         }
         happened.any = true;
         state.events_done += 1;
@@ -254,9 +254,9 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration, shakes: 
 }
 
 /// Acceleration and potential by uniform gravity and what else acts from outside on a body at rest.
-fn pushed(outside: &[Outside], gravity: Vec3, x: &Vec3) -> (Vec3, f64) {
+fn pushed(outside: &[FieldModel], gravity: Vec3, x: &Vec3) -> (Vec3, f64) {
     let uniform = (gravity, -gravity.dot(x));
-    outside.iter().map(|field| field.at(x)).fold(uniform, |sum, term| (sum.0 + term.0, sum.1 + term.1))
+    outside.iter().map(|field| field.acceleration_and_potential(x)).fold(uniform, |sum, term| (sum.0 + term.0, sum.1 + term.1))
 }
 
 /// The vector u with u + k x u = b.
@@ -265,9 +265,9 @@ fn turned(b: &Vec3, k: &Vec3) -> Vec3 {
 }
 
 /// What the free bodies' extent adds to their potential energy in outer fields, J.
-fn of_extent(scene: &Scene, outside: &[Outside], q: &[Quat]) -> f64 {
+fn of_extent(scene: &Scene, outside: &[FieldModel], q: &[Quat]) -> f64 {
     let of = |i: usize| {
-        outside.iter().map(|field| field.of_extent(|rate| scene.bodies[i].angular_momentum(&q[i], rate))).sum::<f64>()
+        outside.iter().map(|field| field.tidal_energy(|rate| scene.bodies[i].angular_momentum(&q[i], rate))).sum::<f64>()
     };
     scene.free.iter().map(|&i| of(i as usize)).sum()
 }
@@ -493,8 +493,8 @@ fn loads(scene: &Scene, state: &State, q_c: &Configuration) -> Vec<(usize, Vec3,
         .loads
         .iter()
         .map(|load| {
-            let value = (1.0 - theta) * load.value.at(state.time)
-                + theta * load.value.at(scene.time_at(state.step + q_c.units));
+            let value = (1.0 - theta) * load.value.value_at(state.time)
+                + theta * load.value.value_at(scene.time_at(state.step + q_c.units));
             let mut vector = Vec3::zeros();
             vector[load.component % 3] = value;
             match load.component {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use cd_formats::groups::Groups;
+use cd_formats::groups::DisjointSets;
 use rayon::prelude::*;
 
 use super::rows::{Setting, relative_velocity};
@@ -66,15 +66,15 @@ pub fn meeting(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]) -> Vec<
     let mut rests: Vec<bool> = scene.bodies.iter().map(|body| body.driven && !body.is_driven_in_part()).collect();
     scene.drives.iter().filter(|drive| drive.moves()).for_each(|drive| rests[drive.body] = false);
     let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|i| i as usize);
-    let mut groups = Groups::new(scene.bodies.len());
+    let mut groups = DisjointSets::new(scene.bodies.len());
     for [a, b] in contacts.iter().map(bodies).filter(|pair| pair.iter().all(|&i| !rests[i])) {
-        groups.join(a, b);
+        groups.union(a, b);
     }
     let mut meets = vec![false; scene.bodies.len()];
     for i in chosen.iter().flat_map(|contact| bodies(contact)).filter(|&i| !rests[i]) {
-        meets[groups.root(i)] = true;
+        meets[groups.find(i)] = true;
     }
-    (0..scene.bodies.len()).map(|i| meets[groups.root(i)]).collect()
+    (0..scene.bodies.len()).map(|i| meets[groups.find(i)]).collect()
 }
 
 impl Setting<'_> {
@@ -195,16 +195,16 @@ impl Setting<'_> {
             bond.filter(|_| self.carries_stress(contact))
         };
         let bonds: Vec<Option<f64>> = contacts.par_iter().zip(history).with_min_len(256).map(bond).collect();
-        let mut aggregates = Groups::new(self.scene.bodies.len());
+        let mut aggregates = DisjointSets::new(self.scene.bodies.len());
         let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|body| body as usize);
         let is_rigid = |contact: &Contact| self.state.laws[contact.law as usize].bonds_are_rigid();
         let rigid = contacts.iter().zip(&bonds).filter(|(contact, bond)| bond.is_some() && is_rigid(contact));
         for (contact, _) in rigid {
             let [a, b] = bodies(contact);
-            aggregates.join(a, b);
+            aggregates.union(a, b);
         }
         let mut joined = |contact: &Contact| {
-            let [a, b] = bodies(contact).map(|body| aggregates.root(body));
+            let [a, b] = bodies(contact).map(|body| aggregates.find(body));
             a == b
         };
         contacts.iter().zip(bonds).map(|(contact, bond)| Hold { bond, within: joined(contact) }).collect()

@@ -7,7 +7,7 @@ use pulp::NullaryFnOnce;
 use smallvec::SmallVec;
 
 use super::patch::SAME;
-use super::polyhedron::{Number, Spoke};
+use super::polyhedron::{FeatureIndex, Spoke};
 use super::search::{NEARLY_PARALLEL, Pair, lowest, support};
 use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
 use crate::math::lanes::{Arithmetic, Lanes, Width};
@@ -180,7 +180,7 @@ impl Simplex {
 
 /// The vertex, edge or face that has these vertices.
 fn spanned(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
-    let mut all: SmallVec<[Number; 4]> = vertices.map(|v| v as Number).collect();
+    let mut all: SmallVec<[FeatureIndex; 4]> = vertices.map(|v| v as FeatureIndex).collect();
     all.sort_unstable();
     all.dedup();
     match all[..] {
@@ -190,7 +190,7 @@ fn spanned(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
             edge(between.map_or(0, |spoke| spoke.edge.into()))
         }
         _ => {
-            let has_all = |corners: &[Number]| all.iter().all(|v| corners.contains(v));
+            let has_all = |corners: &[FeatureIndex]| all.iter().all(|v| corners.contains(v));
             face(shape.faces().position(has_all).unwrap_or(0) as u32)
         }
     }

@@ -6,7 +6,7 @@
 use pulp::NullaryFnOnce;
 
 use super::patch::{Corner, EDGE_ON};
-use super::polyhedron::{Number, PAD};
+use super::polyhedron::{FeatureIndex, PAD};
 use super::search::Pair;
 use super::{Posed, edge, face, vertex};
 use crate::math::lanes::{Arithmetic, Lanes, Width};
@@ -46,8 +46,8 @@ pub(super) type Corners = smallvec::SmallVec<[Corner; 12]>;
 /// A face seen along the normal, counter-clockwise.
 struct Outline<'a> {
     posed: &'a Posed<'a>,
-    corners: &'a [Number],
-    sides: &'a [Number],
+    corners: &'a [FeatureIndex],
+    sides: &'a [FeatureIndex],
     /// Where the body is, m.
     moved: Vec3,
     /// Whether the face looks against the normal: then corners and sides go the other way round.

@@ -1,7 +1,7 @@
 //! A convex polyhedron in its body's frame, and the same turned as its body is.
 
 use bytemuck::{Pod, Zeroable};
-pub(super) use cd_formats::faces::{Edge, Faces, Number, Plane};
+pub(super) use cd_formats::faces::{PolyhedronEdge, ConvexMesh, FeatureIndex, PolyhedronPlane};
 use nalgebra::Matrix3;
 
 use crate::math::lanes::Width;
@@ -51,7 +51,7 @@ struct Line([u64; 8]);
 type Section = [u32; 2];
 
 impl Hot {
-    fn new(faces: &Faces) -> Self {
+    fn new(faces: &ConvexMesh) -> Self {
         let column = faces.vertices.len().next_multiple_of(PAD);
         let mut bytes = Vec::new();
         for axis in 0..3 {
@@ -63,7 +63,7 @@ impl Hot {
         let edges = append(&mut bytes, &faces.edges);
         let starts = append(&mut bytes, &faces.starts);
         let mut spokes = vec![Vec::new(); faces.vertices.len()];
-        for (edge, Edge { ends: [from, to], .. }) in (0..).zip(&faces.edges) {
+        for (edge, PolyhedronEdge { ends: [from, to], .. }) in (0..).zip(&faces.edges) {
             spokes[usize::from(*from)].push(Spoke { edge, to: *to });
             spokes[usize::from(*to)].push(Spoke { edge, to: *from });
         }
@@ -95,15 +95,15 @@ fn append<T: Pod>(bytes: &mut Vec<u8>, rows: &[T]) -> Section {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Spoke {
-    pub edge: Number,
+    pub edge: FeatureIndex,
     /// The vertex at its other end.
-    pub to: Number,
+    pub to: FeatureIndex,
 }
 
-impl From<Faces> for Polyhedron {
-    fn from(faces: Faces) -> Self {
+impl From<ConvexMesh> for Polyhedron {
+    fn from(faces: ConvexMesh) -> Self {
         let hot = Hot::new(&faces);
-        let Faces { vertices, planes, edges, circumradius, .. } = faces;
+        let ConvexMesh { vertices, planes, edges, circumradius, .. } = faces;
         let mut normals = Vec::new();
         for axis in 0..3 {
             let padded = planes.iter().map(|plane| plane.normal[axis]).chain(std::iter::repeat(0.0));
@@ -131,7 +131,7 @@ impl Polyhedron {
     /// Triangles in one plane become one face, and vertices that are then no corners are left out. Errors: what makes
     /// it no convex polyhedron.
     pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Result<Self, String> {
-        Ok(Self::from(Faces::new(vertices, triangles, Self::FLATNESS)?))
+        Ok(Self::from(ConvexMesh::new(vertices, triangles, Self::FLATNESS)?))
     }
 
     /// A cuboid of these half lengths, m, along the body's axes.
@@ -154,9 +154,9 @@ impl Polyhedron {
             n
         };
         let vertices = (0..8).map(corner).collect();
-        let mut faces = Faces::bare(vertices, half_lengths.norm());
+        let mut faces = ConvexMesh::from_vertices(vertices, half_lengths.norm());
         corners.chunks(4).for_each(|corners| faces.add_loop(corners.iter().copied()));
-        faces.planes = (0..6).map(|f| Plane { normal: normal(f), offset: half_lengths[f / 2] }).collect();
+        faces.planes = (0..6).map(|f| PolyhedronPlane { normal: normal(f), offset: half_lengths[f / 2] }).collect();
         faces.add_edges().expect("a cuboid closes");
         Self::from(faces)
     }
@@ -194,30 +194,30 @@ impl Polyhedron {
     }
 
     #[inline(always)]
-    pub(super) fn planes(&self) -> &[Plane] {
+    pub(super) fn planes(&self) -> &[PolyhedronPlane] {
         self.hot.section(self.hot.planes)
     }
 
     #[inline(always)]
-    pub(super) fn edges(&self) -> &[Edge] {
+    pub(super) fn edges(&self) -> &[PolyhedronEdge] {
         self.hot.section(self.hot.edges)
     }
 
     #[inline(always)]
-    pub(super) fn corners(&self, face: usize) -> &[Number] {
+    pub(super) fn corners(&self, face: usize) -> &[FeatureIndex] {
         let of_face = self.of_face(face);
         &of_face[..of_face.len() / 2]
     }
 
     /// The edges round a face; edge k goes from corner k to the next.
     #[inline(always)]
-    pub(super) fn sides(&self, face: usize) -> &[Number] {
+    pub(super) fn sides(&self, face: usize) -> &[FeatureIndex] {
         let of_face = self.of_face(face);
         &of_face[of_face.len() / 2..]
     }
 
     #[inline(always)]
-    fn of_face(&self, face: usize) -> &[Number] {
+    fn of_face(&self, face: usize) -> &[FeatureIndex] {
         let starts: &[u32] = self.hot.section(self.hot.starts);
         &self.hot.section(self.hot.loops)[starts[face] as usize..starts[face + 1] as usize]
     }

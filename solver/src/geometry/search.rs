@@ -12,7 +12,7 @@ use pulp::NullaryFnOnce;
 use smallvec::{Array, SmallVec};
 
 use super::patch::Corner;
-use super::polyhedron::Number;
+use super::polyhedron::FeatureIndex;
 use super::{Narrow, Point, Polyhedron, Posed, Range, edge, face, vertex};
 use crate::math::lanes::{Arithmetic, Lanes, Scalar, Width};
 use crate::math::{Vec3, length};
@@ -267,7 +267,7 @@ fn around<L: Lanes>(
 
 /// The first corner of a face that is farthest along `n`.
 #[inline(always)]
-fn utmost(posed: &Posed, f: u32, n: &Vec3) -> Number {
+fn utmost(posed: &Posed, f: u32, n: &Vec3) -> FeatureIndex {
     let (shape, n) = (posed.shape, posed.local(n));
     let corners = shape.corners(f as usize);
     let (mut best, mut most) = (corners[0], f64::NEG_INFINITY);
@@ -859,7 +859,7 @@ pub(super) fn aligned(posed: &Posed, e: u32, n: &Vec3) -> u32 {
 fn facing(shape: &Polyhedron, e: u32, n: &Vec3) -> u32 {
     let [f, g] = shape.edges()[e as usize].faces;
     let (first, second) = (f.min(g), f.max(g));
-    let toward = |f: Number| shape.planes()[f as usize].normal.dot(n);
+    let toward = |f: FeatureIndex| shape.planes()[f as usize].normal.dot(n);
     u32::from(if toward(second) > toward(first) + ALIGNED { second } else { first })
 }
 

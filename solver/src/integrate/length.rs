@@ -15,7 +15,7 @@
 
 use std::f64::consts::TAU;
 
-use cd_formats::field::Outside;
+use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
 use crate::scene::Scene;
@@ -73,9 +73,9 @@ pub fn fastest_turn(scene: &Scene, state: &State) -> f64 {
 
 /// Period of the fastest orbit there can be outside of bodies, s: in self-gravity, about primaries, of turning axes.
 pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
-    let about = |field: Outside| match field {
-        Outside::Turning { rate, .. } => TAU / rate.norm(),
-        Outside::Primary { strength, centre, .. } => {
+    let about = |field: FieldModel| match field {
+        FieldModel::Turning { rate, .. } => TAU / rate.norm(),
+        FieldModel::Primary { strength, centre, .. } => {
             let nearest =
                 scene.free.iter().map(|&i| (state.x[i as usize] - centre).norm()).fold(f64::INFINITY, f64::min);
             TAU * (nearest.powi(3) / strength).sqrt()

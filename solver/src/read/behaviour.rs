@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use cd_formats::compute::{Action, Compute, ContactSolver, Event, MOST_EVENTS, too_frequent};
+use cd_formats::compute::{EventAction, Compute, ContactSolver, Event, MAX_EVENTS, too_frequent};
 use cd_formats::doubts::{self, density, friction};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::report::Report;
-use cd_formats::scan::{Line, Text};
+use cd_formats::report::FaultReport;
+use cd_formats::scan::{TextLine, AsciiText};
 use cd_formats::snapshot::LawName;
-use cd_formats::tact_behav::{Side, TactBehav, labels};
+use cd_formats::tact_behav::{VisibilitySide, TactBehav, parameter_labels};
 use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 
 use crate::gravity::Method;
@@ -114,7 +114,7 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
     }
     let classes = CONTACTORS.len() * colours;
     let mut table: Vec<Option<See>> = vec![None; classes * classes];
-    let class_of = |side: &Side| {
+    let class_of = |side: &VisibilitySide| {
         let colour = scene.colours.iter().position(|colour| *colour == side.colour)?;
         let kind = CONTACTORS.iter().position(|names| names.contains(&side.contactor.as_str()))?;
         Some(class(kind, colour as u16) as usize)
@@ -161,7 +161,7 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
     scene.visibility = Visibility { classes, table };
     check_periods(&file, tact, scene, faults);
     let text = std::fs::read_to_string(&file).unwrap_or_default();
-    scene.notes.extend(unseen(scene, &TactBehav::without_law(&text)));
+    scene.notes.extend(unseen(scene, &TactBehav::colour_pairs_without_law(&text)));
 }
 
 /// Two bodies with contactors of these classes of which the first is driven in part, if there are such.
@@ -254,9 +254,9 @@ pub fn check_text(scene: &mut Scene) {
 }
 
 /// Refuses events about laws that no contact has, or about a cohesion that a law does not have.
-pub fn check_events(scene: &Scene, report: &mut Report) {
+pub fn check_events(scene: &Scene, report: &mut FaultReport) {
     for (k, event) in scene.options.events.iter().enumerate() {
-        let (Action::SetFriction(name, _) | Action::SetCohesion(name, _)) = &event.action else { continue };
+        let (EventAction::SetFriction(name, _) | EventAction::SetCohesion(name, _)) = &event.action else { continue };
         let path = format!("events.{k}.action.0");
         match scene.law_names.iter().position(|law| law.nickname == *name) {
             None => {
@@ -264,9 +264,9 @@ pub fn check_events(scene: &Scene, report: &mut Report) {
                 report.unknown(&path, format!("law '{name}' is not in use"), name, &known);
             }
             Some(law)
-                if matches!(event.action, Action::SetCohesion(..)) && !scene.laws[law].clone().set_cohesion(0.0) =>
+                if matches!(event.action, EventAction::SetCohesion(..)) && !scene.laws[law].clone().set_cohesion(0.0) =>
             {
-                report.fault(&path, format!("law '{name}' has no cohesion"), "a law with cohesion");
+                report.add_fault(&path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }
             Some(_) => {}
         }
@@ -276,15 +276,15 @@ pub fn check_events(scene: &Scene, report: &mut Report) {
 /// Asks about densities of bodies, friction of laws in use and friction that events set which are probably mistakes of units.
 ///
 /// The density 1 is that of scenes without units.
-pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mut Report) {
+pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mut FaultReport) {
     let mut questions = Faults::default();
     let file = datbox.join("BULK_BEHAV.DAT");
-    let text = Text::load(&file).ok();
+    let text = AsciiText::read_file(&file).ok();
     for (k, material) in scene.materials.iter().enumerate() {
         let question = density(material.density).filter(|_| material.density != 1.0);
         if let Some(question) = question.filter(|_| scene.bodies.iter().any(|body| usize::from(body.material) == k)) {
             let is_record =
-                |line: &Line| line.columns(2, 6).trim() == material.name && !line.columns(46, 59).is_empty();
+                |line: &TextLine| line.columns(2, 6).trim() == material.name && !line.columns(46, 59).is_empty();
             let line = text.as_ref().and_then(|text| text.lines().find(is_record)).map(|line| line.number);
             let (object, found) = (format!("material {}, density", material.name), format!("{:?}", material.density));
             questions.push(Fault::new(&file, line, object, found, question));
@@ -294,7 +294,7 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
     for law in &scene.law_names {
         let line = tact.laws.iter().find(|known| known.nickname == law.nickname).map(|known| known.line);
         let mut asked = Vec::new();
-        for (label, value) in labels(&law.kind).zip(&law.parameters) {
+        for (label, value) in parameter_labels(&law.kind).zip(&law.parameters) {
             let Some(question) = friction(*value).filter(|_| ["fric", "dyfr", "stfr"].contains(&label)) else {
                 continue;
             };
@@ -311,10 +311,10 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
 }
 
 /// Refuses events that happen too often up to the end of the run.
-pub fn check_happenings(scene: &Scene, report: &mut Report) {
+pub fn check_happenings(scene: &Scene, report: &mut FaultReport) {
     for (k, repeats) in too_frequent(&scene.options.events, scene.end_time()) {
         let found = format!("happens {repeats:.0} times up to the end of the run");
-        report.fault(&format!("events.{k}"), found, format!("at most {MOST_EVENTS:.0}"));
+        report.add_fault(&format!("events.{k}"), found, format!("at most {MAX_EVENTS:.0}"));
     }
 }
 
@@ -358,7 +358,7 @@ pub fn without_effect(scene: &Scene) -> Vec<String> {
             _ if event.time > begin + EVENT_SLACK * dt && end > start => {
                 format!("at {} s no step begins any more, the last at {begin} s", event.time)
             }
-            Action::Bond if !scene.bonds() => "Bond needs a law whose bonds or bridges can break".into(),
+            EventAction::Bond if !scene.bonds() => "Bond needs a law whose bonds or bridges can break".into(),
             _ => return None,
         };
         Some(format!("event {}: without effect; {why}", k + 1))

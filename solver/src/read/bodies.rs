@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, Shape as FileShape};
+use cd_formats::bodies::{Bodies, ShapeRecord as FileShape};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;

@@ -2,8 +2,8 @@
 
 use cd_formats::bodies::{self, Contactor, LocalFrame};
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::faces::Faces;
-use cd_formats::mass::{Checked, Inert};
+use cd_formats::faces::ConvexMesh;
+use cd_formats::mass::{CheckedBody, InertialProperties};
 use cd_formats::ron_text::known_names;
 use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
@@ -55,7 +55,7 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
             "expected more than 0".into(),
         ));
     }
-    let Checked { faces, parts, whole: own, inert } = record.checked(density)?;
+    let CheckedBody { faces, parts, whole: own, inertial: inert } = record.check_at_density(density)?;
     let lone = record.contactors.len() == 1;
     let solids = record.contactors.iter().zip(faces).zip(parts);
     let mut pieces: Vec<Piece> =
@@ -63,8 +63,8 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
     let simple = lone && !matches!(pieces[0].geometry, Geometry::Polyhedron(_));
 
     // Where the centre of mass is, in the frame of the file.
-    let off_centre = matches!(record.contactors[0].shape, bodies::Shape::OffsetSphere { .. });
-    let shift = Vec3::from(record.shift(&own));
+    let off_centre = matches!(record.contactors[0].shape, bodies::ShapeRecord::OffsetSphere { .. });
+    let shift = Vec3::from(record.centre_of_mass_offset(&own));
     pieces.iter_mut().for_each(|piece| piece.centre -= shift);
     let axes = match record.inertia {
         // Of a lone sphere, plate or cylinder the axes are its own, so that its orientation keeps its meaning.
@@ -72,7 +72,7 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
         Some(inertia) if inertia != [0.0; 3] => Quat::identity(),
         _ => principal(&own),
     };
-    let Inert { mass, inertia, radius } = inert;
+    let InertialProperties { mass, inertia, radius } = inert;
 
     let shape = match &pieces[0].geometry {
         Geometry::Sphere { radius } if lone && !off_centre => Shape::Sphere { radius: *radius },
@@ -104,7 +104,7 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
 }
 
 /// `faces` are those of a polyhedron, `mass` that at density 1 in the frame of the file.
-fn piece(contactor: &Contactor, faces: Option<Faces>, mass: MassProperties, colours: &mut Vec<String>) -> Piece {
+fn piece(contactor: &Contactor, faces: Option<ConvexMesh>, mass: MassProperties, colours: &mut Vec<String>) -> Piece {
     let colour = colours.iter().position(|c| *c == contactor.colour).unwrap_or_else(|| {
         colours.push(contactor.colour.clone());
         colours.len() - 1
@@ -124,27 +124,27 @@ fn piece(contactor: &Contactor, faces: Option<Faces>, mass: MassProperties, colo
         return Piece { geometry: Geometry::Polyhedron(shape), centre, axes, radius, colour };
     }
     let (geometry, centre, radius) = match &contactor.shape {
-        bodies::Shape::Sphere { radius } => (Geometry::Sphere { radius: *radius }, centre, *radius),
-        bodies::Shape::OffsetSphere { radius, offset } => {
+        bodies::ShapeRecord::Sphere { radius } => (Geometry::Sphere { radius: *radius }, centre, *radius),
+        bodies::ShapeRecord::OffsetSphere { radius, offset } => {
             (Geometry::Sphere { radius: *radius }, Vec3::from(*offset), *radius)
         }
-        bodies::Shape::Plane { half_lengths } => {
+        bodies::ShapeRecord::Plane { half_lengths } => {
             let half_lengths = Vec3::from(*half_lengths);
             let geometry = Geometry::Plane { half_lengths, cuboid: Polyhedron::cuboid(&half_lengths) };
             (geometry, centre, half_lengths.norm())
         }
-        bodies::Shape::Cylinder { half_height, radius, hollow } => {
+        bodies::ShapeRecord::Cylinder { half_height, radius, hollow } => {
             let (half_height, radius, hollow) = (*half_height, *radius, *hollow);
             (Geometry::Cylinder { half_height, radius, hollow }, centre, radius.hypot(half_height))
         }
-        bodies::Shape::Polyhedron { .. } | bodies::Shape::Point { .. } => unreachable!("checked has faces or an error"),
+        bodies::ShapeRecord::Polyhedron { .. } | bodies::ShapeRecord::Point { .. } => unreachable!("checked has faces or an error"),
     };
     Piece { geometry, centre, axes, radius, colour }
 }
 
 /// Principal axes, of ascending moments.
 fn principal(mass: &MassProperties) -> Quat {
-    let (_, axes) = mass.principal();
+    let (_, axes) = mass.principal_axes();
     let columns = Matrix3::from_fn(|i, j| axes[j][i]);
     let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
     UnitQuaternion::from_rotation_matrix(&turn)

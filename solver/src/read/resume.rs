@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use cd_formats::compute::schedule;
+use cd_formats::compute::event_schedule;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{self, LawName, Parameters, STATUS_NO_CONTACT, STATUS_SLIDE, Shapes, Snapshot};
+use cd_formats::snapshot::{self, LawName, RunParameters, STATUS_NO_CONTACT, STATUS_SLIDE, ShapeArrays, Snapshot};
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::geometry::Memory;
@@ -18,7 +18,7 @@ use crate::state::{
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
 /// A snapshot of other bodies or laws than the scene's is refused. Returns what the run has made its last step with.
 pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Option<Before>, Faults> {
-    let snapshots = snapshot::list(outbox)?;
+    let snapshots = snapshot::list_snapshots(outbox)?;
     let Some((_, path)) = snapshots.last() else { return Ok(None) };
     if let Some((step, first)) = snapshots.first().filter(|(step, _)| *step < scene.start.0) {
         let expected = format!("expected none before step {}, with which DATBOX begins", scene.start.0);
@@ -41,7 +41,7 @@ pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Optio
     restore(snapshot, state);
     state.known = Known { read: kept, ..Known::default() };
     scene.from = counted_from(scene, state, from);
-    scene.events = schedule(&scene.options.events, scene.end_time());
+    scene.events = event_schedule(&scene.options.events, scene.end_time());
     if state.step > scene.start.0 {
         state.bonding = Bonding::No;
         let dt = if parameters.adaptive.is_none() { state.h } else { scene.options.dt.min(state.h) };
@@ -52,7 +52,7 @@ pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Optio
 
 /// What a run has made its last step with.
 pub struct Before {
-    pub parameters: Parameters,
+    pub parameters: RunParameters,
     /// As [`cd_formats::compute::Compute::of_results`].
     pub options: BTreeMap<String, String>,
 }
@@ -63,7 +63,7 @@ impl Before {
     /// `text`: the option of this name in the run so far, if its files tell.
     pub fn changes(&self, scene: &Scene, text: Option<bool>, given: &[&str]) -> (Vec<String>, Vec<String>) {
         const LONGEST: usize = 100;
-        let (mut now, mut before) = (scene.options.of_results(), self.options.clone());
+        let (mut now, mut before) = (scene.options.result_options(), self.options.clone());
         if let Some(text) = text {
             now.insert("text".into(), scene.options.text.to_string());
             before.insert("text".into(), text.to_string());
@@ -313,7 +313,7 @@ fn attraction(scene: &Scene, snapshot: &Snapshot) -> Option<Attraction> {
 }
 
 /// What a snapshot keeps of pairs of contactors that this scene has, `body` giving the body of each of its rows.
-fn pairs(scene: &Scene, shapes: &Shapes, body: impl Fn(u32) -> u32) -> Vec<PairMemory> {
+fn pairs(scene: &Scene, shapes: &ShapeArrays, body: impl Fn(u32) -> u32) -> Vec<PairMemory> {
     let part = |row: u32, rank: u32| scene.part_place(body(row), rank.try_into().ok()?).map(|k| k as u32);
     let rows = shapes.pairs.pair_body.iter().zip(&shapes.pairs.pair_rank).zip(&shapes.pairs.pair_memory);
     let mut pairs: Vec<PairMemory> = rows

@@ -1,7 +1,7 @@
 //! Who solves the contact problem of a step, and who comes after where the sweeps stall.
 
 use cd_formats::compute::ContactSolver;
-use cd_formats::snapshot::Fallback;
+use cd_formats::snapshot::FallbackState;
 
 use crate::activity;
 use crate::assemble::{StoredProblem, System};
@@ -56,17 +56,17 @@ const MOST_FAILURES: u32 = 8;
 const GAIN: f64 = 0.1;
 
 /// What the solution of a step, so many units of `dt` long, tells of the next.
-pub fn learn(fallback: &mut Fallback, task: Task, step: u64, units: u64, solution: &Solution) {
+pub fn learn(fallback: &mut FallbackState, task: Task, step: u64, units: u64, solution: &Solution) {
     if task.spared || !task.tries() {
         return;
     }
     let gained = solution.stalled.is_some_and(|stalled| solution.residual <= GAIN * stalled);
     if !solution.converged && !gained {
         let failures = (fallback.failures + 1).min(MOST_FAILURES);
-        *fallback = Fallback { failures, due: step + (units << failures) };
+        *fallback = FallbackState { failures, due: step + (units << failures) };
     } else if solution.sweeps > ROUND && task.until.aim == task.until.tol {
         // Beyond `tol` sweeps are many in the easiest step.
-        *fallback = Fallback::default();
+        *fallback = FallbackState::default();
     }
 }
 
@@ -373,7 +373,7 @@ mod tests {
         };
         let until = |max_sweeps| Until::new(1e-9, max_sweeps);
         let task = Task { solver: ContactSolver::Auto, until: until(5000), width: Width::detect(), spared: false };
-        let mut fallback = Fallback::default();
+        let mut fallback = FallbackState::default();
         for (step, due) in [(10, 16), (16, 28), (28, 52)] {
             learn(&mut fallback, task, step, 3, &solution(false, 5000)); // steps of three units
             assert_eq!(fallback.due, due);
@@ -382,23 +382,23 @@ mod tests {
         learn(&mut fallback, task, 52, 3, &solution(true, ROUND));
         assert_eq!(fallback.failures, 3);
         (0..9).for_each(|_| learn(&mut fallback, task, 55, 1, &solution(false, 5000)));
-        assert_eq!(fallback, Fallback { failures: 8, due: 55 + 256 });
+        assert_eq!(fallback, FallbackState { failures: 8, due: 55 + 256 });
         let onwards = Task { until: Until { aim: 1e-10, ..until(5000) }, ..task };
         learn(&mut fallback, onwards, 199, 1, &solution(true, ROUND + 1));
         assert_eq!(fallback.failures, 8);
         learn(&mut fallback, task, 200, 1, &solution(true, ROUND + 1));
-        assert_eq!(fallback, Fallback::default());
+        assert_eq!(fallback, FallbackState::default());
         // What makes E ten times smaller was worth it.
         let solved = |stalled, residual| Solution { stalled: Some(stalled), residual, ..solution(false, 5000) };
         learn(&mut fallback, task, 250, 1, &solved(1e-2, 9e-4));
-        assert_eq!(fallback, Fallback::default());
+        assert_eq!(fallback, FallbackState::default());
         learn(&mut fallback, task, 260, 1, &solved(1e-2, 2e-3));
-        assert_eq!(fallback, Fallback { failures: 1, due: 262 });
-        fallback = Fallback::default();
+        assert_eq!(fallback, FallbackState { failures: 1, due: 262 });
+        fallback = FallbackState::default();
         // Where no more than a round is allowed there is nothing to spare, and nothing to learn.
         let short = Task { until: until(ROUND), ..task };
         learn(&mut fallback, short, 300, 1, &solution(false, ROUND));
-        assert_eq!(fallback, Fallback::default());
+        assert_eq!(fallback, FallbackState::default());
         assert!(Task { spared: true, ..task }.gives_up() && !Task { spared: true, ..short }.gives_up());
     }
 

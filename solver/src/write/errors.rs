@@ -317,7 +317,7 @@ pub fn lines(sources: &[Source]) -> [(&'static str, String); 2] {
 
 /// Whether the case has [`ERRORS`].
 pub fn is_there(case: &Path) -> bool {
-    atomic::is_there(&case.join(ERRORS))
+    atomic::path_exists(&case.join(ERRORS))
 }
 
 /// Writes [`ERRORS`].

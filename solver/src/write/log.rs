@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::tell;
+use cd_formats::tell::{print_line};
 
 use crate::scene::Scene;
 use crate::solve::norms::Norms;
@@ -166,9 +166,9 @@ impl Table {
         })?;
         if last < step {
             let path = path.display();
-            tell(format_args!("cd-solve: {path}: no rows of steps {} to {step}, which are behind this run", last + 1));
+            print_line(format_args!("cd-solve: {path}: no rows of steps {} to {step}, which are behind this run", last + 1));
         }
-        let file = File::options().append(true).open(path).map_err(|error| Fault::io(path, "written", &error))?;
+        let file = File::options().append(true).open(path).map_err(|error| Fault::from_io(path, "written", &error))?;
         Ok(Table {
             path: path.to_path_buf(),
             file: BufWriter::new(file),
@@ -200,18 +200,18 @@ impl Table {
         take(&Row { names: &names, cells: &cells });
         self.last = cells[0].value() as u64;
         writeln!(self.file, "{}{}", text.join(","), self.others)
-            .map_err(|error| Fault::io(&self.path, "written", &error).into())
+            .map_err(|error| Fault::from_io(&self.path, "written", &error).into())
     }
 
     /// Lets others see the rows.
     pub fn show(&mut self) -> Result<(), Faults> {
-        self.file.flush().map_err(|error| Fault::io(&self.path, "written", &error).into())
+        self.file.flush().map_err(|error| Fault::from_io(&self.path, "written", &error).into())
     }
 
     /// Brings the rows to the disk, so that no snapshot is there without those before it.
     pub fn flush(&mut self) -> Result<(), Faults> {
         self.show()?;
-        self.file.get_ref().sync_data().map_err(|error| Fault::io(&self.path, "written", &error).into())
+        self.file.get_ref().sync_data().map_err(|error| Fault::from_io(&self.path, "written", &error).into())
     }
 }
 

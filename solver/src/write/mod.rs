@@ -12,9 +12,9 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use cd_formats::atomic::{entries, is_there};
+use cd_formats::atomic::{folder_entries, path_exists};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::list;
+use cd_formats::snapshot::list_snapshots;
 
 use crate::scene::Scene;
 use crate::state::State;
@@ -64,7 +64,7 @@ pub fn lock(case: &Path) -> Result<Lock, Faults> {
     let made = match std::fs::create_dir(&path) {
         Ok(()) => Some(path.clone()),
         Err(error) if error.kind() == ErrorKind::AlreadyExists => None,
-        Err(error) => return Err(Fault::io(&path, "made", &error).into()),
+        Err(error) => return Err(Fault::from_io(&path, "made", &error).into()),
     };
     let folder = File::open(&path).ok();
     if folder.as_ref().is_some_and(|folder| matches!(folder.try_lock(), Err(TryLockError::WouldBlock))) {
@@ -77,12 +77,12 @@ pub fn lock(case: &Path) -> Result<Lock, Faults> {
 /// Refuses a case that has results; LMGC90's count only if this run would write over them (`text`).
 pub fn expect_none(case: &Path, text: bool) -> Result<(), Faults> {
     let outbox = outbox(case);
-    let (found, expected) = match list(&outbox)?.last() {
+    let (found, expected) = match list_snapshots(&outbox)?.last() {
         Some((_, last)) => {
             let found = format!("{} exists", last.file_name().unwrap_or_default().display());
             (found, "use --resume to continue from it, --force to overwrite all results")
         }
-        None if text && is_there(&outbox.join("DOF.OUT.1")) => {
+        None if text && path_exists(&outbox.join("DOF.OUT.1")) => {
             ("DOF.OUT.1 exists".into(), "--text would overwrite it; use --force to remove such files")
         }
         None => return Ok(()),
@@ -101,9 +101,9 @@ pub fn remove(case: &Path) -> Result<(), Faults> {
     };
     let mut doomed = vec![case.join(log::TIMER), case.join(errors::ERRORS)];
     let is_ours = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(ours);
-    doomed.extend(entries(&outbox)?.into_iter().filter(is_ours));
-    for path in doomed.iter().filter(|path| is_there(path)) {
-        std::fs::remove_file(path).map_err(|error| Fault::io(path, "removed", &error))?;
+    doomed.extend(folder_entries(&outbox)?.into_iter().filter(is_ours));
+    for path in doomed.iter().filter(|path| path_exists(path)) {
+        std::fs::remove_file(path).map_err(|error| Fault::from_io(path, "removed", &error))?;
     }
     Ok(())
 }
@@ -173,7 +173,7 @@ impl Results {
         if scene.options.text {
             text::write(&self.outbox, scene, state, self.numbered)?;
         }
-        snapshot::of(scene, state).write(&cd_formats::snapshot::path(&self.outbox, state.step))
+        snapshot::of(scene, state).write(&cd_formats::snapshot::snapshot_path(&self.outbox, state.step))
     }
 }
 

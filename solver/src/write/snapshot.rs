@@ -2,10 +2,10 @@
 
 use cd_formats::compute::{Adaptive, SweepPrecision};
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, FORMAT, GravityArrays, IntervalArrays, LawName, MemoryArrays, Meta, Parameters,
-    SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
+    BodyArrays, ContactArrays, FORMAT_VERSION, GravityArrays, IntervalArrays, LawName, MemoryArrays, SnapshotMeta, RunParameters,
+    SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, ShapeArrays, Snapshot,
 };
-use cd_formats::tact_behav::LAWS;
+use cd_formats::tact_behav::LAW_LABELS;
 
 use crate::laws::{Cohesion, Law};
 use crate::math::Vec3;
@@ -26,19 +26,19 @@ pub fn of(scene: &Scene, state: &State) -> Snapshot {
     }
 }
 
-fn meta(scene: &Scene, state: &State) -> Meta {
+fn meta(scene: &Scene, state: &State) -> SnapshotMeta {
     let options = &scene.options;
     let laws: Vec<LawName> = scene.law_names.iter().zip(&state.laws).map(|(name, law)| in_force(name, law)).collect();
     let changed = laws != scene.law_names;
-    Meta {
-        format: FORMAT,
+    SnapshotMeta {
+        format: FORMAT_VERSION,
         program: format!("cd-solve {}", env!("CARGO_PKG_VERSION")),
         step: state.step,
         time: state.time,
         h: state.h,
         counted_from: Some(scene.from).filter(|from| *from != scene.start),
         interval_start: Some(state.interval.start),
-        parameters: Parameters {
+        parameters: RunParameters {
             theta: options.theta,
             accuracy: options.accuracy,
             adaptive: Some(options.adaptive()).filter(Adaptive::is_on),
@@ -73,14 +73,14 @@ fn meta(scene: &Scene, state: &State) -> Meta {
         ledger: state.ledger.clone(),
         attraction: state.attraction.as_ref().map(|attraction| attraction.record.clone()),
         fallback: state.fallback,
-        options: options.of_results(),
+        options: options.result_options(),
     }
 }
 
 /// A law of TACT_BEHAV.DAT with the parameters that it now has.
 fn in_force(name: &LawName, law: &Law) -> LawName {
     let mut now = name.clone();
-    let labels = LAWS.iter().filter(|(kind, _)| *kind == name.kind).flat_map(|(_, lines)| lines.concat());
+    let labels = LAW_LABELS.iter().filter(|(kind, _)| *kind == name.kind).flat_map(|(_, lines)| lines.concat());
     for (label, parameter) in labels.zip(&mut now.parameters) {
         *parameter = match (label, law.cohesion) {
             ("fric" | "stfr", _) => law.friction_static,
@@ -124,8 +124,8 @@ fn bodies(scene: &Scene, state: &State) -> BodyArrays {
     }
 }
 
-fn shapes(scene: &Scene, state: &State) -> Shapes {
-    let mut shapes = Shapes::default();
+fn shapes(scene: &Scene, state: &State) -> ShapeArrays {
+    let mut shapes = ShapeArrays::default();
     shapes.turning.turning_body = scene.turning.clone();
     shapes.turning.turning_momentum = state.spin.iter().map(|&l| l.into()).collect();
     shapes.contacts.contact_rank =

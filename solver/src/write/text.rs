@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use cd_formats::atomic::{self, entries};
+use cd_formats::atomic::{self, folder_entries};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::error::Faults;
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
@@ -32,7 +32,7 @@ pub fn is_written(outbox: &Path, state: &State) -> Result<bool, Faults> {
 /// Number and step of the last DOF.OUT that is not behind `state`.
 fn last(outbox: &Path, state: &State) -> Result<Option<(u64, u64)>, Faults> {
     let number_of = |path: &Path| path.file_name()?.to_str()?.strip_prefix(DOF)?.parse::<u64>().ok();
-    let files = entries(outbox)?.into_iter();
+    let files = folder_entries(outbox)?.into_iter();
     let mut there: Vec<(u64, PathBuf)> = files.filter_map(|path| Some((number_of(&path)?, path))).collect();
     there.sort_unstable();
     // Those after the snapshot are written anew.

@@ -1,7 +1,7 @@
 //! Polyhedra: rotation, resting, sliding, tipping, colliding, and walls of them.
 
-use cd_formats::bodies::Shape;
-use cd_formats::compute::{Flags, NarrowPhase};
+use cd_formats::bodies::ShapeRecord;
+use cd_formats::compute::{ComputeFlags, NarrowPhase};
 use cd_formats::vloc_rloc::VlocRloc;
 use cd_solve::state::Known;
 use cd_solve::step::Clock;
@@ -240,7 +240,7 @@ fn what_is_known_of_pairs_changes_nothing() {
     }
     (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.004, Some(1e-4), Some(200));
     case.write();
-    let (scene, mut state) = cd_solve::read::case(&case.path(), &Flags::default()).unwrap();
+    let (scene, mut state) = cd_solve::read::case(&case.path(), &ComputeFlags::default()).unwrap();
     let mut afresh = state.clone();
     let (mut looked_for, mut contacts) = (0, 0);
     for step in 0..250 {
@@ -265,7 +265,7 @@ fn the_texts_of_a_stack_start_another() {
     (0..6).for_each(|k| _ = case.block([0.5; 3], [0.0, 0.0, 0.5 + f64::from(k)], [X, Y, Z]));
     case.sphere(0.25, [0.0, 0.0, 6.25]);
     let cylinder = case.plate([1.0; 3], [0.75, 0.0, 0.5], [Y, Z, X]);
-    let shape = Shape::Cylinder { half_height: 0.25, radius: 0.25, hollow: false };
+    let shape = ShapeRecord::Cylinder { half_height: 0.25, radius: 0.25, hollow: false };
     case.bodies[cylinder].contactors[0].shape = shape;
     (case.options.dt, case.options.tol, case.options.text, case.options.output_every) = (0.01, Some(1e-4), true, 60);
     let settled = case.run(60);

@@ -91,7 +91,7 @@ fn plural(count: usize, what: &str) -> String {
 ///
 /// Errors: a file that cannot be read, and every fault of the surface.
 pub fn surface(path: &Path) -> Result<Read, Faults> {
-    let bytes = std::fs::read(path).map_err(|error| Fault::io(path, "read", &error))?;
+    let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
     let refused = |refusals: Vec<Refusal>| {
         let mut faults = Faults::default();
