@@ -17,7 +17,7 @@ use cd_formats::tact_behav::TactBehav;
 ///
 /// A fault of body k (from 0) is that of the value at the path `name(k)` of the scene, the first of each value with a
 /// count of the others; faults of the files themselves name these.
-pub fn check<'a>(
+pub fn check_files<'a>(
     datbox: &Path,
     files: impl Iterator<Item = (&'a str, &'a [u8])>,
     driven: &DrvDof,

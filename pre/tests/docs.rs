@@ -81,14 +81,14 @@ fn what_it_shows_is_accepted() {
         let (kind, rest) = block.split_once('\n').unwrap();
         let ron = rest.split("```").next().unwrap();
         let read = match kind {
-            "Scene" => cd_pre::read(&path, ron, &[]).map(drop),
+            "Scene" => cd_pre::read_scene(&path, ron, &[]).map(drop),
             "LawKind" => from_ron::<scene::LawKind>(&path, ron, kind).map(drop),
             "Contact" => from_ron::<scene::Contact>(&path, ron, kind).map(drop),
-            "Sizes" => from_ron::<scene::Sizes>(&path, ron, kind).map(drop),
-            "Place" => from_ron::<scene::Place>(&path, ron, kind).map(drop),
-            "Shape" => from_ron::<scene::Shape>(&path, ron, kind).map(drop),
-            "Wall" => from_ron::<scene::Wall>(&path, ron, kind).map(drop),
-            "Evolution" => from_ron::<scene::Evolution>(&path, ron, kind).map(drop),
+            "Sizes" => from_ron::<scene::SizeDistribution>(&path, ron, kind).map(drop),
+            "Place" => from_ron::<scene::GrainPlacement>(&path, ron, kind).map(drop),
+            "Shape" => from_ron::<scene::GrainShape>(&path, ron, kind).map(drop),
+            "Wall" => from_ron::<scene::SceneWall>(&path, ron, kind).map(drop),
+            "Evolution" => from_ron::<scene::TimeFunction>(&path, ron, kind).map(drop),
             _ => panic!("no type for {kind}"),
         };
         read.unwrap_or_else(|faults| panic!("{ron}\n{faults}"));

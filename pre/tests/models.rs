@@ -130,8 +130,8 @@ fn cube_files() -> tempfile::TempDir {
 fn all_kinds_of_files_hold_the_same_cube() {
     let folder = cube_files();
     for name in ["cube.obj", "text.stl", "binary.stl", "cube.vtk", "cube.vtp"] {
-        let read = read::surface(&folder.path().join(name)).unwrap_or_else(|faults| panic!("{faults}"));
-        assert_eq!((read.surface.vertices().len(), read.surface.triangles().len(), read.turned), (8, 12, 0), "{name}");
+        let read = read::read_surface(&folder.path().join(name)).unwrap_or_else(|faults| panic!("{faults}"));
+        assert_eq!((read.surface.vertices().len(), read.surface.triangles().len(), read.flipped), (8, 12, 0), "{name}");
         let properties = read.surface.mass_properties();
         assert!((properties.volume - 8.0).abs() < 1e-14 && (properties.centre[0] - 10.0).abs() < 1e-14, "{name}");
     }
@@ -180,8 +180,8 @@ fn every_fault_of_a_file_is_told() {
         ),
         ("body.ply", scribble("ply\n")),
     ]);
-    let said = |name: &str| match read::surface(&folder.path().join(name)) {
-        Ok(read) => format!("{} turned", read.turned),
+    let said = |name: &str| match read::read_surface(&folder.path().join(name)) {
+        Ok(read) => format!("{} turned", read.flipped),
         Err(faults) => faults.to_string().replace(&format!("{}/", folder.path().display()), ""),
     };
     assert_eq!(
@@ -247,8 +247,8 @@ fn comments_continued_lines_and_capital_letters_are_read() {
         ("nameless.stl", text.replace("solid body", "solid").into_bytes()),
     ]);
     for name in ["bent.obj", "windows.obj", "capital.stl", "windows.stl", "nameless.stl"] {
-        let read = read::surface(&folder.path().join(name)).unwrap_or_else(|faults| panic!("{faults}"));
-        assert_eq!((read.surface.vertices().len(), read.surface.triangles().len(), read.turned), (8, 12, 0), "{name}");
+        let read = read::read_surface(&folder.path().join(name)).unwrap_or_else(|faults| panic!("{faults}"));
+        assert_eq!((read.surface.vertices().len(), read.surface.triangles().len(), read.flipped), (8, 12, 0), "{name}");
         assert!((read.surface.volume() - 8.0).abs() < 1e-14, "{name}");
     }
 }
@@ -267,9 +267,9 @@ fn scene(fields: &str) -> String {
 
 fn datbox(folder: &Path, fields: &str) -> Result<(Bodies, Dof), String> {
     let path: PathBuf = folder.join("scene.ron");
-    let (scene, population) = cd_pre::read(&path, &scene(fields), &[])
+    let (scene, population) = cd_pre::read_scene(&path, &scene(fields), &[])
         .map_err(|faults| faults.to_string().replace(&format!("{}/", folder.display()), ""))?;
-    let files = write::files(&scene, &population);
+    let files = write::datbox_files(&scene, &population);
     let text = |name: &str| AsciiText::new(files.iter().find(|(known, _)| known == name).unwrap().1.as_bytes());
     let bodies = Bodies::parse(Path::new("BODIES.DAT"), &text("BODIES.DAT")).unwrap();
     Ok((bodies, Dof::parse(Path::new("DOF.INI"), &text("DOF.INI")).unwrap()))

@@ -4,7 +4,7 @@ use cd_formats::compute::{EventAction, Compute, Event, GravityMethod, event_sche
 use cd_formats::snapshot::{SnapshotMeta, RunParameters};
 
 /// The events of COMPUTE.RON that had happened by the time of a snapshot.
-pub fn done(events: &[Event], meta: &SnapshotMeta) -> Vec<Event> {
+pub fn past_events(events: &[Event], meta: &SnapshotMeta) -> Vec<Event> {
     let mut all = event_schedule(events, meta.time);
     all.truncate(meta.parameters.events_done as usize);
     all
@@ -15,7 +15,7 @@ pub fn done(events: &[Event], meta: &SnapshotMeta) -> Vec<Event> {
 ///
 /// Where the snapshot has what is in force, by an option or by `accuracy`, that is an option only where the file would
 /// make another of it.
-pub fn of_run(file: &Compute, meta: &SnapshotMeta, is_first: bool, has_start: bool) -> (Compute, Vec<(&'static str, String)>) {
+pub fn run_options(file: &Compute, meta: &SnapshotMeta, is_first: bool, has_start: bool) -> (Compute, Vec<(&'static str, String)>) {
     let RunParameters {
         theta,
         accuracy,
@@ -90,7 +90,7 @@ pub fn of_run(file: &Compute, meta: &SnapshotMeta, is_first: bool, has_start: bo
     if refresh.is_some_and(|refresh| gravity == GravityMethod::Direct || refresh != options.gravity_refresh()) {
         options.gravity_refresh = refresh;
     }
-    if !done(&file.events, meta).iter().any(|event| matches!(event.action, EventAction::SetQuench(_))) {
+    if !past_events(&file.events, meta).iter().any(|event| matches!(event.action, EventAction::SetQuench(_))) {
         options.quench = quench;
     }
     let mut open = Vec::new();
