@@ -1,5 +1,10 @@
 # The figures that a case ends with:  awk -f figures.awk OUTBOX/steps.csv POSTPRO/series.csv
 # Columns go by their names in the first line; units are SI.
+#
+# Reads: steps.csv: step, sweeps, converged, penetration_largest, momentum_drift; series.csv: time, n_grains, mass, pressure, pressure_virial,
+#   pressure_kinetic, pressure_sphere, E_grav, R_enclosing, Z, Z_no_rattlers, n_contacts, nu, nu_sphere, region, region_volume, a, b, c,
+#   n_fragments, largest_fraction
+# Writes: a list on stdout
 
 BEGIN { FS = ","; G = 6.6743e-11; PI = atan2(0, -1) }
 

@@ -1,22 +1,23 @@
-# Writes docs/limits.md from docs/limits/limits.md.in and what tests have told, at the top folder of the project:
+# Writes docs/limits.md from docs/limits/limits.md.in and the output of the tests, run in the top folder of the project:
 #   awk -f docs/limits/limits.awk docs/limits-*.log docs/limits/limits.md.in > docs/limits.md
-# A line of a test: limit | PARAMETER | RANGE | WHAT HOLDS | HOW WELL | `TEST` |
-# Every log is of all tests, with other threads and another build: all must have told the same lines.
+# A test prints a line: limit | PARAMETER | RANGE | PROPERTY | RESULT | `TEST` |
+# Each log holds the output of all tests, with another number of threads or another build. All logs must hold the same
+# lines.
 
-# The harness may have begun the line.
+# The test harness may have printed something before on the same line.
 /limit \| / {
     sub(/.*limit \| /, "| ")
-    if (!told[$0]++) row[++rows] = $0
+    if (!logs_with[$0]++) row[++rows] = $0
     next
 }
 FILENAME ~ /\.log$/ { if (FILENAME != log_before) { logs++; log_before = FILENAME }; next }
 
 /^@limits$/ {
-    if (rows == 0) { print FILENAME ": no test has told a limit" > "/dev/stderr"; failed = 1; exit 1 }
+    if (rows == 0) { print FILENAME ": no limits in the logs; expected lines 'limit | ...' of the tests" > "/dev/stderr"; failed = 1; exit 1 }
     for (i = 1; i <= rows; i++)
-        if (told[row[i]] != logs) { print "told by " told[row[i]] " of " logs " runs: " row[i] > "/dev/stderr"; failed = 1; exit 1 }
+        if (logs_with[row[i]] != logs) { print "in " logs_with[row[i]] " of " logs " logs: " row[i] > "/dev/stderr"; failed = 1; exit 1 }
     print "| parameter | range | what holds within it | found | test |\n|---|---|---|---|---|"
-    # By parameter; tests end in any order.
+    # Sorted by parameter, since tests end in any order.
     for (i = 2; i <= rows; i++) {
         one = row[i]
         for (k = i - 1; k >= 1 && row[k] > one; k--) row[k + 1] = row[k]

@@ -5,6 +5,9 @@
 # Means over the second half: the angle between the way down and the way from the axis to the centre of mass; the slope of
 # the free surface; and the power that the walls give over the moment of the weight times the speed (rad/s), which are equal in a
 # steady flow.
+#
+# Reads: series.csv: time, mass, com_x, com_z, E_outside, surface_slope
+# Writes: three lines on stdout: angle of the bed and slope of its surface, degrees; power over that of gravity, 1
 
 BEGIN { FS = "," }
 FNR == 1 { for (k = 1; k <= NF; k++) place[$k] = k; next }

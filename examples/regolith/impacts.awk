@@ -1,13 +1,18 @@
 # Gathers what cd-post has measured of several cases into tables, a row a case:
-#   awk -v gravity=9.81e-4 -v mass=200 -v folder=. -f impacts.awk bed strike-f0 touch-f0 ...
+#   awk -v mass=200 -v folder=study/figures -f impacts.awk study/g9.81e-4/bed study/g9.81e-4/strike-f0 ...
 # FOLDER/rest.csv has the beds, FOLDER/impacts.csv the strikes, FOLDER/touches.csv the first seconds of them with a snapshot at
 # every step. Columns go by their names; SI units.
+#
+# Reads: series.csv: mass, n_grains, Ec_mean, com_z, bed_nu, bed_stress_ratio; layers.csv: vertical_stress, weight; of the lander track.csv: time,
+#   v_x, v_y, v_z, force, impact.csv: impact_speed, restitution, largest_depth, final_depth, largest_force, contact_time, crater.csv: before,
+#   after; fragments.csv: grains
+# Writes: rest.csv, impacts.csv, touches.csv, with the names of the columns in their first line, and the same on stdout
 
 BEGIN {
     FS = ","
     for (k = 1; k < ARGC; k++) {
         name = ARGV[k]; sub(/^.*\//, "", name)
-        g = gravity; if (match(ARGV[k], /\/g[^\/]*\//)) g = substr(ARGV[k], RSTART + 2, RLENGTH - 3)
+        if (match(ARGV[k], /\/g[^\/]*\//)) g = substr(ARGV[k], RSTART + 2, RLENGTH - 3)
         if (name ~ /^bed/) bed(ARGV[k]); else if (name ~ /^touch/) touch(ARGV[k]); else strike(ARGV[k])
     }
     exit

@@ -2,18 +2,23 @@
 #
 #   awk -v start=1 -v mass=5.972e24 -v radius=6.371e6 -v speed=0 -v before=12000 -v q=1.5 -f orbit.awk
 #
-# prints centre and velocity at the time -before (s), as --set of changes.ron; q is the pericentre in radii of the planet, `speed`
+# prints centre (m) and velocity (m/s) at the time -before (s), for study.ron; q is the pericentre in radii of the planet, `speed`
 # that at infinity, 0 for a parabola.
 #
 #   awk -v mass=... -v radius=... -v speed=0 -v before=12000 -v csv=outcome.csv -f orbit.awk q1.5/POSTPRO/series.csv q1.5/.../fragments.csv ...
 #
 # makes the tables of what becomes of the aggregates and of their orbits. Columns go by their names; SI units.
+#
+# Reads: series.csv: time, mass, com_x, com_y, com_z, P_x, P_y, L_z, a, b, c, largest_a, largest_b, largest_c, largest_fraction, largest_period,
+#   bound_fraction, escaping_fraction, n_fragments; fragments.csv: grains
+# Writes: outcome.csv: case, q (radii), q_over_roche, class, largest, bound, escaping (shares of the mass), pieces, clumps, b_over_a, c_over_a,
+#   period_hours; the same and the errors of the orbits on stdout
 
 BEGIN {
     FS = ","; G = 6.6743e-11; PI = atan2(0, -1); mu = G * mass
     if (start) {
         conic(q * radius, before)
-        printf "--set bodies.1.centre=(%.17g,%.17g,0.0) --set bodies.1.velocity=(%.17g,%.17g,0.0)\n", \
+        printf "centre (%.17g, %.17g, 0.0) velocity (%.17g, %.17g, 0.0)\n", \
             r * cosine, -r * sine, mu / h * sine, mu / h * (e + cosine)
         exit
     }

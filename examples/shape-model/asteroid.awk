@@ -2,6 +2,9 @@
 # round its waist and bumps. Made by this project, under its licences.
 #
 #     awk -f asteroid.awk > asteroid.obj
+#
+# Reads: nothing
+# Writes: an OBJ file on stdout
 BEGIN {
 	pi = atan2(0, -1); rows = 16; columns = 32
 	print "# Made by asteroid.awk; m"

@@ -6,6 +6,10 @@
 # are over the states in which the plate has gone farther than START m. Shear and normal stress are the forces over the area of the
 # cell, I = V/H d sqrt(density/normal stress) with V/H the speed over the height between the plates. The table goes to friction.csv
 # beside the figure too. Errors: a standard deviation of means over tenths of the way, over the root of ten.
+#
+# Reads: plate/track.csv: time, x, z, f_x, f_z; BODIES.DAT
+# Writes: friction.csv: speed (m/s), inertial_number, friction, friction_error, solid_fraction, normal_stress (Pa), height (m); the same on stdout;
+#   the figure of friction and solid fraction (svg)
 
 BEGIN {
     FS = ","; START = 1.5; AREA = 1.6 * 1.6; DIAMETER = 0.16; DENSITY = 2700; HALF_THICKNESS = 0.1

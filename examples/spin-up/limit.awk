@@ -9,6 +9,10 @@
 # has its apex there, k = 3 s times that. Beside it is what the mean stress asks of the whole, sqrt(J2) - s tr, mean while the
 # spin is within a hundredth of the largest before it fails.
 # With svg=FOLDER/limit.svg the table is written to FOLDER/limit.csv too. Columns go by their names; SI units.
+#
+# Reads: series.csv: n_grains, R_enclosing, Z_all, nu_sphere, n_pulling, pressure, friction_angle, region_volume, largest_a, largest_b, largest_c,
+#   largest_fraction, largest_mass, largest_spin
+# Writes: the table, with names of columns, in limit.csv and on stdout; the figure of periods against cohesion (svg)
 
 BEGIN {
     FS = ","; G = 6.6743e-11; PI = atan2(0, -1); YIELDS = 1.05; FAILS = 1.2

@@ -8,6 +8,9 @@
 #   w^2 / (pi G rho) = 2 A_x - 2 A_z (c/a)^2 (1 - q) / (1 + 2 q), q = 2 sin(phi) / (3 - sin(phi)),
 # A the coefficients of the potential within an ellipsoid; phi = 0 is the fluid. Spheres without friction have a friction angle
 # of 5.8 degrees, by their arrangement alone (Peyneau & Roux 2008). Columns go by their names; SI units.
+#
+# Reads: series.csv: time, friction_angle, largest_a, largest_b, largest_c, largest_fraction, largest_mass, largest_spin
+# Writes: a table on stdout and in a CSV file with the name of the figure; the figure c/a against spin (svg)
 
 BEGIN { FS = ","; G = 6.6743e-11; PI = atan2(0, -1); BIFURCATION = 0.374; PHI = 5.8 * PI / 180 }
 

@@ -2,6 +2,9 @@
 #   awk -v csv=secondaries.csv -f secondaries.awk left-f0/POSTPRO/state-020000/fragments.csv ...
 # A row a group of two grains or more, or a grain that is bound; distances over the remnant's radius (a b c)^(1/3), angles in degrees, periods in hours.
 # Columns go by their names.
+#
+# Reads: fragments.csv: grains, mass, a, b, c, bound, orbit_a, orbit_e, inclination, pericentre, orbit_period
+# Writes: secondaries.csv: cohesion (N), grains, mass_over_largest, bound, orbit_a, orbit_e, inclination, pericentre, period; the same on stdout
 
 BEGIN {
     FS = ","; LEAST = 2; PI = atan2(0, -1)

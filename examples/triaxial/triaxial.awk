@@ -8,6 +8,10 @@
 # standard deviation of means over tenths, over the root of ten. q = 2 sin(phi) / (3 - sin(phi)) is what Drucker and Prager ask, and
 # spin2 = 3 q / (1 + 2 q) the square of the spin at which a ball of such grains yields under its own gravity, over 4 pi G rho / 3.
 # Lengths in m; the plates are 0.2 m thick. Columns go by their names.
+#
+# Reads: track.csv: time, x, y, z, f_x, f_y, f_z; series.csv: friction_angle (rad); BODIES.DAT
+# Writes: triaxial.csv: friction, friction_angle, error, of_mean_stress (degrees), solid_fraction_at_first, solid_fraction, q, spin2; the same on
+#   stdout
 
 BEGIN {
     FS = ","; START = 60; FROM = 0.05; TO = 0.2; HALF = 0.1; DEGREE = atan2(0, -1) / 180

@@ -48,6 +48,11 @@ impl<'a> ValueLocations<'a> {
         }
     }
 
+    /// Text of the value at `path`, without its name.
+    pub fn text(&self, path: &str) -> Option<&'a str> {
+        self.places.get(path).map(|place| &self.text[place.span.clone()])
+    }
+
     /// The path of the innermost value at a byte of the text, on its name too.
     fn path_at(&self, byte: usize) -> Option<&str> {
         let holds = |place: &ValueLocation| place.start <= byte && byte <= place.span.end;

@@ -31,6 +31,16 @@ impl<'a> FaultReport<'a> {
         self.faults.push(self.fault_at(path, found.into(), format!("expected {}", expected.into())));
     }
 
+    /// As [`Report::fault`], with the whole phrase about what is expected, such as a question.
+    pub fn fault_as(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
+        self.faults.push(self.at(path, found.into(), expected.into()));
+    }
+
+    /// Text of the value at `path`; empty where there is none.
+    pub fn text(&self, path: &str) -> &'a str {
+        self.places.text(path).unwrap_or_default()
+    }
+
     /// Takes down a warning about the value at `path`, with a question or an advice.
     pub fn add_warning(&mut self, path: &str, found: impl Into<String>, question: &str) {
         self.warnings.push(self.fault_at(path, found.into(), question.to_string()));

@@ -940,7 +940,10 @@ fn a_report_has_the_figures_of_the_series_and_of_the_state() {
     assert!(slope(&pages[0]) != slope(&pages[1]), "{}", slope(&pages[0]));
     let layer = cd_post(&["report", "--region", "layer:0,2"], case.path());
     assert_eq!(layer.status.code(), Some(1), "{layer:?}");
-    assert!(String::from_utf8_lossy(&layer.stderr).contains("--region: a layer, in 1 of 1 snapshots"), "{layer:?}");
+    assert!(
+        String::from_utf8_lossy(&layer.stderr).contains("a shape over ten thousand periods, in 1 of 1 snapshots"),
+        "{layer:?}"
+    );
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! `cd-pre scene.ron`: reads a scene, places its grains and walls, and writes DATBOX.
 //! `cd-pre from-outbox CASE DIR`: the state of one run becomes the DATBOX of the next.
+//! `cd-pre study study.ron`: a folder with a scene for each combination of parameters.
 //!
 //! | module | |
 //! |---|---|
@@ -16,6 +17,7 @@
 //! | [`mod@write`] | the files of DATBOX |
 //! | [`reread`] | whether cd-solve can read them |
 //! | [`from_outbox`] | a DATBOX from the results of a run |
+//! | [`study`] | scenes from a base and parameters |
 
 pub mod attraction;
 pub mod check;
@@ -29,6 +31,7 @@ pub mod reread;
 pub mod scene;
 pub mod shapes;
 pub mod sizes;
+pub mod study;
 pub mod walls;
 pub mod write;
 
@@ -91,6 +94,21 @@ enum Command {
         #[arg(long, value_name = "PATH=VALUE")]
         set: Vec<String>,
     },
+    /// Writes a folder with a scene for each combination of parameters.
+    ///
+    /// The study names a base scene, parameters with their paths and values, and a pattern for the names of the folders;
+    /// docs/study.md describes every field. All cases are checked first; if one is refused, nothing is written.
+    Study {
+        /// The study, in RON.
+        #[arg(value_name = "study.ron")]
+        study: PathBuf,
+        /// Folder in which the folders of the cases are written; default: that of the study.
+        #[arg(short, long, value_name = "DIR")]
+        output: Option<PathBuf>,
+        /// Another value in the study, as groups.1.seeds=[1,2,3]; may be repeated.
+        #[arg(long, value_name = "PATH=VALUE")]
+        set: Vec<String>,
+    },
 }
 
 /// Runs the program; `args` as from [`std::env::args_os`], the program's name first.
@@ -119,6 +137,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Some(Command::FromOutbox { case, dir, changes, set }) => {
             from_outbox::write_datbox(&case, changes.as_deref(), &set, &dir)
         }
+        Some(Command::Study { study, output, set }) => study::write(&study, &set, output.as_deref()),
         None => {
             let scene = arguments.scene.unwrap_or_default();
             let folder = arguments.output.unwrap_or_else(|| scene.parent().unwrap_or(Path::new("")).to_path_buf());

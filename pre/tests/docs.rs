@@ -111,3 +111,19 @@ fn changes_of_from_outbox_are_described_and_what_is_shown_is_accepted() {
     let (_, rest) = text.split_once("```ron Changes\n").unwrap();
     from_ron::<cd_pre::from_outbox::Changes>(&path, rest.split("```").next().unwrap(), "changes").unwrap();
 }
+
+#[test]
+fn studies_are_described_and_what_is_shown_is_accepted() {
+    let (path, text) = page_of("study.md");
+    let source = include_str!("../src/study.rs");
+    let of = |name: &str| {
+        let (_, rest) = source.split_once(&format!("pub struct {name} {{")).unwrap();
+        names_in(rest.split("\n}").next().unwrap())
+    };
+    let names = ["Study", "Group", "Parameter"].map(of).concat();
+    assert!(["groups", "seeds", "with"].iter().all(|known| names.iter().any(|name| name == known)));
+    expect_described(names, "docs/study.md", &text);
+    for block in text.split("```ron Study\n").skip(1) {
+        from_ron::<cd_pre::study::Study>(&path, block.split("```").next().unwrap(), "study").unwrap();
+    }
+}

@@ -351,7 +351,7 @@ fn numbers_with_something_behind_them() {
 fn friction_of_an_event_is_questioned() {
     let event = "output_every: 10, events: [(time: 1.0, action: SetFriction(\"iqsc0\", 50.0))],";
     let (code, text) = made(&GOOD.replace("output_every: 10,", event), &[]);
-    let line = "cd-pre: warning: scene.ron:14: compute, event 1: SetFriction 50.0; did you mean an angle? 50.0 degrees are \
+    let line = "cd-pre: warning: scene.ron:14:54: compute, event 1: SetFriction 50.0; did you mean an angle? 50.0 degrees are \
                 1.192\n";
     assert_eq!((code, text.as_str()), (0, line));
 }

@@ -12,13 +12,17 @@ fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples")
 }
 
+/// Folder of each example.
+fn folders() -> Vec<PathBuf> {
+    fs::read_dir(examples()).unwrap().flatten().map(|entry| entry.path()).filter(|path| path.is_dir()).collect()
+}
+
 #[test]
 fn scenes_are_accepted_and_begin_to_run() {
     let mut count = 0;
-    for folder in fs::read_dir(examples()).unwrap().flatten().map(|entry| entry.path()).filter(|path| path.is_dir()) {
-        let scene = fs::read_to_string(folder.join("scene.ron"))
-            .or_else(|_| fs::read_to_string(folder.join("scene.ron.in")).map(|text| text.replace("NUMBER", "250")))
-            .unwrap_or_else(|_| panic!("no scene in {}", folder.display()));
+    for folder in folders() {
+        let scene =
+            fs::read_to_string(folder.join("scene.ron")).unwrap_or_else(|_| panic!("no scene in {}", folder.display()));
         for name in ["Makefile", "README.md"] {
             assert!(folder.join(name).is_file(), "no {name} in {}", folder.display());
         }
@@ -28,6 +32,52 @@ fn scenes_are_accepted_and_begin_to_run() {
     assert!(count >= 5);
 }
 
+#[test]
+fn studies_are_accepted() {
+    let mut count = 0;
+    for study in folders().iter().flat_map(|folder| ["study.ron", "fluid.ron"].map(|name| folder.join(name))) {
+        if study.is_file() {
+            let output = tempfile::tempdir().unwrap();
+            let words =
+                ["cd-pre".as_ref(), "study".as_ref(), study.as_os_str(), "-o".as_ref(), output.path().as_os_str()];
+            assert_eq!(cd_pre::run(words.map(Into::into)), 0, "{}", study.display());
+            count += 1;
+        }
+    }
+    assert!(count >= 5);
+}
+
+/// Makefiles are read by physicists: no rules that text of rules makes, and a word on all that can be set.
+#[test]
+fn makefiles_are_plain_and_say_what_can_be_set() {
+    let rules = ["rules.mk", "help.mk", "accretion/figures.mk"].map(|name| examples().join(name));
+    for path in folders().into_iter().map(|folder| folder.join("Makefile")).chain(rules) {
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(!text.contains("eval"), "{}", path.display());
+        let lines: Vec<&str> = text.lines().collect();
+        for pair in lines.windows(2).filter(|pair| {
+            pair[1].contains(" ?= ") && !pair[1].starts_with(['#', ' ']) && !pair[1].starts_with("FIGURES")
+        }) {
+            assert!(pair[0].starts_with("## "), "{}: no comment on {}", path.display(), pair[1]);
+        }
+    }
+}
+
+/// What a script makes a figure of, and what it leaves, is in its first comment.
+#[test]
+fn scripts_say_what_they_read_and_write() {
+    let files = folders().into_iter().chain([examples()]).flat_map(|folder| fs::read_dir(folder).unwrap().flatten());
+    let scripts = files.map(|file| file.path()).filter(|path| path.extension().is_some_and(|ending| ending == "awk"));
+    for path in scripts {
+        let text = fs::read_to_string(&path).unwrap();
+        let head: Vec<&str> = text.lines().take_while(|line| line.starts_with('#')).collect();
+        for start in ["# Reads: ", "# Writes: "] {
+            assert!(head.iter().any(|line| line.starts_with(start)), "{}: no line '{start}'", path.display());
+        }
+        assert!(head.iter().any(|line| line.contains("awk -")), "{}: no command", path.display());
+    }
+}
+
 /// The rules of the examples around programs that only say that they ran.
 struct Rules(TempDir);
 
@@ -35,7 +85,7 @@ impl Rules {
     fn new() -> Rules {
         let rules = Rules(tempfile::tempdir().unwrap());
         rules.write("scene.ron", "");
-        rules.write("Makefile", &format!("STAGES := pre solve post\ninclude {}/example.mk\n", examples().display()));
+        rules.write("Makefile", &format!("STAGES := pre solve post\ninclude {}/rules.mk\n", examples().display()));
         for (program, file) in [("cd-pre", "DATBOX/BODIES.DAT"), ("cd-solve", "OUTBOX/snapshot-000001.npz")] {
             rules.program(program, &format!("mkdir -p {} && touch {file}", &file[..6]));
         }
@@ -127,7 +177,7 @@ fn a_case_is_made_again_when_a_variable_of_the_example_changed() {
     rules.runs(&["PRE_FLAGS=--set 'grains.1.colour=\"REDxx\"'", "SOLVE_FLAGS=--threads 1", "POST_FLAGS=--no-vtk"], "");
 
     let example = format!(
-        "SPEED ?= 1\nSTAGES := pre solve post\nPRE_. = $(CD_BIN)/cd-pre ./scene.ron -o . --set 'speed=$(SPEED)'\ninclude {}/example.mk\n",
+        "SPEED ?= 1\nSTAGES := pre solve post\noverride PRE_FLAGS += --set 'speed=$(SPEED)'\ninclude {}/rules.mk\n",
         examples().display()
     );
     rules.write("Makefile", &example);
@@ -135,11 +185,50 @@ fn a_case_is_made_again_when_a_variable_of_the_example_changed() {
     rules.runs(&["SPEED=2"], all);
     rules.runs(&["SPEED=2"], "");
     rules.runs(&["SPEED=2", "PRE_FLAGS=--quiet"], all);
+}
 
-    // A case made of another has no flags of scenes.
-    rules.write("Makefile", &example.replace("cd-pre ./scene.ron", "cd-pre from-outbox"));
-    rules.runs(&[], "cd-pre from-outbox, cd-solve --force, cd-post");
-    rules.runs(&["PRE_FLAGS=--quiet"], "");
+#[test]
+fn cases_of_a_study_are_made_again_when_they_changed() {
+    let rules = Rules::new();
+    rules.write(
+        "Makefile",
+        &format!("STUDY := study.ron\nSTAGES := pre solve post\ninclude {}/rules.mk\n", examples().display()),
+    );
+    rules.write("study.ron", "");
+    // As cd-pre study: `b` goes on from `a`; what is there is left alone.
+    rules.program(
+        "cd-pre",
+        "case $1 in\n\
+         study)\n\
+             mkdir -p a b; test -e a/scene.ron || touch a/scene.ron; test -e b/changes.ron || touch b/changes.ron\n\
+             printf 'CASES := b a\\nstudy.mk: study.ron\\na/DATBOX/.done: a/scene.ron\\n\\\n\
+                 b/DATBOX/.done: b/changes.ron a/OUTBOX/.done\\n' | sed 's/^ *//' > study.mk;;\n\
+         from-outbox) mkdir -p $3/DATBOX; touch $3/DATBOX/BODIES.DAT;;\n\
+         *) mkdir -p $3/DATBOX; touch $3/DATBOX/BODIES.DAT;;\n\
+         esac",
+    );
+    rules.program("cd-solve", "mkdir -p $2/OUTBOX && touch $2/OUTBOX/snapshot-000001.npz");
+    rules.program("cd-post", "mkdir -p $1/POSTPRO && touch $1/POSTPRO/series.csv");
+    rules.runs(
+        &[],
+        "cd-pre study, cd-pre a/scene.ron, cd-solve --force, cd-pre from-outbox, cd-solve --force, cd-post b, cd-post a",
+    );
+    rules.runs(&["-j2"], "");
+    let on = "cd-pre from-outbox, cd-solve --force, cd-post b";
+    for (written, follows) in [
+        ("study.ron", "cd-pre study".to_string()),
+        ("b/changes.ron", on.to_string()),
+        ("a/scene.ron", format!("cd-pre a/scene.ron, cd-solve --force, {on}, cd-post a")),
+    ] {
+        rules.write(written, "");
+        rules.runs(&[], &follows);
+        rules.runs(&[], "");
+    }
+    rules.runs(&["CASES=a", "PRE_FLAGS=--quiet"], "cd-pre a/scene.ron, cd-solve --force, cd-post a");
+    // Neither needs the study.
+    rules.write("study.ron", "");
+    rules.runs(&["help"], "");
+    rules.runs(&["clean"], "");
 }
 
 #[test]

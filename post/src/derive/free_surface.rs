@@ -18,13 +18,16 @@ const MOST: f64 = 500.0;
 pub const REACH: f64 = 12.0;
 
 /// Diameters of the patches over which noise is correlated: at least, at most, and as a share of the reach. Residuals from planes
-/// hold no longer waves.
+/// hold no longer waves. On a surface that is no plane they hold its curvature, and the patch is the least one.
 const PATCH: [f64; 2] = [1.0, 2.0];
 const PATCH_SHARE: f64 = 1.0 / 3.0;
 
-/// Ratio of the root mean square of the gradients' deviations from their mean to noise, above which a surface is no plane. On
-/// eight level beds of 1000 and 3000 grains it is up to 1.7.
-const SIGNIFICANT: f64 = 3.0;
+/// Ratio of the root mean square of the gradients' deviations from their mean to noise, above which a surface may be no plane.
+const SIGNIFICANT: f64 = 1.5;
+
+/// The same deviations times the reach over the mean radius, above which a surface may be no plane: at 12 radii tan 6°, 1.7 times
+/// the largest that undulations of eight level beds of 1000 and 3000 grains make.
+const UNDULATION: f64 = 12.0 * 0.105;
 
 /// Columns about verticals, a mean radius wide, row by row.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,7 +76,7 @@ impl FreeSurface {
     /// slope is one on which gravity leans.
     ///
     /// The slope of the surface is that of one plane through all heights, unless the gradients of the columns differ by more than
-    /// three times noise: then, as of a heap, it is the median of the columns' slopes. Both are without what noise adds to the square of a gradient.
+    /// 1.5 times noise and more than undulations of a level bed: then, as of a heap, it is the median of the columns' slopes. Both are without what noise adds to the square of a gradient.
     pub fn of(frame: &Frame, fragments: &[Fragment], reach: f64) -> Option<FreeSurface> {
         let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
         let grains: Vec<&Grain> = borne(frame, fragments).into_iter().map(|i| &frame.grains[i]).collect();
@@ -87,7 +90,19 @@ impl FreeSurface {
         let whole = grid.whole(&heights)?;
         let fits: Vec<Option<Plane>> =
             (0..heights.len()).into_par_iter().map(|k| grid.plane(&heights, k, reach * grid.width)).collect();
-        let density = grid.noise_density(&heights, &fits, &whole, reach);
+        let planes: Vec<&Plane> = fits.iter().flatten().collect();
+        let count = planes.len() as f64;
+        let mean = |of: &dyn Fn(&Plane) -> f64| planes.iter().map(|plane| of(plane)).sum::<f64>() / count;
+        let (first, second) = (mean(&|p| p.gradient[0]), mean(&|p| p.gradient[1]));
+        let spread = mean(&|p| (p.gradient[0] - first).powi(2) + (p.gradient[1] - second).powi(2));
+        let of_grains = grid.noise_density(&heights, &fits, &whole, PATCH[0]);
+        let least = (SIGNIFICANT * SIGNIFICANT * of_grains * mean(&|p| p.variance)).max((UNDULATION / reach).powi(2));
+        let is_plane = planes.is_empty() || spread <= least;
+        let density = if is_plane {
+            grid.noise_density(&heights, &fits, &whole, (0.5 * PATCH_SHARE * reach).clamp(PATCH[0], PATCH[1]))
+        } else {
+            of_grains
+        };
         let angle = |gradient: [f64; 2]| {
             let normal = up - gradient[0] * grid.axes[0] - gradient[1] * grid.axes[1];
             (normal.dot(&against) / normal.norm()).clamp(-1.0, 1.0).acos()
@@ -113,19 +128,12 @@ impl FreeSurface {
             slope_error: noise.atan(),
             noise: f64::NAN,
         };
-        let planes: Vec<&Plane> = fits.iter().flatten().collect();
         if !planes.is_empty() {
-            let count = planes.len() as f64;
-            let mean = |of: &dyn Fn(&Plane) -> f64| planes.iter().map(|plane| of(plane)).sum::<f64>() / count;
-            let (first, second) = (mean(&|p| p.gradient[0]), mean(&|p| p.gradient[1]));
-            let spread = mean(&|p| (p.gradient[0] - first).powi(2) + (p.gradient[1] - second).powi(2));
             let noise = density * mean(&|p| p.variance);
             // Parts of the surface with heights of their own.
             let parts = (count / mean(&|p| p.effective)).max(1.0);
             surface.noise = noise.sqrt().atan();
-            if spread > SIGNIFICANT * SIGNIFICANT * noise
-                && let [median] = surface.slopes_below(&[0.5])[..]
-            {
+            if !is_plane && let [median] = surface.slopes_below(&[0.5])[..] {
                 (surface.slope, surface.slope_error) = (median, (noise / parts).sqrt().atan());
             }
         }
@@ -314,9 +322,9 @@ impl Grid {
     }
 
     /// What single grains are on the surface, m^2 times a column: of residuals from the columns' planes, where there is none from
-    /// the plane of the whole, with those within one to two mean diameters. `reach`: mean radii of the planes.
-    fn noise_density(&self, heights: &[f64], fits: &[Option<Plane>], whole: &Whole, reach: f64) -> f64 {
-        let patch = 2.0 * self.width * (0.5 * PATCH_SHARE * reach).clamp(PATCH[0], PATCH[1]) * (1.0 + 1e-9);
+    /// the plane of the whole, with those within `patch` mean diameters.
+    fn noise_density(&self, heights: &[f64], fits: &[Option<Plane>], whole: &Whole, patch: f64) -> f64 {
+        let patch = 2.0 * self.width * patch * (1.0 + 1e-9);
         let residual =
             |k: usize| heights[k] - fits[k].map_or_else(|| whole.height(self.middle(k)), |plane| plane.height);
         let mut density = NoiseDensity::default();

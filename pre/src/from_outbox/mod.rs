@@ -293,6 +293,15 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     Ok(summary)
 }
 
+/// Reads the changes in `text` and checks all that needs no run; the faults name the file `source`, and those of `settings` in the text
+/// these.
+pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<Changes, Faults> {
+    let changes: Changes = crate::parsed(source, text, settings, "changes")?;
+    let mut report = Report::with(source, text, settings);
+    check(&changes, &mut report);
+    report.faults.into_result(changes)
+}
+
 /// Takes away what only `from-outbox` writes, and what another scene would misread.
 pub fn remove_outbox_files(datbox: &Path) -> Result<(), Faults> {
     for path in [datbox.join(START_FILE), datbox.join(ORIGIN_FILE)].iter().filter(|path| path_exists(path)) {

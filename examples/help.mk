@@ -1,0 +1,12 @@
+# `make help`: the first comment of each file in RON, which is what an example computes, and the variables and goals with the
+# comments above them, from the Makefile and the shared rules. A comment that begins with two marks belongs to the variable
+# (VAR ?= value) or the goal (goal:) below it.
+.PHONY: help
+## This list.
+help:
+	@awk 'FNR == 1 { text = "" } \
+	    FILENAME ~ /ron$$/ { if (FNR == 1) { sub("^// *", ""); printf "  %-28s %s\n", FILENAME, $$0 }; next } \
+	    /^## / { text = text (text == "" ? "" : " ") substr($$0, 4); next } \
+	    text != "" && match($$0, /^[A-Za-z_][A-Za-z_ -]*(\?=|:)/) { \
+	        name = $$0; sub(/ *\?= */, "=", name); sub(/[:$$].*/, "", name); printf "  make %-23s %s\n", name, text } \
+	    { text = "" }' $(wildcard *.ron) $(MAKEFILE_LIST)

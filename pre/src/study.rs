@@ -1,0 +1,396 @@
+//! `cd-pre study study.ron`: a folder with a scene for each combination of parameters.
+//!
+//! `docs/study.md` describes [`Study`] for users.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::error::{Fault, Faults};
+use cd_formats::places::{self, Places};
+use cd_formats::report::Report;
+use cd_formats::ron_text::known_names;
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+
+/// Cases that are run and compared.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Study {
+    pub groups: Vec<Group>,
+}
+
+/// Cases of one base that differ in the same parameters.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Group {
+    /// Folder of a case; `{NAME}` stands for the value of a parameter.
+    pub name: String,
+    /// Scene or, with `from`, changes; seen from the file of the study.
+    pub base: Option<PathBuf>,
+    /// Folder of the case that these continue by `from-outbox`; may hold `{NAME}`.
+    pub from: Option<String>,
+    /// Values that all cases of the group share, each with its path as of `--set`.
+    #[serde(default)]
+    pub set: Vec<(String, IgnoredAny)>,
+    /// Parameters of which every combination is a case; the last varies fastest.
+    #[serde(default)]
+    pub parameters: Vec<Parameter>,
+    /// Seeds; each combination is repeated with every one, as parameter `seed`.
+    #[serde(default)]
+    pub seeds: Vec<u64>,
+}
+
+/// Quantity that differs between cases.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameter {
+    /// Name in folders and in the table; without one it appears in neither.
+    #[serde(default)]
+    pub name: String,
+    /// Paths, as of `--set`, that take the value.
+    #[serde(default)]
+    pub paths: Vec<String>,
+    pub values: Vec<IgnoredAny>,
+    /// Parameters that vary together with this one: they have their n-th value where this has its n-th.
+    #[serde(default)]
+    pub with: Vec<Parameter>,
+}
+
+/// One combination.
+struct Case {
+    group: usize,
+    name: String,
+    from: Option<String>,
+    /// Parameters by name, with their values.
+    values: Vec<(String, String)>,
+    /// `PATH=VALUE`, with the path of the value in the study.
+    settings: Vec<(String, String)>,
+}
+
+/// File of a case that is made of a scene.
+const SCENE: &str = "scene.ron";
+
+/// File of a case that goes on from another.
+const CHANGES: &str = "changes.ron";
+
+/// End of the first line of what is written.
+const WRITTEN: &str = " Written by cd-pre study.";
+
+/// Paths in scenes and changes whose values are names of files, in which `N` is any item of a list.
+const FILES: [&str; 3] = ["grains.N.shape.file", "grains.N.place.envelope.file", "bodies.N.case"];
+
+/// Writes the scene or the changes of each case of the study `file`, changed as `settings` say, below `output`; with them
+/// the table `NAME.csv` of the parameters and the rules `NAME.mk` for make, NAME being that of the file.
+///
+/// Files that already hold what they should are left alone, but for the rules. Errors: all faults of the study and of its cases; nothing
+/// is written then.
+pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<String, Faults> {
+    let text = places::set(&atomic::read_text(file)?, settings)?;
+    let study: Study = crate::parsed(file, &text, settings, "study")?;
+    let mut report = Report::with(file, &text, settings);
+    let cases = cases(&study, &mut report);
+    let home = file.parent().unwrap_or(Path::new(""));
+    let output = output.unwrap_or(home);
+    let mut files: Vec<(PathBuf, String)> = Vec::new();
+    let mut bases: HashMap<&Path, Option<String>> = HashMap::new();
+    for case in &cases {
+        let group = &study.groups[case.group];
+        let (base, original) = match &group.base {
+            Some(base) => {
+                let path = home.join(base);
+                let read = || report.faults.gather(atomic::read_text(&path));
+                (path.clone(), bases.entry(base).or_insert_with(read).clone())
+            }
+            None => (file.to_path_buf(), Some("()".into())),
+        };
+        let Some(original) = original else { continue };
+        let path = output.join(&case.name).join(case.kind());
+        if path.exists() && !is_written_here(&path) {
+            let expected = "expected another name of the case: its file would be replaced";
+            report.faults.push(Fault::new(&path, None, "file", "is not from a study", expected));
+        }
+        match case_text(case, &base, &original, &path) {
+            Ok(text) => files.push((path, text)),
+            Err(faults) => faults.0.into_iter().for_each(|fault| case.place(fault, &mut report)),
+        }
+    }
+    let known: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
+    for case in &cases {
+        let Some(from) = &case.from else { continue };
+        if !known.contains(&from.as_str()) && !output.join(from).join("DATBOX").is_dir() {
+            let path = format!("groups.{}.from", case.group);
+            report.fault_as(&path, format!("{from} is no case"), known_names(from, &known));
+        }
+    }
+    if !report.faults.0.is_empty() {
+        return Err(report.faults);
+    }
+    let count = files.len();
+    files.push((output.join(file.with_extension("csv").file_name().unwrap_or_default()), table(&cases)));
+    files.retain(|(path, text)| !is_as(path, text));
+    let written = files.iter().filter(|(path, _)| path.extension().is_some_and(|ending| ending == "ron")).count();
+    // Last, as make compares its time with that of the study.
+    let rules = output.join(file.with_extension("mk").file_name().unwrap_or_default());
+    files.push((rules.clone(), rules_for_make(file, &rules, &study, &cases)));
+    atomic::write_all(files.iter().map(|(path, text)| (path.clone(), text.as_bytes())))?;
+    for case in &cases {
+        // What another study left in the folder.
+        let other = output.join(&case.name).join(if case.kind() == SCENE { CHANGES } else { SCENE });
+        if is_written_here(&other) {
+            let _ = fs::remove_file(other);
+        }
+    }
+    Ok(format!("{count} cases, {written} of them new or changed; wrote {}\n", rules.display()))
+}
+
+/// All cases, in the order of the groups; faults of the study itself go to `report`.
+fn cases(study: &Study, report: &mut Report) -> Vec<Case> {
+    let mut cases: Vec<Case> = Vec::new();
+    report.expect(!study.groups.is_empty(), "groups", "none", "at least one group");
+    for (k, group) in study.groups.iter().enumerate() {
+        let (at, before) = (format!("groups.{k}"), report.faults.0.len());
+        report.expect(group.base.is_some() || group.from.is_some(), &at, "no base", "the file of a scene");
+        let set = group.set.iter().enumerate().map(|(n, (path, _))| {
+            let of = format!("{at}.set.{n}.1");
+            (format!("{path}={}", report.text(&of)), of)
+        });
+        let set: Vec<(String, String)> = set.collect();
+        let mut axes: Vec<Vec<Column>> = Vec::new();
+        for (n, parameter) in group.parameters.iter().enumerate() {
+            let mut axis = Vec::new();
+            columns(parameter, format!("{at}.parameters.{n}"), &mut axis, report);
+            axes.push(axis);
+        }
+        if !group.seeds.is_empty() {
+            let values = (0..group.seeds.len()).map(|n| format!("{at}.seeds.{n}"));
+            let values = values.map(|of| (report.text(&of).to_string(), of)).collect();
+            axes.push(vec![Column { name: "seed", paths: vec!["seed"], values }]);
+        }
+        let mut names: Vec<&str> = Vec::new();
+        for column in axes.iter().flatten() {
+            let found = format!("two parameters are {}", column.name);
+            report.expect(!names.contains(&column.name), &at, found, "another name for each");
+            names.extend(Some(column.name).filter(|name| !name.is_empty()));
+        }
+        let patterns = [("name", Some(&group.name)), ("from", group.from.as_ref())];
+        for (field, pattern) in patterns {
+            for unknown in pattern.iter().flat_map(|pattern| placeholders(pattern)).filter(|name| !names.contains(name))
+            {
+                let found = format!("{{{unknown}}} is no parameter of the group");
+                report.fault_as(&format!("{at}.{field}"), found, known_names(unknown, &names));
+            }
+        }
+        if report.faults.0.len() > before {
+            continue;
+        }
+        let total: usize = axes.iter().map(|axis| axis[0].values.len()).product();
+        for number in 0..total {
+            let mut case = Case { group: k, name: String::new(), from: None, values: vec![], settings: set.clone() };
+            let mut left = number;
+            let mut picked: Vec<usize> = Vec::new();
+            for axis in axes.iter().rev() {
+                picked.push(left % axis[0].values.len());
+                left /= axis[0].values.len();
+            }
+            for (axis, n) in axes.iter().zip(picked.into_iter().rev()) {
+                for column in axis {
+                    let (value, of) = &column.values[n];
+                    if !column.name.is_empty() {
+                        case.values.push((column.name.to_string(), value.clone()));
+                    }
+                    case.settings.extend(column.paths.iter().map(|path| (format!("{path}={value}"), of.clone())));
+                }
+            }
+            case.name = case.filled(&group.name);
+            case.from = group.from.as_ref().map(|pattern| case.filled(pattern));
+            for (field, name) in [("name", Some(&case.name)), ("from", case.from.as_ref())] {
+                let found = format!("'{}'", name.map_or("", String::as_str));
+                let holds = name.is_none_or(|name| is_folder(name));
+                report.expect(
+                    holds,
+                    &format!("{at}.{field}"),
+                    found,
+                    "a folder below, of letters, digits and . _ + - /",
+                );
+            }
+            let again = cases.iter().any(|other| other.name == case.name);
+            let found = format!("two cases are {}", case.name);
+            report.expect(!again, &format!("{at}.name"), found, "a name that has all parameters, as {NAME}");
+            cases.push(case);
+        }
+    }
+    cases
+}
+
+/// Parameter with its values as they stand in the study, each with its path there.
+struct Column<'a> {
+    name: &'a str,
+    paths: Vec<&'a str>,
+    values: Vec<(String, String)>,
+}
+
+/// Adds the column of a parameter, whose path in the study is `at`, and those that vary together with it.
+fn columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<Column<'a>>, report: &mut Report) {
+    let count = parameter.values.len();
+    let expected = axis.first().map_or(count.max(1), |first: &Column| first.values.len());
+    let values = format!("{at}.values");
+    let those = if axis.is_empty() { "at least one".into() } else { format!("{expected}, as of the first parameter") };
+    report.expect(count == expected, &values, format!("{count} values"), &those);
+    let value = |k: usize| {
+        let of = format!("{values}.{k}");
+        (report.text(&of).to_string(), of)
+    };
+    let paths = parameter.paths.iter().map(String::as_str).collect();
+    axis.push(Column { name: &parameter.name, paths, values: (0..count).map(value).collect() });
+    for (n, follower) in parameter.with.iter().enumerate() {
+        columns(follower, format!("{at}.with.{n}"), axis, report);
+    }
+}
+
+/// Names in braces.
+fn placeholders(pattern: &str) -> impl Iterator<Item = &str> {
+    pattern.split('{').skip(1).map(|rest| rest.split('}').next().unwrap_or(rest))
+}
+
+/// Whether a name is that of a folder below, and one that make and shells take as it is.
+fn is_folder(name: &str) -> bool {
+    let plain = |letter: char| letter.is_ascii_alphanumeric() || "._+-/".contains(letter);
+    let below = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
+    !name.is_empty() && below && !name.starts_with('-') && !name.ends_with('/') && name.chars().all(plain)
+}
+
+impl Case {
+    /// Name of the file in its folder.
+    fn kind(&self) -> &'static str {
+        if self.from.is_some() { CHANGES } else { SCENE }
+    }
+
+    /// A pattern with the values of the parameters.
+    fn filled(&self, pattern: &str) -> String {
+        let fill = |text: String, (name, value): &(String, String)| {
+            text.replace(&format!("{{{name}}}"), value.trim_matches('"'))
+        };
+        self.values.iter().fold(pattern.to_string(), fill)
+    }
+
+    /// Takes a fault of the case; that of a setting becomes one of its value in the study.
+    fn place(&self, fault: Fault, report: &mut Report) {
+        let of = |(setting, _): &&(String, String)| fault.object == format!("set {setting}");
+        match self.settings.iter().rfind(of).filter(|_| fault.file == Path::new("options")) {
+            Some((setting, path)) => {
+                let found = format!("{}: {}", setting.split_once('=').map_or("", |(path, _)| path), fault.found);
+                report.fault_as(path, found, fault.expected);
+            }
+            None => report.faults.push(fault),
+        }
+    }
+}
+
+/// Text of the scene, or of the changes, of a case for the file `path`; checked, unless the file holds it already.
+fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<String, Faults> {
+    let settings: Vec<String> = case.settings.iter().map(|(setting, _)| setting.clone()).collect();
+    let mut faults = Faults::default();
+    if case.from.is_some() && Places::of(original).text("compute").is_none() {
+        // The options would be all new ones, where `from-outbox --set` changes those of the run that goes on.
+        for setting in settings.iter().filter(|setting| setting.trim_start().starts_with("compute.")) {
+            faults.push(places::fault(setting, "the base has no options of the run", "expected 'compute' as a whole"));
+        }
+    }
+    faults.into_result(())?;
+    let changed = places::set(original, &settings)?;
+    let values = case.values.iter().map(|(name, value)| format!("; {name}: {}", value.replace('\n', " ")));
+    let head = format!("// Case {} of a study{}.{WRITTEN}\n", case.name, values.collect::<String>());
+    let text = with_files(&changed, base, path.parent().unwrap_or(Path::new(""))).map(|text| head + &text);
+    if text.as_ref().is_ok_and(|text| is_as(path, text)) {
+        return text;
+    }
+    match case.from {
+        None => drop(crate::read(base, &changed, &settings)?),
+        Some(_) => drop(crate::from_outbox::read(base, &changed, &settings)?),
+    }
+    text
+}
+
+/// Whether a file is from a study, by its first line.
+fn is_written_here(path: &Path) -> bool {
+    fs::read_to_string(path).is_ok_and(|text| text.lines().next().is_some_and(|line| line.ends_with(WRITTEN)))
+}
+
+/// Whether a file holds this text.
+fn is_as(path: &Path, text: &str) -> bool {
+    fs::read(path).is_ok_and(|bytes| bytes == text.as_bytes())
+}
+
+/// A scene or changes in another folder than their base: files that they name are seen from there.
+fn with_files(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> {
+    let home = base.parent().unwrap_or(Path::new(""));
+    let mut settings = Vec::new();
+    for pattern in FILES {
+        let (list, rest) = pattern.split_once(".N.").unwrap_or_default();
+        let places = Places::of(text);
+        let items = (0..).take_while(|n| places.text(&format!("{list}.{n}")).is_some());
+        for n in items {
+            let Some(value) = places.text(&format!("{list}.{n}.{rest}")) else { continue };
+            let file = Path::new(value.trim_matches('"'));
+            // Out of the folder of the case, as far as both lie below one.
+            let up: Option<PathBuf> = folder.strip_prefix(home).ok().map(|below| below.iter().map(|_| "..").collect());
+            let path = match up {
+                Some(up) => up.join(file),
+                None => std::path::absolute(home.join(file)).unwrap_or(home.join(file)),
+            };
+            settings.push(format!("{list}.{}.{rest}={:?}", n + 1, path));
+        }
+    }
+    places::set(text, &settings)
+}
+
+/// A row a case: its folder, the case that it continues, and each parameter, empty where its group has none of that name.
+fn table(cases: &[Case]) -> String {
+    let mut names: Vec<&str> = Vec::new();
+    for (name, _) in cases.iter().flat_map(|case| &case.values) {
+        if !names.contains(&name.as_str()) {
+            names.push(name);
+        }
+    }
+    let cell = |text: &str| match text.contains([',', '"', '\n']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"").replace('\n', " ")),
+        false => text.to_string(),
+    };
+    let row = |cells: Vec<&str>| cells.into_iter().map(cell).collect::<Vec<_>>().join(",") + "\n";
+    let mut text = row([&["case", "from"], &names[..]].concat());
+    for case in cases {
+        let value = |name: &&str| case.values.iter().find(|(known, _)| known == name).map_or("", |(_, value)| value);
+        let own = [case.name.as_str(), case.from.as_deref().unwrap_or_default()];
+        text += &row(own.into_iter().chain(names.iter().map(value)).collect());
+    }
+    text
+}
+
+/// What make needs to know: the cases, what the study is read from, and which case goes before which.
+fn rules_for_make(file: &Path, rules: &Path, study: &Study, cases: &[Case]) -> String {
+    let home = file.parent().unwrap_or(Path::new(""));
+    let folder = rules.parent().unwrap_or(Path::new(""));
+    // Paths as make sees them, which runs in the folder of the rules.
+    let seen = |path: &Path| match path.strip_prefix(folder) {
+        Ok(below) => below.to_path_buf(),
+        Err(_) => std::path::absolute(path).unwrap_or(path.to_path_buf()),
+    };
+    let mut read: Vec<PathBuf> = vec![seen(file)];
+    for base in study.groups.iter().filter_map(|group| group.base.as_ref()).map(|base| seen(&home.join(base))) {
+        if !read.contains(&base) {
+            read.push(base);
+        }
+    }
+    let read: Vec<String> = read.iter().map(|path| path.display().to_string()).collect();
+    let names: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
+    let mut text = format!("# Cases of {}.{WRITTEN}\n", read[0]);
+    text += &format!("CASES := {}\n", names.join(" "));
+    text += &format!("{}: {}\n", seen(rules).display(), read.join(" "));
+    for case in cases {
+        let from = case.from.as_ref().map_or(String::new(), |from| format!(" {from}/OUTBOX/.done"));
+        text += &format!("{}/DATBOX/.done: {}/{}{from}\n", case.name, case.name, case.kind());
+    }
+    text
+}
