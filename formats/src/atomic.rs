@@ -27,7 +27,8 @@ pub fn write_with(path: &Path, put: impl FnOnce(&mut dyn Write) -> std::io::Resu
 
 /// The same of files that belong together: none is put in its place before all are written.
 pub fn write_all<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Result<(), Faults> {
-    let parts: Result<Vec<PendingFile>, Faults> = files.into_iter().map(|(path, bytes)| PendingFile::write(&path, bytes)).collect();
+    let parts: Result<Vec<PendingFile>, Faults> =
+        files.into_iter().map(|(path, bytes)| PendingFile::write(&path, bytes)).collect();
     parts?.into_iter().try_for_each(PendingFile::move_into_place)
 }
 
@@ -54,7 +55,8 @@ impl PendingFile {
             return Err(fault(std::io::ErrorKind::IsADirectory.into()));
         }
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let part = PendingFile { path: path.to_path_buf(), temporary_path: folder.join(format!(".{name}.part")), folder };
+        let part =
+            PendingFile { path: path.to_path_buf(), temporary_path: folder.join(format!(".{name}.part")), folder };
         let written = File::create(&part.temporary_path).and_then(|mut file| {
             put(&mut file)?;
             file.sync_all()

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::error::Faults;
 use crate::ron_text::known_names;
-use crate::scan::{GRID_COLUMNS, TextLine, LineScanner, AsciiText, format_e14, format_long14, put_text, put_grid};
+use crate::scan::{AsciiText, GRID_COLUMNS, LineScanner, TextLine, format_e14, format_long14, put_grid, put_text};
 
 /// The bodies in the order of the file, which is their number.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -227,7 +227,9 @@ fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
             let offset = scan.expect_continuation("coo1 coo2 coo3")?;
             ShapeRecord::OffsetSphere { radius, offset: scan.read_grid(offset, COORDINATE_LABELS) }
         }
-        "PLANx" => ShapeRecord::Plane { half_lengths: [0, 1, 2].map(|k| scan.read_positive(line, GRID_COLUMNS[k], half_lengths[k])) },
+        "PLANx" => ShapeRecord::Plane {
+            half_lengths: [0, 1, 2].map(|k| scan.read_positive(line, GRID_COLUMNS[k], half_lengths[k])),
+        },
         "CYLND" | "DNLYC" => ShapeRecord::Cylinder {
             half_height: scan.read_positive(line, 35, "half height"),
             radius: scan.read_positive(line, 56, "radius"),
@@ -287,17 +289,24 @@ fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord
     let (vertex_lines, triangle_lines) = lines.split_at(vertex_count as usize);
     let vertices = (1..).zip(vertex_lines);
     let vertices = vertices
-        .map(|(k, &line)| [0, 1, 2].map(|c| scan.read_real(line, GRID_COLUMNS[c], format_args!("vertex {k}, coo{}", c + 1))))
+        .map(|(k, &line)| {
+            [0, 1, 2].map(|c| scan.read_real(line, GRID_COLUMNS[c], format_args!("vertex {k}, coo{}", c + 1)))
+        })
         .collect();
     let mut triangles = Vec::with_capacity(triangle_lines.len());
     for (k, &line) in (1..).zip(triangle_lines) {
-        let numbers = GRID_COLUMNS.map(|first| scan.read_integer(line, (first, first + 12), format_args!("face {k}, vertex")));
+        let numbers =
+            GRID_COLUMNS.map(|first| scan.read_integer(line, (first, first + 12), format_args!("face {k}, vertex")));
         let [Some(a), Some(b), Some(c)] = numbers else { continue };
         if let Some(wrong) = [a, b, c].into_iter().find(|n| !(1..=vertex_count).contains(n)) {
             let found = format!("face {k} names vertex {wrong}");
             scan.add_fault(line.number, found, format!("expected 1 to {vertex_count}"));
         } else if a == b || b == c || c == a {
-            scan.add_fault(line.number, format!("face {k} names vertices {a}, {b}, {c}"), "expected three different ones");
+            scan.add_fault(
+                line.number,
+                format!("face {k} names vertices {a}, {b}, {c}"),
+                "expected three different ones",
+            );
         }
         triangles.push([a, b, c].map(|n| (n as u32).wrapping_sub(1)));
     }
@@ -326,7 +335,9 @@ fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> Str
                 put_grid(out, &head, &["byrd="], &[*radius], real);
                 put_grid(out, "", &coordinates, offset, real);
             }
-            ShapeRecord::Plane { half_lengths } => put_grid(out, &head, &["axe1=", "axe2=", "axe3="], half_lengths, real),
+            ShapeRecord::Plane { half_lengths } => {
+                put_grid(out, &head, &["axe1=", "axe2=", "axe3="], half_lengths, real)
+            }
             ShapeRecord::Cylinder { half_height, radius, .. } => {
                 put_grid(out, &head, &["High=", "byrd="], &[*half_height, *radius], real);
             }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{TextLine, LineScanner, AsciiText, format_e14, format_long14, put_text};
+use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_long14, put_text};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BulkBehav {
@@ -42,7 +42,8 @@ impl BulkBehav {
                     }
                     let gravity = gravity.insert([0.0; 3]);
                     if let Some(line) = scan.expect_continuation("grv1 grv2 grv3") {
-                        *gravity = [0, 1, 2].map(|k| scan.read_real(line, GRAVITY_COLUMNS[k], format_args!("grv{}", k + 1)));
+                        *gravity =
+                            [0, 1, 2].map(|k| scan.read_real(line, GRAVITY_COLUMNS[k], format_args!("grv{}", k + 1)));
                     }
                 }
                 "behav" => {

@@ -71,7 +71,9 @@ pub fn event_schedule(events: &[Event], end: f64) -> Vec<Event> {
     let mut all = Vec::new();
     for (place, event) in events.iter().enumerate() {
         let time = |k: u64| event.time + event.every.map_or(0.0, |every| every * k as f64);
-        all.extend((0..=event.repeat_count(end) as u64).map(|k| (place, Event::at_time(time(k), event.action.clone()))));
+        all.extend(
+            (0..=event.repeat_count(end) as u64).map(|k| (place, Event::at_time(time(k), event.action.clone()))),
+        );
     }
     all.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
     let same = |(_, a): &(usize, Event), (_, b): &(usize, Event)| b.time - a.time <= SAME_TIME_TOLERANCE * b.time.abs();
@@ -479,9 +481,10 @@ impl Compute {
             let found = format!("{:?} s is before the start of the run", event.time);
             expect(event.time.is_nan() || event.time >= 0.0, &format!("events.{k}.time"), found, "at least 0.0 s");
             let values = match &event.action {
-                EventAction::AddSpin(v) | EventAction::SetTorque(v) | EventAction::AddVelocity(v) | EventAction::SetGravity(v) => {
-                    v.to_vec()
-                }
+                EventAction::AddSpin(v)
+                | EventAction::SetTorque(v)
+                | EventAction::AddVelocity(v)
+                | EventAction::SetGravity(v) => v.to_vec(),
                 EventAction::SetQuench(x)
                 | EventAction::SetFriction(_, x)
                 | EventAction::SetCohesion(_, x)
@@ -490,7 +493,9 @@ impl Compute {
             };
             let in_range = match event.action {
                 EventAction::SetQuench(q) => (0.0..=1.0).contains(&q),
-                EventAction::SetFriction(_, x) | EventAction::SetCohesion(_, x) | EventAction::Shake { speed: x, .. } => x >= 0.0,
+                EventAction::SetFriction(_, x)
+                | EventAction::SetCohesion(_, x)
+                | EventAction::Shake { speed: x, .. } => x >= 0.0,
                 _ => true,
             };
             let (time, action) = (format!("events.{k}.time"), format!("events.{k}.action"));
@@ -573,7 +578,8 @@ mod tests {
     fn an_option_set_alone_wins_over_the_preset() {
         let path = Path::new("COMPUTE.RON");
         let file: Compute = from_ron(path, "(accuracy: draft, tol: 0.5, adaptive: (most: 3))", "options").unwrap();
-        let flags = ComputeFlags { accuracy: Some(Accuracy::Fine), gravity_refresh: Some(7), ..ComputeFlags::default() };
+        let flags =
+            ComputeFlags { accuracy: Some(Accuracy::Fine), gravity_refresh: Some(7), ..ComputeFlags::default() };
         let [read, flagged] = [file.clone(), file.with_flags(&flags)];
         assert_eq!((read.tol(), read.max_sweeps(), read.gravity_refresh()), (0.5, 500, 16));
         assert_eq!((flagged.tol(), flagged.max_sweeps(), flagged.gravity_refresh()), (0.5, 20_000, 7));
@@ -602,7 +608,8 @@ mod tests {
     fn repeated_events_are_laid_out_in_time() {
         let spin = |every, until| Event { time: 10.0, every, until, action: EventAction::AddSpin([0.0, 0.0, 1e-5]) };
         let once = Event::at_time(15.0, EventAction::SetQuench(0.1));
-        let times = |events: &[Event], end| event_schedule(events, end).iter().map(|event| event.time).collect::<Vec<_>>();
+        let times =
+            |events: &[Event], end| event_schedule(events, end).iter().map(|event| event.time).collect::<Vec<_>>();
         assert_eq!(times(&[spin(Some(5.0), None), once.clone()], 25.0), [10.0, 15.0, 15.0, 20.0, 25.0]);
         assert_eq!(times(&[spin(Some(5.0), Some(19.0)), once.clone()], 25.0), [10.0, 15.0, 15.0]);
         assert_eq!(times(&[spin(Some(0.1), Some(10.3)), once], 25.0).len(), 5); // 0.3 / 0.1 is 2.9999999999999996

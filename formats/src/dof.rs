@@ -5,7 +5,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{DASHED_LINE, TextLine, LineScanner, AsciiText, format_d14, fortran_real, format_integer, format_long14, put_grid, put_steps};
+use crate::scan::{
+    AsciiText, DASHED_LINE, LineScanner, TextLine, format_d14, format_integer, format_long14, fortran_real, put_grid,
+    put_steps,
+};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Dof {

@@ -1,6 +1,6 @@
 //! Values that are allowed, and probably mistakes of units: cd-pre asks about those of a scene, cd-solve about those of DATBOX.
 
-use crate::compute::{EventAction, Event};
+use crate::compute::{Event, EventAction};
 use crate::report::FaultReport;
 
 /// Bulk densities of solids, kg/m^3, with a margin: snow and foams have 100, osmium 22 600.

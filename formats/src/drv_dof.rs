@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::atomic::path_exists;
 use crate::error::Faults;
-use crate::scan::{TextLine, LineScanner, AsciiText, format_e14, free_real, format_integer, format_long14, put_text};
+use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_integer, format_long14, free_real, put_text};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DrvDof(pub Vec<DrivenComponent>);

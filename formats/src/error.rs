@@ -194,7 +194,10 @@ mod tests {
         let mut faults = Faults(many(50));
         faults.0.insert(20, fault(7, "no radius"));
         let other = "cd-solve: BODIES.DAT:7: body 1, contactor SPHER 1: no radius; expected more than 0\n";
-        assert_eq!(faults.format_report("cd-solve"), format!("{first}; the same in 49 more lines: 10, 15, 20, ...\n{other}"));
+        assert_eq!(
+            faults.format_report("cd-solve"),
+            format!("{first}; the same in 49 more lines: 10, 15, 20, ...\n{other}")
+        );
         // A few are printed each; so are those of a file as a whole.
         assert_eq!(Faults(many(MAX_ALIKE_FAULTS)).format_report("cd-solve").lines().count(), MAX_ALIKE_FAULTS);
         assert_eq!(Faults(many(MAX_ALIKE_FAULTS)).format_report("cd-solve").lines().next(), Some(first));

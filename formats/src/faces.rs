@@ -59,7 +59,10 @@ impl ConvexMesh {
     /// let (faces, mass) = Faces::of_contactor(&vertices, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap();
     /// assert_eq!((faces.planes.len(), faces.edges.len(), mass.centre), (4, 6, [0.25; 3]));
     /// ```
-    pub fn from_contactor(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<(ConvexMesh, MassProperties), String> {
+    pub fn from_contactor(
+        vertices: &[[f64; 3]],
+        triangles: &[[u32; 3]],
+    ) -> Result<(ConvexMesh, MassProperties), String> {
         let surface = Surface::new(vertices, triangles).map_err(|faults| faults.join("; "))?;
         let mass = surface.mass_properties();
         let centre = Vec3::from(mass.centre);

@@ -150,7 +150,11 @@ impl<'a> WordReader<'a> {
             let [row, column] = [self.read_index(&object, contacts)?, self.read_index(&object, contacts)?];
             let [a, b, c] = [self.read_vector(&object)?, self.read_vector(&object)?, self.read_vector(&object)?];
             if blocks.last().is_some_and(|last| (last.row, last.column) >= (row, column)) {
-                self.add_fault(&object, format!("({row}, {column})"), "expected blocks by row, then by column, each once");
+                self.add_fault(
+                    &object,
+                    format!("({row}, {column})"),
+                    "expected blocks by row, then by column, each once",
+                );
             }
             blocks.push(Fc3dBlock { row, column, w: [a, b, c] });
         }
@@ -194,9 +198,9 @@ impl<'a> WordReader<'a> {
     fn read_index(&mut self, object: &str, below: usize) -> Result<usize, Faults> {
         match self.parse_next(object, "the number of a contact")? {
             index if index < below => Ok(index),
-            index => {
-                Err(self.fault_at_word(object, format!("contact {index}"), &format!("expected less than {below}")).into())
-            }
+            index => Err(self
+                .fault_at_word(object, format!("contact {index}"), &format!("expected less than {below}"))
+                .into()),
         }
     }
 
@@ -243,7 +247,10 @@ mod tests {
     fn what_is_read_is_written() {
         let problem = Fc3d::parse(Path::new("a.fc3d"), GOOD).unwrap();
         assert_eq!(problem.blocks[1].w[1], [4.0, 5.0, 6.0]);
-        assert_eq!((problem.comments.as_slice(), problem.free_velocities[1][2]), ([" source".to_string()].as_slice(), -2e-7));
+        assert_eq!(
+            (problem.comments.as_slice(), problem.free_velocities[1][2]),
+            ([" source".to_string()].as_slice(), -2e-7)
+        );
         assert_eq!(problem.to_text(), GOOD);
     }
 

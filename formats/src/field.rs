@@ -87,8 +87,12 @@ impl ExternalField {
         };
         match *self {
             ExternalField::PointMass { mass, position } => primary(mass, position, 0.0, [0.0, 0.0, 1.0]),
-            ExternalField::Oblate { mass, position, radius, j2, axis } => primary(mass, position, j2 * radius * radius, axis),
-            ExternalField::RotatingFrame { rate, centre } => FieldModel::Turning { rate: rate.into(), centre: centre.into() },
+            ExternalField::Oblate { mass, position, radius, j2, axis } => {
+                primary(mass, position, j2 * radius * radius, axis)
+            }
+            ExternalField::RotatingFrame { rate, centre } => {
+                FieldModel::Turning { rate: rate.into(), centre: centre.into() }
+            }
         }
     }
 }
@@ -111,7 +115,8 @@ mod tests {
             let h = 1e-5;
             let slope = Vec3::from_fn(|k, _| {
                 let step = Vec3::ith(k, h);
-                (field.acceleration_and_potential(&(x + step)).1 - field.acceleration_and_potential(&(x - step)).1) / (2.0 * h)
+                (field.acceleration_and_potential(&(x + step)).1 - field.acceleration_and_potential(&(x - step)).1)
+                    / (2.0 * h)
             });
             // Central differences of numbers near 1: h^2 and 1e-16 / h.
             assert!((field.acceleration_and_potential(&x).0 + slope).norm() < 1e-9, "{field:?}");

@@ -176,7 +176,9 @@ impl Body {
         let told = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
         let counts = match simple.map(|contactor| &contactor.shape) {
             // The volume itself has more digits.
-            Some(ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }) => (told / own.volume - 1.0).abs() > VOLUME_ROUNDING,
+            Some(ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }) => {
+                (told / own.volume - 1.0).abs() > VOLUME_ROUNDING
+            }
             Some(_) => false,
             None => lone.is_some() || given.is_some(),
         };
@@ -217,7 +219,8 @@ mod tests {
 
     #[test]
     fn a_dumbbell_of_balls() {
-        let balls = [1.0, -1.0].map(|side| ShapeRecord::OffsetSphere { radius: 0.5, offset: [3.0 * side + 1.0, 0.0, 2.0] });
+        let balls =
+            [1.0, -1.0].map(|side| ShapeRecord::OffsetSphere { radius: 0.5, offset: [3.0 * side + 1.0, 0.0, 2.0] });
         let parts = balls.map(|ball| contactor(ball, None).mass_properties().unwrap());
         let whole = MassProperties::composite(&parts);
         let volume = 4.0 / 3.0 * PI * 0.125;

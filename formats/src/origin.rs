@@ -118,7 +118,11 @@ impl SceneOrigin {
                     |(case, changes)| (case, Some(changes.to_string())),
                 );
                 let command = Command::FromOutbox { case: case.to_string(), changes };
-                return Some(SceneOrigin { command, inputs: Vec::new(), settings: parts.map(str::to_string).collect() });
+                return Some(SceneOrigin {
+                    command,
+                    inputs: Vec::new(),
+                    settings: parts.map(str::to_string).collect(),
+                });
             }
             let (scene, settings) = input(line.strip_prefix(HEADER_PREFIX)?)?;
             Some(SceneOrigin { command: Command::Scene, inputs: vec![scene], settings })
@@ -203,7 +207,8 @@ mod tests {
         for name in ["changes.ron", "models/stone.stl", "run/OUTBOX/a.npz"] {
             fs::write(at(name), name).unwrap();
         }
-        let mut origin = SceneOrigin::from_outbox(&at("run"), Some(&at("changes.ron")), &["compute.dt=1".into()], &case);
+        let mut origin =
+            SceneOrigin::from_outbox(&at("run"), Some(&at("changes.ron")), &["compute.dt=1".into()], &case);
         for name in ["changes.ron", "models/stone.stl", "models/stone.stl", "run/OUTBOX/a.npz", "absent"] {
             origin.add(&at(name), &case);
         }

@@ -23,7 +23,13 @@ impl<'a> FaultReport<'a> {
 
     /// Report on a text in which [`places::set`] has put other values: faults of these name the setting.
     pub fn with_settings(file: &'a Path, text: &'a str, settings: &'a [String]) -> Self {
-        FaultReport { file, places: ValueLocations::from_text(text), settings, faults: Faults::default(), warnings: Faults::default() }
+        FaultReport {
+            file,
+            places: ValueLocations::from_text(text),
+            settings,
+            faults: Faults::default(),
+            warnings: Faults::default(),
+        }
     }
 
     /// Takes down a fault of the value at `path`: `found` says what stands there, `expected` what should.
@@ -33,7 +39,7 @@ impl<'a> FaultReport<'a> {
 
     /// As [`Report::fault`], with the whole phrase about what is expected, such as a question.
     pub fn fault_as(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
-        self.faults.push(self.at(path, found.into(), expected.into()));
+        self.faults.push(self.fault_at(path, found.into(), expected.into()));
     }
 
     /// Text of the value at `path`; empty where there is none.

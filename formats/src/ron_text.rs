@@ -37,7 +37,8 @@ pub fn from_ron<T: DeserializeOwned>(path: &Path, text: &str, object: &str) -> R
     parse_ron(text).map_err(|mistakes| {
         let fault = |mistake: TextFault| {
             let (line, column) = line_and_column(text, mistake.at);
-            let object = if mistake.path.is_empty() { object.to_string() } else { report::path_in_words(&mistake.path) };
+            let object =
+                if mistake.path.is_empty() { object.to_string() } else { report::path_in_words(&mistake.path) };
             Fault { column: Some(column), ..Fault::new(path, Some(line), object, mistake.found, mistake.expected) }
         };
         Faults(mistakes.into_iter().map(fault).collect())
@@ -112,7 +113,11 @@ const MAX_SHOWN_CHARS: usize = 40;
 
 fn display_text(text: &str) -> String {
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    if line.chars().count() <= MAX_SHOWN_CHARS { line } else { format!("{}...", line.chars().take(MAX_SHOWN_CHARS).collect::<String>()) }
+    if line.chars().count() <= MAX_SHOWN_CHARS {
+        line
+    } else {
+        format!("{}...", line.chars().take(MAX_SHOWN_CHARS).collect::<String>())
+    }
 }
 
 /// The byte of a position of the library, and the first behind it that is neither blank nor comment.
@@ -239,10 +244,13 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
         Some(Error::NoSuchEnumVariant { expected, .. }) => return wrong(&format!("one of {}", expected.join(", "))),
         _ => {}
     }
-    if let Some(Error::NoSuchStructField { expected, .. }) = probe_error::<T>(text, node, &format!("{UNKNOWN_NAME}: 0")) {
+    if let Some(Error::NoSuchStructField { expected, .. }) = probe_error::<T>(text, node, &format!("{UNKNOWN_NAME}: 0"))
+    {
         return wrong(&format!("name: value, with {}", field_list(expected)));
     }
-    if let Some(Error::NoSuchStructField { expected, .. }) = probe_error::<T>(text, node, &format!("({UNKNOWN_NAME}: 0)")) {
+    if let Some(Error::NoSuchStructField { expected, .. }) =
+        probe_error::<T>(text, node, &format!("({UNKNOWN_NAME}: 0)"))
+    {
         return wrong(&format!("( ) around {}", field_list(expected)));
     }
     // Too many values: those of the bracket around.
@@ -275,7 +283,9 @@ const UNKNOWN_NAME: &str = "Unknown_name";
 fn probe_error<T: DeserializeOwned>(text: &str, node: &ValueNode, other: &str) -> Option<Error> {
     let text = format!("{}{other}{}", &text[..node.span.start], &text[node.span.end..]);
     match ron_options().from_str::<T>(&text).err()?.code {
-        Error::NoSuchEnumVariant { found, .. } | Error::NoSuchStructField { found, .. } if found != UNKNOWN_NAME => None,
+        Error::NoSuchEnumVariant { found, .. } | Error::NoSuchStructField { found, .. } if found != UNKNOWN_NAME => {
+            None
+        }
         code => Some(code),
     }
 }
@@ -319,7 +329,16 @@ struct RonParser<'a> {
 
 impl<'a> RonParser<'a> {
     fn new(text: &'a str) -> Self {
-        RonParser { text, at: 0, last_end: 0, open: vec![], brackets: vec![], nodes: vec![], mistakes: vec![], aborted: false }
+        RonParser {
+            text,
+            at: 0,
+            last_end: 0,
+            open: vec![],
+            brackets: vec![],
+            nodes: vec![],
+            mistakes: vec![],
+            aborted: false,
+        }
     }
 
     /// The values of a text and all mistakes in it.
@@ -726,7 +745,12 @@ impl<'a> RonParser<'a> {
                 }
                 Some(')' | ']' | '}') | None => {}
                 Some(':' | '=') if named => {
-                    self.add_fault(begin, &path_of_item, &format!("a second name, '{value}'"), "expected '(' before it");
+                    self.add_fault(
+                        begin,
+                        &path_of_item,
+                        &format!("a second name, '{value}'"),
+                        "expected '(' before it",
+                    );
                     return self.give_up();
                 }
                 Some(mark) => self.report_missing_comma(&path_of_item, value, mark),

@@ -614,11 +614,13 @@ impl Snapshot {
         })?;
         let mut entries = NpzReader { path, archive, faults: Faults::default() };
         let Some(meta_text): Option<Vec<u8>> = entries.read_array("meta", None) else { return Err(entries.faults) };
-        let version: serde_json::Value = serde_json::from_slice(&meta_text).map_err(|error| refuse(describe_json_error(&error)))?;
+        let version: serde_json::Value =
+            serde_json::from_slice(&meta_text).map_err(|error| refuse(describe_json_error(&error)))?;
         if version["format"].as_u64() != Some(FORMAT_VERSION.into()) {
             return Err(refuse(format!("meta: format {}; this program reads {FORMAT_VERSION}", version["format"])));
         }
-        let meta: SnapshotMeta = serde_json::from_slice(&meta_text).map_err(|error| refuse(describe_json_error(&error)))?;
+        let meta: SnapshotMeta =
+            serde_json::from_slice(&meta_text).map_err(|error| refuse(describe_json_error(&error)))?;
         if let Some(step) = step_of(path).filter(|step| *step != meta.step) {
             let (found, expected) = (format!("of step {}", meta.step), format!("expected {step}, as its name says"));
             return Err(Fault::new(path, None, "snapshot", found, expected).into());

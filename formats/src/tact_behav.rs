@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::bodies::CONTACTOR_TYPES;
 use crate::error::Faults;
 use crate::ron_text::known_names;
-use crate::scan::{TextLine, LineScanner, AsciiText, format_e14, fortran_real, format_long14, put_text};
+use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_long14, fortran_real, put_text};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TactBehav {
@@ -131,7 +131,11 @@ impl TactBehav {
                     scan.set_object(format!("law {}", laws.len() + 1));
                     let Some(law) = read_law(scan) else { continue };
                     if !law.nickname.is_empty() && laws.iter().any(|known| known.nickname == law.nickname) {
-                        scan.add_fault(law.line, format!("'{}' is defined twice", law.nickname), "expected each name once");
+                        scan.add_fault(
+                            law.line,
+                            format!("'{}' is defined twice", law.nickname),
+                            "expected each name once",
+                        );
                     }
                     laws.push(law);
                 }
@@ -261,7 +265,11 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
         // LMGC90 would not look at them.
         if let Some(&beyond) = PARAMETER_COLUMNS.get(labels.len()).filter(|&&first| has_real(line, first)) {
             let found = format!("a parameter in columns {beyond} to {}", beyond + 13);
-            scan.add_fault(line.number, found, format!("expected {} alone on this line of {}", labels.join(" "), law.kind));
+            scan.add_fault(
+                line.number,
+                found,
+                format!("expected {} alone on this line of {}", labels.join(" "), law.kind),
+            );
         }
     }
     if let Some(more) = scan.next_line_if(|line| line.is_continuation() && has_real(line, PARAMETER_COLUMNS[0])) {

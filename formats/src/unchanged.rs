@@ -53,8 +53,11 @@ impl ComputedSnapshot<'_> {
             };
             let material = &self.snapshot.meta.materials[there.body_material[k] as usize];
             let here = body.inertial_properties(&own, material.density);
-            let known =
-                InertialProperties { mass: there.body_mass[k], inertia: there.body_inertia[k], radius: there.body_radius[k] };
+            let known = InertialProperties {
+                mass: there.body_mass[k],
+                inertia: there.body_inertia[k],
+                radius: there.body_radius[k],
+            };
             all.push(own);
             let same = [
                 body.material == material.name,
@@ -85,7 +88,13 @@ impl ComputedSnapshot<'_> {
         let more = faults.len().saturating_sub(MAX_REPORTED_BODIES);
         faults.truncate(MAX_REPORTED_BODIES);
         if more > 0 {
-            faults.push(Fault::new(file, None, "file", format!("{more} more bodies differ"), self.expected_text("all")));
+            faults.push(Fault::new(
+                file,
+                None,
+                "file",
+                format!("{more} more bodies differ"),
+                self.expected_text("all"),
+            ));
         }
         faults
     }
@@ -174,7 +183,11 @@ mod tests {
             equivalent_radius: radius,
             inertia: None,
             position: [0.0; 3],
-            contactors: vec![Contactor { colour: "BLUEx".into(), shape: ShapeRecord::Sphere { radius }, local_frame: None }],
+            contactors: vec![Contactor {
+                colour: "BLUEx".into(),
+                shape: ShapeRecord::Sphere { radius },
+                local_frame: None,
+            }],
         };
         Bodies(radii.iter().enumerate().map(sphere).collect())
     }
@@ -215,7 +228,10 @@ mod tests {
         assert!(faults[0].ends_with("kg m² as in snapshot-000005.npz"), "{faults:?}");
         let faults = told(computed.expect_bodies(file, &spheres(&[2.0; 8])));
         assert_eq!(faults.len(), MAX_REPORTED_BODIES + 1);
-        assert!(faults[MAX_REPORTED_BODIES].starts_with("BODIES.DAT: file: 3 more bodies differ; expected all"), "{faults:?}");
+        assert!(
+            faults[MAX_REPORTED_BODIES].starts_with("BODIES.DAT: file: 3 more bodies differ; expected all"),
+            "{faults:?}"
+        );
         let faults = told(computed.expect_bodies(file, &spheres(&[1.0; 7])));
         assert_eq!(faults, ["BODIES.DAT: file: 7 bodies; expected 8 as in snapshot-000005.npz"]);
         let mut other = bodies.clone();
@@ -247,10 +263,16 @@ mod tests {
             kind: "IQS_CLB".into(),
             parameters: vec![friction],
         };
-        let see =
-            |law: &str| VisibilityRow { line: 9, candidate: side.clone(), law: law.into(), antagonist: side.clone(), alert: 0.1 };
+        let see = |law: &str| VisibilityRow {
+            line: 9,
+            candidate: side.clone(),
+            law: law.into(),
+            antagonist: side.clone(),
+            alert: 0.1,
+        };
         let unused = law(5, "other", 0.1);
-        let tact = |used: LawRecord| TactBehav { visibility: vec![see(&used.nickname)], laws: vec![used, unused.clone()] };
+        let tact =
+            |used: LawRecord| TactBehav { visibility: vec![see(&used.nickname)], laws: vec![used, unused.clone()] };
         computed.expect_laws(file, &tact(law(2, "iqsc0", 0.5))).unwrap();
         let expected = "FILE.DAT:2: law 'iqsc0': IQS_CLB [0.4]; expected IQS_CLB [0.5] as in snapshot-000005.npz";
         assert_eq!(told(computed.expect_laws(file, &tact(law(2, "iqsc0", 0.4)))), [expected]);

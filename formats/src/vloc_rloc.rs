@@ -8,7 +8,9 @@ use std::path::Path;
 
 use crate::error::Faults;
 use crate::ron_text::known_names;
-use crate::scan::{GRID_COLUMNS, TextLine, LineScanner, AsciiText, format_d14, format_integer, put_text, put_grid, put_steps};
+use crate::scan::{
+    AsciiText, GRID_COLUMNS, LineScanner, TextLine, format_d14, format_integer, put_grid, put_steps, put_text,
+};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct VlocRloc {
@@ -69,16 +71,86 @@ struct ContactKind {
 
 /// The kinds that can be read, in their order in a file.
 const CONTACT_KINDS: [ContactKind; 10] = [
-    ContactKind { name: "CDCDx", pair: &LONG_COLUMNS, components: "stn", gap_label: "gTT =", rows: "stnp", reversed_s: true },
-    ContactKind { name: "CDPLx", pair: &LONG_COLUMNS, components: "stn", gap_label: "gTT =", rows: "stnp", reversed_s: true },
-    ContactKind { name: "PRPLx", pair: &LONG_COLUMNS, components: "stn", gap_label: "gapTT", rows: "ptns", reversed_s: true },
-    ContactKind { name: "PRPRx", pair: &LONG_COLUMNS, components: "tns", gap_label: "gapTT", rows: "ptns", reversed_s: true },
-    ContactKind { name: "PTPT3", pair: &SHORT_COLUMNS, components: "tns", gap_label: "gapTT", rows: "np", reversed_s: true },
-    ContactKind { name: "SPCDx", pair: &LONG_COLUMNS, components: "stn", gap_label: "gTT =", rows: "stnp", reversed_s: false },
-    ContactKind { name: "SPDCx", pair: &LONG_COLUMNS, components: "stn", gap_label: "gTT =", rows: "stnp", reversed_s: false },
-    ContactKind { name: "SPPLx", pair: &LONG_COLUMNS, components: "stn", gap_label: "gTT =", rows: "stnp", reversed_s: true },
-    ContactKind { name: "SPPRx", pair: &SHORT_COLUMNS, components: "tns", gap_label: "gapTT", rows: "ptns", reversed_s: true },
-    ContactKind { name: "SPSPx", pair: &LONG_COLUMNS, components: "stn", gap_label: "gTT =", rows: "stnp", reversed_s: true },
+    ContactKind {
+        name: "CDCDx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "CDPLx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "PRPLx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gapTT",
+        rows: "ptns",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "PRPRx",
+        pair: &LONG_COLUMNS,
+        components: "tns",
+        gap_label: "gapTT",
+        rows: "ptns",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "PTPT3",
+        pair: &SHORT_COLUMNS,
+        components: "tns",
+        gap_label: "gapTT",
+        rows: "np",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "SPCDx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: false,
+    },
+    ContactKind {
+        name: "SPDCx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: false,
+    },
+    ContactKind {
+        name: "SPPLx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "SPPRx",
+        pair: &SHORT_COLUMNS,
+        components: "tns",
+        gap_label: "gapTT",
+        rows: "ptns",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "SPSPx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: true,
+    },
 ];
 
 /// Columns of the line that names the pair: word at its first column, number from first to last.
@@ -196,7 +268,11 @@ impl VlocRloc {
     /// If a contact is of a kind that readers do not know.
     pub fn to_text(&self) -> String {
         for contact in &self.contacts {
-            assert!(ContactKind::from_name(&contact.kind).is_some(), "contacts of kind '{}' cannot be written", contact.kind);
+            assert!(
+                ContactKind::from_name(&contact.kind).is_some(),
+                "contacts of kind '{}' cannot be written",
+                contact.kind
+            );
         }
         let mut out = String::new();
         put_steps(&mut out, "Vloc_Rloc", self.step, self.time);
@@ -225,7 +301,11 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
     };
     let title = scan.expect_line("expected a line of titles", TextLine::is_data)?;
     if title.keyword() == "RBDY3" {
-        scan.add_fault(title.number, "a pair that LMGC90 would skip", "expected a line of titles between $icdan and it");
+        scan.add_fault(
+            title.number,
+            "a pair that LMGC90 would skip",
+            "expected a line of titles between $icdan and it",
+        );
         return None;
     }
     let line = scan.expect_line("expected the pair in contact", TextLine::is_data)?;

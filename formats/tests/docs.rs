@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::compute::{Accuracy, Compute, Event, from_ron};
 use cd_formats::snapshot::{
     BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawName, MaterialName, MemoryArrays,
-    SnapshotMeta, PairArrays, TurningArrays,
+    PairArrays, SnapshotMeta, TurningArrays,
 };
 
 fn page() -> (PathBuf, String) {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SnapshotMeta, SHAPE_PLANE, Snapshot};
+use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SHAPE_PLANE, Snapshot, SnapshotMeta};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::shapes::{Shapes, Solid};

@@ -15,7 +15,7 @@ use crate::derive::fabric::{anisotropy, distribution, eigenvalues, fabric, mobil
 use crate::derive::fragments::{Fragment, fragments};
 use crate::derive::free_surface::{self, FreeSurface};
 use crate::derive::motion::Axes;
-use crate::derive::orbits::{orbits};
+use crate::derive::orbits::orbits;
 use crate::derive::plane_fit;
 use crate::derive::profile::shells;
 use crate::derive::surface::{Facet, Grid, noise, slopes_below, surface};

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{SnapshotMeta, Snapshot};
+use cd_formats::snapshot::{Snapshot, SnapshotMeta};
 
 use crate::compare::{self, Columns};
 use crate::derive::{Field, Row};

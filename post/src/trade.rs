@@ -165,7 +165,8 @@ fn of_realisations(folders: &[PathBuf], asked: &Asked) -> Result<(Vec<Compared>,
         let found = "--groups, --values, --from or --early with folders that this command has written";
         faults.push(Fault::new(Path::new("options"), None, "trade", found, "expected --title and -o alone"));
     }
-    let all: Vec<Vec<Compared>> = folders.iter().filter_map(|folder| faults.gather_result(read(&table_of(folder)))).collect();
+    let all: Vec<Vec<Compared>> =
+        folders.iter().filter_map(|folder| faults.gather_result(read(&table_of(folder)))).collect();
     faults.into_result(())?;
     let compared = realised(folders, &all)?;
     Ok((compared, format!("root mean squares of the errors of {} realisations", all.len())))
@@ -210,7 +211,8 @@ fn realised(folders: &[PathBuf], all: &[Vec<Compared>]) -> Result<Vec<Compared>,
         let of_each = |(folder, runs): (&PathBuf, &Vec<Compared>)| {
             named(runs, &run.name).ok_or_else(|| Faults::from(other(folder, format!("no {}", run.name))))
         };
-        let values: Vec<[f64; 15]> = folders.iter().zip(all).filter_map(|each| faults.gather_result(of_each(each))).collect();
+        let values: Vec<[f64; 15]> =
+            folders.iter().zip(all).filter_map(|each| faults.gather_result(of_each(each))).collect();
         let mean = |k: usize| values.iter().map(|of| of[k]).sum::<f64>() / values.len() as f64;
         let root = |k: usize| (values.iter().map(|of| of[k] * of[k]).sum::<f64>() / values.len() as f64).sqrt();
         let mut one = run.clone();

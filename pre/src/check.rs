@@ -1,13 +1,13 @@
 //! Faults of the values of a scene, all at once, before anything is placed.
 
-use cd_formats::compute::{ROTATION_ABOUT_PERIOD, EventAction, Compute, ContactSolver, Event, ExternalField};
+use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, ROTATION_ABOUT_PERIOD};
 use cd_formats::report::FaultReport;
 use cd_formats::tact_behav::parameter_labels;
 use nalgebra::Vector3;
 
 use crate::scene::{
-    ContactSurface, Envelope, TimeFunction, Grains, Law, LawKind, GrainPlacement, RadiusKind, Rotation, ModelScale, Scene, GrainShape, SizeDistribution,
-    GrainOrientations, SceneWall,
+    ContactSurface, Envelope, GrainOrientations, GrainPlacement, GrainShape, Grains, Law, LawKind, ModelScale,
+    RadiusKind, Rotation, Scene, SceneWall, SizeDistribution, TimeFunction,
 };
 use crate::sizes::{MAX_BODIES, normal_share};
 
@@ -80,7 +80,10 @@ pub(crate) fn check_moments<'a>(
 }
 
 /// Paths of the motion of grains and walls that is imposed along some axes and not along others.
-pub(crate) fn driven_in_part<'a>(grains: &'a [Grains], walls: &'a [SceneWall]) -> impl Iterator<Item = String> + use<'a> {
+pub(crate) fn driven_in_part<'a>(
+    grains: &'a [Grains],
+    walls: &'a [SceneWall],
+) -> impl Iterator<Item = String> + use<'a> {
     let some = |driven: &[Option<TimeFunction>; 3]| driven.iter().any(Option::is_none);
     let of_grains = (0..).zip(grains).filter(move |(_, grains)| grains.driven.as_ref().is_some_and(some));
     let of_walls = (0..).zip(walls).filter(move |(_, wall)| wall.is_pushed());
@@ -209,7 +212,8 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
     match &grains.sizes {
         Some(sizes) => check_sizes(report, &format!("{path}.sizes"), sizes),
         None => {
-            let own = matches!(grains.shape, GrainShape::Box { .. } | GrainShape::Vertices(_) | GrainShape::Model { .. });
+            let own =
+                matches!(grains.shape, GrainShape::Box { .. } | GrainShape::Vertices(_) | GrainShape::Model { .. });
             let fragments = matches!(grains.place, GrainPlacement::Fragments { .. });
             let expected = "sizes, or a shape with a size of its own (Box, Vertices, Model)";
             report.require(own || fragments, path, "no sizes", expected);
@@ -309,7 +313,8 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
         | GrainShape::Dodecahedron
         | GrainShape::Icosahedron => {}
     }
-    let measured = grains.shape == GrainShape::Sphere || grains.sizes.is_some() || grains.radius == RadiusKind::default();
+    let measured =
+        grains.shape == GrainShape::Sphere || grains.sizes.is_some() || grains.radius == RadiusKind::default();
     report.require(measured, path, "radius given without sizes", "sizes, whose meaning it says");
     let standing = format!("{path}.standing");
     match &grains.standing {
@@ -319,7 +324,8 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
             for (k, turn) in turns.iter().enumerate() {
                 check_rotation(report, &format!("{standing}.{k}"), turn);
             }
-            let positions = if let GrainPlacement::List { positions, .. } = &grains.place { positions.len() } else { 0 };
+            let positions =
+                if let GrainPlacement::List { positions, .. } = &grains.place { positions.len() } else { 0 };
             let found = format!("{} turns for {positions} listed positions", turns.len());
             report.require(turns.len() == positions, &standing, found, "one for each listed position");
         }
@@ -344,7 +350,9 @@ fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
         return report.add_fault(path, "an empty list", "at least one radius (m)");
     }
     let radii = match sizes {
-        SizeDistribution::List(radii) => (0..).zip(radii).map(|(k, &radius): (usize, _)| (format!("0.{k}"), radius)).collect(),
+        SizeDistribution::List(radii) => {
+            (0..).zip(radii).map(|(k, &radius): (usize, _)| (format!("0.{k}"), radius)).collect()
+        }
         SizeDistribution::Single(radius) => vec![("0".into(), *radius)],
         SizeDistribution::Uniform { min, max } => vec![("min".into(), *min), ("max".into(), *max)],
         SizeDistribution::PowerLaw { min, max, .. } => vec![("min".into(), *min), ("max".into(), *max)],
@@ -357,7 +365,11 @@ fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
     }
     let (min, max) = sizes.radius_range();
     if min > max {
-        return report.add_fault(&format!("{path}.min"), format!("{min:?} is larger than max {max:?}"), "min <= max (m)");
+        return report.add_fault(
+            &format!("{path}.min"),
+            format!("{min:?} is larger than max {max:?}"),
+            "min <= max (m)",
+        );
     }
     match *sizes {
         SizeDistribution::PowerLaw { exponent, .. } => {
@@ -425,7 +437,9 @@ fn check_place(report: &mut FaultReport, path: &str, place: &GrainPlacement) {
         _ => [("", None); 2],
     };
     for (name, length) in of_one {
-        length.into_iter().for_each(|length| check_value(report, &path, name, length, is_positive(length), "a length > 0 m"));
+        length
+            .into_iter()
+            .for_each(|length| check_value(report, &path, name, length, is_positive(length), "a length > 0 m"));
     }
     if let Envelope::Model { scaled: Some(scaled), .. } = envelope {
         check_scaled(report, &path, scaled);
@@ -479,7 +493,11 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
     if let (Some(count), Some(number)) = (listed, grains.number)
         && count != number
     {
-        report.add_fault(&format!("{path}.number"), format!("{number} for {count} listed radii"), "their number, or none");
+        report.add_fault(
+            &format!("{path}.number"),
+            format!("{number} for {count} listed radii"),
+            "their number, or none",
+        );
     }
     let sized = grains.place.envelope().is_none_or(Envelope::has_size);
     if let GrainPlacement::Fragments { .. } = grains.place {
@@ -500,7 +518,11 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
     let names: Vec<&str> = given.iter().filter(|(given, _)| *given).map(|(_, name)| *name).collect();
     if names.len() != 2 {
         let found = if names.is_empty() { "nothing".to_string() } else { names.join(", ") };
-        report.add_fault(path, format!("{found} given"), "exactly two of number, solid_fraction and size of the envelope");
+        report.add_fault(
+            path,
+            format!("{found} given"),
+            "exactly two of number, solid_fraction and size of the envelope",
+        );
     }
 }
 
@@ -511,7 +533,12 @@ pub(crate) fn check_rotation(report: &mut FaultReport, path: &str, rotation: &Ro
 
 fn check_direction(report: &mut FaultReport, path: &str, name: &str, vector: &[f64; 3]) {
     let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
-    report.require(is_positive(length), &format!("{path}.{name}"), format!("{vector:?}"), "a finite vector that is not 0");
+    report.require(
+        is_positive(length),
+        &format!("{path}.{name}"),
+        format!("{vector:?}"),
+        "a finite vector that is not 0",
+    );
 }
 
 pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall) {
@@ -520,7 +547,12 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "axis", axis);
             for (name, length) in [("half_height", half_height), ("radius", radius)] {
-                report.require(is_positive(*length), &format!("{path}.{name}"), format!("{length:?}"), "a length > 0 m");
+                report.require(
+                    is_positive(*length),
+                    &format!("{path}.{name}"),
+                    format!("{length:?}"),
+                    "a length > 0 m",
+                );
             }
             check_velocity_or_force(report, path, velocity, force);
             check_evolutions(report, &format!("{path}.rotation"), [rotation], "rad/s");
@@ -545,14 +577,24 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             each(report, &format!("{path}.lengths"), lengths, is_positive, "a length > 0 m");
             check_rotation(report, &format!("{path}.orientation"), orientation);
             let thickness = format!("{half_thickness:?}");
-            report.require(is_positive(*half_thickness), &format!("{path}.half_thickness"), thickness, "a length > 0 m");
+            report.require(
+                is_positive(*half_thickness),
+                &format!("{path}.half_thickness"),
+                thickness,
+                "a length > 0 m",
+            );
             check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
         }
     }
 }
 
 /// Along each axis a velocity or a force.
-fn check_velocity_or_force(report: &mut FaultReport, path: &str, velocity: &[TimeFunction; 3], force: &[Option<TimeFunction>; 3]) {
+fn check_velocity_or_force(
+    report: &mut FaultReport,
+    path: &str,
+    velocity: &[TimeFunction; 3],
+    force: &[Option<TimeFunction>; 3],
+) {
     check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
     check_evolutions(report, &format!("{path}.force"), force.iter().map(Option::as_ref), "N");
     for (k, velocity) in velocity.iter().enumerate().filter(|(k, _)| force[*k].is_some()) {
@@ -644,7 +686,8 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
             if let Some((name, Some(law))) = law
                 && alert < law.kind.attraction_range()
             {
-                let found = format!("{alert:?} is less than the range {:?} of law '{name}'", law.kind.attraction_range());
+                let found =
+                    format!("{alert:?} is less than the range {:?} of law '{name}'", law.kind.attraction_range());
                 report.add_fault(&path, found, "at least the range (m), for beyond alert no law acts");
             }
         }
@@ -693,13 +736,17 @@ impl LawKind {
 impl SceneWall {
     pub fn material(&self) -> &str {
         match self {
-            SceneWall::Plate { material, .. } | SceneWall::Box { material, .. } | SceneWall::Cylinder { material, .. } => material,
+            SceneWall::Plate { material, .. }
+            | SceneWall::Box { material, .. }
+            | SceneWall::Cylinder { material, .. } => material,
         }
     }
 
     pub fn colour(&self) -> &str {
         match self {
-            SceneWall::Plate { colour, .. } | SceneWall::Box { colour, .. } | SceneWall::Cylinder { colour, .. } => colour,
+            SceneWall::Plate { colour, .. } | SceneWall::Box { colour, .. } | SceneWall::Cylinder { colour, .. } => {
+                colour
+            }
         }
     }
 

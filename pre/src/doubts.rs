@@ -3,10 +3,16 @@
 use cd_formats::doubts::{density, friction};
 use cd_formats::report::FaultReport;
 
-use crate::scene::{TimeFunction, Grains, Law, Material, SceneWall};
+use crate::scene::{Grains, Law, Material, SceneWall, TimeFunction};
 
 /// Reports the doubtful values of the parts of a scene.
-pub fn report_doubts(materials: &[Material], laws: &[Law], grains: &[Grains], walls: &[SceneWall], report: &mut FaultReport) {
+pub fn report_doubts(
+    materials: &[Material],
+    laws: &[Law],
+    grains: &[Grains],
+    walls: &[SceneWall],
+    report: &mut FaultReport,
+) {
     for (k, material) in materials.iter().enumerate() {
         if let Some(question) = density(material.density) {
             report.add_warning(&format!("materials.{k}.density"), format!("{:?}", material.density), &question);
@@ -29,7 +35,9 @@ pub fn report_doubts(materials: &[Material], laws: &[Law], grains: &[Grains], wa
     for (k, wall) in walls.iter().enumerate() {
         let (velocity, force, rotation): (&[TimeFunction], &[Option<TimeFunction>], &[TimeFunction]) = match wall {
             SceneWall::Plate { velocity, force, rotation, .. } => (velocity, &**force, rotation),
-            SceneWall::Cylinder { velocity, force, rotation, .. } => (velocity, &**force, std::slice::from_ref(rotation)),
+            SceneWall::Cylinder { velocity, force, rotation, .. } => {
+                (velocity, &**force, std::slice::from_ref(rotation))
+            }
             SceneWall::Box { velocity, .. } => (velocity, &[], &[]),
         };
         let mut check = |name: &str, axis: usize, value: &TimeFunction| {

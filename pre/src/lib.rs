@@ -46,7 +46,7 @@ use cd_formats::origin::SceneOrigin;
 use cd_formats::places;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_text::nearest_name;
-use cd_formats::scan::{fortran_real, format_long14};
+use cd_formats::scan::{format_long14, fortran_real};
 use cd_formats::tell::{print_error, print_line, usage};
 use clap::{CommandFactory, Parser};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -232,7 +232,12 @@ pub fn read_scene(source: &Path, text: &str, settings: &[String]) -> Result<(Sce
 }
 
 /// Reads RON in which [`places::set`] has put other values.
-fn parse_with_settings<T: DeserializeOwned>(file: &Path, text: &str, settings: &[String], object: &str) -> Result<T, Faults> {
+fn parse_with_settings<T: DeserializeOwned>(
+    file: &Path,
+    text: &str,
+    settings: &[String],
+    object: &str,
+) -> Result<T, Faults> {
     from_ron(file, text, object).map_err(|mut faults| {
         for fault in &mut faults.0 {
             let (line, column) = (fault.line.unwrap_or(1), fault.column.unwrap_or(1));

@@ -28,8 +28,10 @@ pub fn thermal_velocities(rms: f64, masses: &[f64], random: &mut RandomStream) -
     if rms == 0.0 || masses.len() < 2 {
         return vec![Vector3::zeros(); masses.len()];
     }
-    let drawn: Vec<_> =
-        masses.iter().map(|_| Vector3::new(random.standard_normal(), random.standard_normal(), random.standard_normal())).collect();
+    let drawn: Vec<_> = masses
+        .iter()
+        .map(|_| Vector3::new(random.standard_normal(), random.standard_normal(), random.standard_normal()))
+        .collect();
     let drift = weighted_mean(&drawn, masses);
     let velocities: Vec<_> = drawn.iter().map(|v| v - drift).collect();
     let square = velocities.iter().map(|v| v.norm_squared()).sum::<f64>() / masses.len() as f64;
@@ -69,6 +71,9 @@ mod tests {
         let square = velocities.iter().map(|v| v.norm_squared()).sum::<f64>() / 1000.0;
         assert!((square.sqrt() - 0.3).abs() < 1e-14);
         assert!(weighted_mean(&velocities, &masses).norm() < 1e-15);
-        assert_eq!(thermal_velocities(0.3, &[1.0], &mut RandomStream::new(4, 0, StreamPurpose::Velocity)), [Vector3::zeros()]);
+        assert_eq!(
+            thermal_velocities(0.3, &[1.0], &mut RandomStream::new(4, 0, StreamPurpose::Velocity)),
+            [Vector3::zeros()]
+        );
     }
 }

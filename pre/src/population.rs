@@ -12,10 +12,10 @@ use nalgebra::{Matrix3, Vector3};
 use crate::place::cells::SphereGrid;
 use crate::place::room::GrainRegion;
 use crate::place::{self, PlacedGrains};
-use crate::random::{StreamPurpose, RandomStream};
-use crate::scene::{TimeFunction, Grains, GrainPlacement, Scene};
+use crate::random::{RandomStream, StreamPurpose};
+use crate::scene::{GrainPlacement, Grains, Scene, TimeFunction};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
-use crate::shapes::{SampledGrain, OrientedPolyhedron, GrainSampler, ShapeError};
+use crate::shapes::{GrainSampler, OrientedPolyhedron, SampledGrain, ShapeError};
 use crate::sizes::MAX_BODIES;
 use crate::walls::{self, WallBody};
 use crate::{check, motion, sizes, write};
@@ -259,11 +259,17 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
     let mut told = Vec::new();
     let mut fault = |path: String, name: &str, x: f64| {
         if !told.contains(&path) {
-            report.add_fault(&path, format!("{name} {x:e}"), "numbers below 1e99, and sizes and masses of at least 1e-99");
+            report.add_fault(
+                &path,
+                format!("{name} {x:e}"),
+                "numbers below 1e99, and sizes and masses of at least 1e-99",
+            );
             told.push(path);
         }
     };
-    for (k, (body, state)) in write::bodies_file(scene, population).0.iter().zip(write::dof_file(population).bodies).enumerate() {
+    for (k, (body, state)) in
+        write::bodies_file(scene, population).0.iter().zip(write::dof_file(population).bodies).enumerate()
+    {
         let path = population.scene_path(k);
         let density = scene.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
         let mass = density * sizes::sphere_volume(body.equivalent_radius);
@@ -306,7 +312,9 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         [false, false] => overlap,
         [true, false] => with_ball(a, &grains[b]),
         [false, true] => with_ball(b, &grains[a]),
-        [true, true] => deepest_overlap(pieces(a), pieces(b), TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius)),
+        [true, true] => {
+            deepest_overlap(pieces(a), pieces(b), TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius))
+        }
     };
 
     let mut order: Vec<usize> = (0..grains.len()).collect();

@@ -97,7 +97,10 @@ mod tests {
         let mut random = RandomStream::new(1, 0, StreamPurpose::Sizes);
         let drawn: Vec<u64> = (0..3).map(|_| (random.uniform() * 1e6) as u64).collect();
         assert_eq!(drawn, [402485, 80383, 596560]);
-        assert_ne!(RandomStream::new(1, 0, StreamPurpose::Place).uniform(), RandomStream::new(1, 1, StreamPurpose::Place).uniform());
+        assert_ne!(
+            RandomStream::new(1, 0, StreamPurpose::Place).uniform(),
+            RandomStream::new(1, 1, StreamPurpose::Place).uniform()
+        );
     }
 
     #[test]

@@ -33,9 +33,9 @@ impl SizeDistribution {
     pub fn radius_range(&self) -> (f64, f64) {
         match self {
             SizeDistribution::Single(radius) => (*radius, *radius),
-            SizeDistribution::Uniform { min, max } | SizeDistribution::PowerLaw { min, max, .. } | SizeDistribution::LogNormal { min, max, .. } => {
-                (*min, *max)
-            }
+            SizeDistribution::Uniform { min, max }
+            | SizeDistribution::PowerLaw { min, max, .. }
+            | SizeDistribution::LogNormal { min, max, .. } => (*min, *max),
             SizeDistribution::List(radii) => radii.iter().fold((f64::INFINITY, 0.0), |(a, b), &r| (r.min(a), r.max(b))),
         }
     }

@@ -6,9 +6,9 @@ use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::place::rotation_matrix;
-use crate::scene::{TimeFunction, SceneWall};
+use crate::scene::{SceneWall, TimeFunction};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
-use crate::{round_point, round_8_digits};
+use crate::{round_8_digits, round_point};
 
 /// A plate or a cylinder; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,7 +53,13 @@ impl WallBody {
 
 /// How deep convex pieces reach into a plate or cylinder with the axes `axes` (rows), m; at most `allowed` as soon as that
 /// is certain.
-pub fn pieces_overlap(wall: &ShapeRecord, centre: &Vector3<f64>, axes: &Matrix3<f64>, pieces: &[ConvexPiece], allowed: f64) -> f64 {
+pub fn pieces_overlap(
+    wall: &ShapeRecord,
+    centre: &Vector3<f64>,
+    axes: &Matrix3<f64>,
+    pieces: &[ConvexPiece],
+    allowed: f64,
+) -> f64 {
     match *wall {
         ShapeRecord::Plane { half_lengths } => {
             deepest_overlap(pieces, &[ConvexPiece::cuboid(*centre, axes, &half_lengths.into())], allowed)
@@ -121,7 +127,18 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                 force: *force.clone(),
             }]
         }
-        SceneWall::Cylinder { material, colour, centre, axis, half_height, radius, hollow, velocity, force, rotation } => {
+        SceneWall::Cylinder {
+            material,
+            colour,
+            centre,
+            axis,
+            half_height,
+            radius,
+            hollow,
+            velocity,
+            force,
+            rotation,
+        } => {
             let [a, b, c] = velocity.clone();
             vec![WallBody {
                 wall: number,
@@ -129,7 +146,11 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                 colour: colour.clone(),
                 centre: round_point(&(*centre).into()),
                 axes: axes_about(&(*axis).into(), None),
-                shape: ShapeRecord::Cylinder { half_height: round_8_digits(*half_height), radius: round_8_digits(*radius), hollow: *hollow },
+                shape: ShapeRecord::Cylinder {
+                    half_height: round_8_digits(*half_height),
+                    radius: round_8_digits(*radius),
+                    hollow: *hollow,
+                },
                 motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), rotation.clone()],
                 force: *force.clone(),
             }]
@@ -302,7 +323,8 @@ mod tests {
     fn cubes_in_a_drum() {
         let drum = cylinder(true);
         let deep = |x: f64, y: f64| {
-            let cube = ConvexPiece::cuboid(Vector3::new(1.0 + x, 2.0 + y, 3.0), &Matrix3::identity(), &Vector3::repeat(0.5));
+            let cube =
+                ConvexPiece::cuboid(Vector3::new(1.0 + x, 2.0 + y, 3.0), &Matrix3::identity(), &Vector3::repeat(0.5));
             drum.pieces_overlap(&[cube], &Vector3::zeros(), 0.0)
         };
         assert_eq!(deep(0.0, 1.5), 0.0);

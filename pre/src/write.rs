@@ -5,12 +5,12 @@ use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof};
 use cd_formats::surface::MassProperties;
-use cd_formats::tact_behav::{LawRecord, VisibilityRow, VisibilitySide, TactBehav};
+use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::Matrix3;
 
 use crate::population::{Grain, Population};
-use crate::scene::{TimeFunction, Scene};
+use crate::scene::{Scene, TimeFunction};
 use crate::shapes::OrientedPolyhedron;
 use crate::sizes::sphere_volume;
 use crate::walls::{FunctionTables, WallBody};
@@ -117,7 +117,8 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     let mut visibility = Vec::new();
     for contact in &scene.contacts {
         let Some(law) = &contact.law else { continue };
-        let range = scene.laws.iter().find(|known| known.name == *law).map_or(0.0, |known| known.kind.attraction_range());
+        let range =
+            scene.laws.iter().find(|known| known.name == *law).map_or(0.0, |known| known.kind.attraction_range());
         let alert = contact.alert.unwrap_or_else(|| default_alert(population).max(range));
         let mut row = |candidate: VisibilitySide, antagonist: VisibilitySide| {
             visibility.push(VisibilityRow { line: 0, candidate, law: law.clone(), antagonist, alert });

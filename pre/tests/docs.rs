@@ -105,7 +105,9 @@ fn changes_of_from_outbox_are_described_and_what_is_shown_is_accepted() {
         let (_, rest) = source.split_once(&format!("pub {name} {{")).unwrap();
         names_in(rest.split("\n}").next().unwrap())
     };
-    let names = ["struct Changes", "struct Taken", "enum Which", "enum Keep", "enum Stop"].map(of).concat();
+    let names = ["struct Changes", "struct Selection", "enum WallSelector", "enum BodyFilter", "enum MotionRemoval"]
+        .map(of)
+        .concat();
     assert!(["keep_time", "Largest", "RigidMotion"].iter().all(|known| names.iter().any(|name| name == known)));
     expect_described(names, "docs/from-outbox.md", &text);
     let (_, rest) = text.split_once("```ron Changes\n").unwrap();

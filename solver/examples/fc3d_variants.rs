@@ -242,8 +242,13 @@ fn main() -> ExitCode {
             }
             if let (Some(folder), false) = (&arguments.keep, solution.converged) {
                 let blocks = blocks.into_iter().map(|(row, column, w)| cd_formats::fc3d::Fc3dBlock { row, column, w });
-                let document =
-                    Fc3d { name: name.clone(), mu, free_velocities: q, blocks: blocks.collect(), comments: vec![full.clone()] };
+                let document = Fc3d {
+                    name: name.clone(),
+                    mu,
+                    free_velocities: q,
+                    blocks: blocks.collect(),
+                    comments: vec![full.clone()],
+                };
                 let file = folder.join(format!("{}.fc3d", full.replace([',', ' ', ':'], "_")));
                 if let Err(faults) = cd_formats::atomic::write(&file, document.to_text().as_bytes()) {
                     eprint!("{}", faults.format_report("fc3d_variants"));

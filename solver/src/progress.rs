@@ -156,7 +156,11 @@ fn watch(heard: Arc<Mutex<(Instant, u64)>>, last: u64) -> (Sender<()>, JoinHandl
             let Ok(mut heard) = heard.lock() else { return };
             let silent = heard.0.elapsed();
             if silent >= SILENCE {
-                print_line(format_args!("after step {}/{last}: next step in progress, {}", heard.1, activity::describe()));
+                print_line(format_args!(
+                    "after step {}/{last}: next step in progress, {}",
+                    heard.1,
+                    activity::describe()
+                ));
                 heard.0 = Instant::now();
             }
             wait = SILENCE.saturating_sub(heard.0.elapsed()).max(Duration::from_millis(100));

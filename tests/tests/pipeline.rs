@@ -4,7 +4,7 @@ use std::fs;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use cd_formats::compute::{EventAction, Compute};
+use cd_formats::compute::{Compute, EventAction};
 use cd_formats::dof::Dof;
 use cd_formats::snapshot::list_snapshots;
 use cd_formats::vloc_rloc::VlocRloc;

@@ -57,8 +57,10 @@ fn a_state_of_lmgc90_is_written_byte_by_byte() {
 #[test]
 fn bodies_in_all_shapes() {
     let Bodies(bodies) = Bodies::read(&folder("good/by-hand/DATBOX/BODIES.DAT")).unwrap();
-    let shapes: Vec<Vec<_>> =
-        bodies.iter().map(|body| body.contactors.iter().map(|contactor| contactor.shape.type_name()).collect()).collect();
+    let shapes: Vec<Vec<_>> = bodies
+        .iter()
+        .map(|body| body.contactors.iter().map(|contactor| contactor.shape.type_name()).collect())
+        .collect();
     let expected: [&[&str]; 5] =
         [&["SPHEb", "SPHEb", "PT3Dx"], &["CYLND"], &["DNLYC"], &["PLANx"], &["POLYR", "SPHER"]];
     assert_eq!(shapes, expected);
@@ -77,7 +79,9 @@ fn bodies_in_all_shapes() {
     let frame = bodies[3].contactors[0].local_frame.as_ref().unwrap();
     assert_eq!(frame.axes, [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]);
     assert_eq!(frame.offset, [0.1, 0.2, 0.3]);
-    let ShapeRecord::Polyhedron { vertices, triangles } = &bodies[4].contactors[0].shape else { panic!("no polyhedron") };
+    let ShapeRecord::Polyhedron { vertices, triangles } = &bodies[4].contactors[0].shape else {
+        panic!("no polyhedron")
+    };
     assert_eq!(vertices[3], [0.0, 0.0, 1.0]);
     assert_eq!(triangles[1], [0, 1, 3]);
 }

@@ -8,7 +8,7 @@ use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof, Evolution, table_text};
 use cd_formats::scan::{AsciiText, format_d14, fortran_real};
-use cd_formats::tact_behav::{LAW_LABELS, LawRecord, VisibilityRow, VisibilitySide, TactBehav};
+use cd_formats::tact_behav::{LAW_LABELS, LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 use proptest::collection::vec;
 use proptest::option;
@@ -136,10 +136,11 @@ fn distinct<T>(values: Vec<T>, key: impl Fn(&T) -> String) -> Vec<T> {
 }
 
 fn tact_behav() -> impl Strategy<Value = TactBehav> {
-    let law = (name(), select(&LAW_LABELS[..]), vec(size(), 8)).prop_map(|(nickname, (kind, lines), mut parameters)| {
-        parameters.truncate(lines.iter().map(|line| line.len()).sum());
-        LawRecord { line: 0, nickname, kind: kind.to_string(), parameters }
-    });
+    let law =
+        (name(), select(&LAW_LABELS[..]), vec(size(), 8)).prop_map(|(nickname, (kind, lines), mut parameters)| {
+            parameters.truncate(lines.iter().map(|line| line.len()).sum());
+            LawRecord { line: 0, nickname, kind: kind.to_string(), parameters }
+        });
     let side = || {
         const CONTACTORS: [&str; 7] = ["SPHER", "SPHEb", "PLANx", "CYLND", "DNLYC", "POLYR", "PT3Dx"];
         (select(&CONTACTORS[..]), name()).prop_map(|(contactor, colour)| VisibilitySide {
@@ -339,7 +340,13 @@ fn tables_survive() {
     let table = Evolution::Table { name: "push-north.dat".into(), points: points.clone() };
     let drv = DrvDof(vec![
         DrivenComponent { line: 6, body: 4, component: 2, kind: DrivenKind::Force, evolution: table },
-        DrivenComponent { line: 7, body: 4, component: 0, kind: DrivenKind::Velocity, evolution: Evolution::constant(1.0) },
+        DrivenComponent {
+            line: 7,
+            body: 4,
+            component: 0,
+            kind: DrivenKind::Velocity,
+            evolution: Evolution::constant(1.0),
+        },
     ]);
     fs::write(folder.path().join("push-north.dat"), table_text(&points)).unwrap();
     fs::write(folder.path().join("DRV_DOF.DAT"), drv.to_text()).unwrap();
@@ -356,14 +363,24 @@ fn long_texts_hold_what_their_columns_hold() {
         equivalent_radius: x,
         inertia: Some([x; 3]),
         position: [x; 3],
-        contactors: vec![Contactor { colour: "BLUEx".into(), shape: ShapeRecord::Sphere { radius: x }, local_frame: None }],
+        contactors: vec![Contactor {
+            colour: "BLUEx".into(),
+            shape: ShapeRecord::Sphere { radius: x },
+            local_frame: None,
+        }],
     };
     let bodies = |x| Bodies(vec![body(x)]);
     let bulk = |x: f64| BulkBehav { gravity: [-x; 3], materials: vec![Material { name: "ROCKx".into(), density: x }] };
     let side = || VisibilitySide { body: "RBDY3".into(), contactor: "SPHER".into(), colour: "BLUEx".into() };
     let tact = |x| TactBehav {
         laws: vec![LawRecord { line: 2, nickname: "iqsc0".into(), kind: "IQS_CLB".into(), parameters: vec![x] }],
-        visibility: vec![VisibilityRow { line: 5, candidate: side(), law: "iqsc0".into(), antagonist: side(), alert: x }],
+        visibility: vec![VisibilityRow {
+            line: 5,
+            candidate: side(),
+            law: "iqsc0".into(),
+            antagonist: side(),
+            alert: x,
+        }],
     };
     let driven = |x: f64| {
         let evolution =

@@ -484,7 +484,7 @@ pub fn raw_below(grain: &Grain, up: &Vec3, height: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::derive::fragments::{fragments};
+    use crate::derive::fragments::fragments;
     use crate::samples::Scene;
     use crate::shapes::{Hollow, Solid};
     use nalgebra::UnitQuaternion;

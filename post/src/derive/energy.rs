@@ -33,7 +33,9 @@ pub fn outside(frame: &Frame) -> Vec<FieldModel> {
 /// Potential energy in such fields, J: sum m_i phi(x_i), [`Outside::at`], and what the grains' extent adds,
 /// [`Outside::of_extent`].
 pub fn in_fields(grains: &[Grain], fields: &[FieldModel]) -> f64 {
-    let of = |g: &Grain, field: &FieldModel| g.mass * field.acceleration_and_potential(&g.x).1 + field.tidal_energy(|rate| g.inertia * rate);
+    let of = |g: &Grain, field: &FieldModel| {
+        g.mass * field.acceleration_and_potential(&g.x).1 + field.tidal_energy(|rate| g.inertia * rate)
+    };
     // 0 without fields, not the -0 of an empty sum.
     grains.iter().flat_map(|g| fields.iter().map(move |field| of(g, field))).fold(0.0, |sum, energy| sum + energy)
 }

@@ -342,7 +342,7 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::derive::fragments::{fragments};
+    use crate::derive::fragments::fragments;
     use crate::samples::Scene;
 
     /// Grains of a plate that all carry force, with their surface at these heights over a square lattice.

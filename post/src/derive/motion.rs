@@ -203,7 +203,8 @@ mod tests {
             bodies.body_v[row] = (Vec3::from(bodies.body_v[row]) - rate.cross(&(x - centre))).into();
             bodies.body_w_world[row] = (Vec3::from(bodies.body_w_world[row]) - rate).into();
         }
-        scene.snapshot.meta.parameters.fields = vec![ExternalField::RotatingFrame { rate: rate.into(), centre: centre.into() }];
+        scene.snapshot.meta.parameters.fields =
+            vec![ExternalField::RotatingFrame { rate: rate.into(), centre: centre.into() }];
         let seen = scene.frame();
         let (expected, found) = (Whole::of(&fixed.grains), Whole::of(&seen.grains));
         assert!((found.spin() - expected.spin()).norm() > 0.5);

@@ -80,7 +80,7 @@ mod tests {
     use super::*;
     use cd_formats::compute::ExternalField;
 
-    use crate::derive::fragments::{fragments};
+    use crate::derive::fragments::fragments;
     use crate::samples::Scene;
 
     #[track_caller]

@@ -548,7 +548,7 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    use crate::derive::fragments::{fragments};
+    use crate::derive::fragments::fragments;
     use crate::derive::{Choices, Row};
     use crate::frame::{Wall, WallShape};
     use crate::samples::Scene;

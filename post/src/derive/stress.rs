@@ -100,7 +100,7 @@ pub fn tensile_fraction(frame: &Frame) -> f64 {
 mod tests {
     use super::*;
     use crate::derive::energy::Summation;
-    use crate::derive::fragments::{fragments};
+    use crate::derive::fragments::fragments;
     use crate::derive::region::Region;
     use crate::samples::Scene;
 

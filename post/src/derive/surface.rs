@@ -135,7 +135,8 @@ fn in_own_axes(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, f
     let borne = |contact: &Contact| contact.pair().is_none() && contact.on_grains().any(|(i, _, _)| own[i]);
     if frame.active().any(borne) {
         let turning = fields.iter().filter(|field| matches!(field, FieldModel::Turning { .. }));
-        return Vec3::from(frame.meta.parameters.uniform_gravity) + turning.map(|f| f.acceleration_and_potential(&whole.x).0).sum::<Vec3>();
+        return Vec3::from(frame.meta.parameters.uniform_gravity)
+            + turning.map(|f| f.acceleration_and_potential(&whole.x).0).sum::<Vec3>();
     }
     let others: Vec<&Grain> = (0..own.len()).filter(|&i| !own[i]).map(|i| &frame.grains[i]).collect();
     let pull = |&i: &usize| {
@@ -150,7 +151,11 @@ fn in_own_axes(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, f
 
 /// Attraction by the primaries among the fields, m/s^2.
 fn primaries(fields: &[FieldModel], x: Vec3) -> Vec3 {
-    fields.iter().filter(|field| matches!(field, FieldModel::Primary { .. })).map(|field| field.acceleration_and_potential(&x).0).sum()
+    fields
+        .iter()
+        .filter(|field| matches!(field, FieldModel::Primary { .. }))
+        .map(|field| field.acceleration_and_potential(&x).0)
+        .sum()
 }
 
 /// Distance along each direction from `centre` to the last surface of a grain, m; NaN without.
@@ -296,7 +301,7 @@ mod tests {
     use super::*;
     use cd_formats::compute::ExternalField;
 
-    use crate::derive::fragments::{fragments};
+    use crate::derive::fragments::fragments;
     use crate::samples::Scene;
 
     /// Heights of the ellipsoid with these semi-axes.

@@ -4,7 +4,7 @@ use std::fmt::Display;
 
 use cd_formats::bodies::{Body, Contactor, LocalFrame, ShapeRecord};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution};
-use cd_formats::scan::{fortran_real, format_long14};
+use cd_formats::scan::{format_long14, fortran_real};
 use cd_formats::tact_behav::parameter_labels;
 
 use super::tables::BehaviourTables;
@@ -16,12 +16,16 @@ const MAX_REPORTED_NUMBERS: usize = 5;
 ///
 /// `bodies` are those of other runs; their places, which START.npz has, do not count.
 pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -> String {
-    let of_bodies = (1..).zip(bodies).flat_map(|(k, body)| inexact_numbers(format_args!("body {k}"), body_numbers(body)));
+    let of_bodies =
+        (1..).zip(bodies).flat_map(|(k, body)| inexact_numbers(format_args!("body {k}"), body_numbers(body)));
     let gravity = inexact_numbers("gravity", ["grv1", "grv2", "grv3"].into_iter().zip(tables.bulk.gravity));
     let materials = tables.bulk.materials.iter();
     let materials = materials.flat_map(|m| inexact_numbers(format_args!("material {}", m.name), [("Umas", m.density)]));
     let laws = tables.tact.laws.iter().flat_map(|law| {
-        inexact_numbers(format_args!("law '{}'", law.nickname), parameter_labels(&law.kind).zip(law.parameters.iter().copied()))
+        inexact_numbers(
+            format_args!("law '{}'", law.nickname),
+            parameter_labels(&law.kind).zip(law.parameters.iter().copied()),
+        )
     });
     let rows = (1..).zip(&tables.tact.visibility);
     let rows = rows.flat_map(|(k, row)| inexact_numbers(format_args!("see row {k}"), [("alert", row.alert)]));
@@ -29,7 +33,10 @@ pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -
         Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
             let names = ["CT", "AMP", "OMEGA", "PHI", "RAMPI", "RAMP"];
             let values = [constant, amplitude, omega, phase, ramp_start, ramp_rate];
-            inexact_numbers(format_args!("body {}, component {}", body + 1, component + 1), names.into_iter().zip(values))
+            inexact_numbers(
+                format_args!("body {}, component {}", body + 1, component + 1),
+                names.into_iter().zip(values),
+            )
         }
         Evolution::Table { .. } => Vec::new(),
     });
@@ -41,10 +48,14 @@ pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -
     ];
     let mut text = String::new();
     for (file, lost) in files {
-        lost.iter().take(MAX_REPORTED_NUMBERS).for_each(|lost| text += &format!("{file}: {lost}, all that its columns hold\n"));
+        lost.iter()
+            .take(MAX_REPORTED_NUMBERS)
+            .for_each(|lost| text += &format!("{file}: {lost}, all that its columns hold\n"));
         if lost.len() > MAX_REPORTED_NUMBERS {
-            text +=
-                &format!("{file}: {} more numbers are written with fewer digits than they have\n", lost.len() - MAX_REPORTED_NUMBERS);
+            text += &format!(
+                "{file}: {} more numbers are written with fewer digits than they have\n",
+                lost.len() - MAX_REPORTED_NUMBERS
+            );
         }
     }
     text

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic::{self, path_exists};
 use cd_formats::bodies::Bodies;
-use cd_formats::compute::{ROTATION_ABOUT_PERIOD, Compute};
+use cd_formats::compute::{Compute, ROTATION_ABOUT_PERIOD};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
@@ -37,7 +37,7 @@ use crate::population::{Population, populate};
 use crate::reread;
 use crate::scene::{self, Contact, Grains, Law, Material, Rotation, Scene};
 use crate::write;
-use source::{SourcePart, SourceCase};
+use source::{SourceCase, SourcePart};
 use tables::BehaviourTables;
 
 /// Where each body comes from, beside the files of DATBOX.
@@ -296,9 +296,9 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
 /// Reads the changes in `text` and checks all that needs no run; the faults name the file `source`, and those of `settings` in the text
 /// these.
 pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<Changes, Faults> {
-    let changes: Changes = crate::parsed(source, text, settings, "changes")?;
-    let mut report = Report::with(source, text, settings);
-    check(&changes, &mut report);
+    let changes: Changes = crate::parse_with_settings(source, text, settings, "changes")?;
+    let mut report = FaultReport::with_settings(source, text, settings);
+    check_changes(&changes, &mut report);
     report.faults.into_result(changes)
 }
 
@@ -354,7 +354,13 @@ struct NewBodies {
 
 impl NewBodies {
     /// Reports bodies that cannot be placed.
-    fn from_changes(changes: &Changes, parts: &[SourcePart], options: &Compute, folder: &Path, report: &mut FaultReport) -> NewBodies {
+    fn from_changes(
+        changes: &Changes,
+        parts: &[SourcePart],
+        options: &Compute,
+        folder: &Path,
+        report: &mut FaultReport,
+    ) -> NewBodies {
         let known = parts.iter().flat_map(|part| &part.source.bulk.materials);
         let known = known.map(|known| Material { name: known.name.clone(), density: known.density });
         let scene = Scene {

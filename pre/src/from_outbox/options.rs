@@ -1,7 +1,7 @@
 //! The options of a run: flags of cd-solve win over COMPUTE.RON, and only the snapshot knows of them.
 
-use cd_formats::compute::{EventAction, Compute, Event, GravityMethod, event_schedule};
-use cd_formats::snapshot::{SnapshotMeta, RunParameters};
+use cd_formats::compute::{Compute, Event, EventAction, GravityMethod, event_schedule};
+use cd_formats::snapshot::{RunParameters, SnapshotMeta};
 
 /// The events of COMPUTE.RON that had happened by the time of a snapshot.
 pub fn past_events(events: &[Event], meta: &SnapshotMeta) -> Vec<Event> {
@@ -15,7 +15,12 @@ pub fn past_events(events: &[Event], meta: &SnapshotMeta) -> Vec<Event> {
 ///
 /// Where the snapshot has what is in force, by an option or by `accuracy`, that is an option only where the file would
 /// make another of it.
-pub fn run_options(file: &Compute, meta: &SnapshotMeta, is_first: bool, has_start: bool) -> (Compute, Vec<(&'static str, String)>) {
+pub fn run_options(
+    file: &Compute,
+    meta: &SnapshotMeta,
+    is_first: bool,
+    has_start: bool,
+) -> (Compute, Vec<(&'static str, String)>) {
     let RunParameters {
         theta,
         accuracy,

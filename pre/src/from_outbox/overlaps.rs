@@ -6,11 +6,11 @@ use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::compute::Compute;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
 use cd_formats::report::FaultReport;
-use cd_formats::tact_behav::{VisibilitySide, TactBehav};
+use cd_formats::tact_behav::{TactBehav, VisibilitySide};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::Changes;
-use super::source::{SourcePart, SourceCase, unit_quaternion};
+use super::source::{SourceCase, SourcePart, unit_quaternion};
 use crate::place::cells::SphereGrid;
 use crate::population::{Population, check_extent, nearest_images};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
@@ -91,14 +91,16 @@ impl PosedBody {
                 most = most.max(radius + radius_of_other - (centre - of_other + shift).norm());
             }
             most = others.iter().map(|piece| piece.overlap_of_ball(centre, *radius)).fold(most, f64::max);
-            let into =
-                |wall: &PosedWall| walls::ball_overlap(&wall.shape, &(wall.axes * (centre + shift - wall.centre)), *radius);
+            let into = |wall: &PosedWall| {
+                walls::ball_overlap(&wall.shape, &(wall.axes * (centre + shift - wall.centre)), *radius)
+            };
             most = other.walls.iter().map(into).fold(most, f64::max);
         }
         for (centre, radius) in &other.balls {
             let centre = centre - shift;
             most = self.pieces.iter().map(|piece| piece.overlap_of_ball(&centre, *radius)).fold(most, f64::max);
-            let into = |wall: &PosedWall| walls::ball_overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), *radius);
+            let into =
+                |wall: &PosedWall| walls::ball_overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), *radius);
             most = self.walls.iter().map(into).fold(most, f64::max);
         }
         for wall in &self.walls {
@@ -119,8 +121,9 @@ fn own_axes(body: &Body) -> Matrix3<f64> {
     if simple || body.inertia.is_some_and(|inertia| inertia != [0.0; 3]) {
         return Matrix3::identity();
     }
-    let axes =
-        body.mass_properties().map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |own| own.principal_axes().1);
+    let axes = body
+        .mass_properties()
+        .map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |own| own.principal_axes().1);
     Matrix3::from_fn(|i, j| axes[j][i])
 }
 
@@ -130,7 +133,9 @@ fn remaining_overlap(source: &SourceCase, options: &Compute) -> f64 {
     let made: Vec<OnceCell<PosedBody>> = (0..source.bodies.0.len()).map(|_| OnceCell::new()).collect();
     let x = |k: usize| Vec3::from(bodies.body_x[k]);
     let solid = |k: usize| {
-        made[k].get_or_init(|| PosedBody::from_body(&source.bodies.0[k], &source.shifts[k], &x(k), &unit_quaternion(bodies.body_q[k])))
+        made[k].get_or_init(|| {
+            PosedBody::from_body(&source.bodies.0[k], &source.shifts[k], &x(k), &unit_quaternion(bodies.body_q[k]))
+        })
     };
     let mut pairs: Vec<[usize; 2]> =
         source.snapshot.contacts.contact_body.iter().map(|pair| pair.map(|body| body as usize)).collect();
@@ -217,14 +222,18 @@ pub fn check_overlaps(
         }
     };
     let with_walls = (0..records.0.len()).filter(|&k| {
-        records.0[k].contactors.iter().any(|c| matches!(c.shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }))
+        records.0[k]
+            .contactors
+            .iter()
+            .any(|c| matches!(c.shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }))
     });
     for wall in with_walls {
         for &(k, radius) in balls.iter().filter(|(k, _)| owner[*k] != owner[wall]) {
             for shift in nearest_images(options, &(centres[k] - centres[wall])) {
                 let centre = centres[k] - shift;
-                let near =
-                    |wall: &PosedWall| walls::ball_overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), radius) > 0.0;
+                let near = |wall: &PosedWall| {
+                    walls::ball_overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), radius) > 0.0
+                };
                 if solid(wall).walls.iter().any(near) {
                     meet(wall, k, &shift, radius);
                 }
@@ -249,7 +258,8 @@ pub fn check_overlaps(
         return;
     }
     // Of a part alone, the deepest of its run counts; of two, the deeper.
-    let left: Vec<f64> = parts.iter().map(|part| remaining_overlap(part.source, &part.source.options)).chain([0.0]).collect();
+    let left: Vec<f64> =
+        parts.iter().map(|part| remaining_overlap(part.source, &part.source.options)).chain([0.0]).collect();
     let of_pair = |a: usize, b: usize| left[owner[a]].max(left[owner[b]]);
     found.retain(|&(overlap, a, b)| overlap > (1.0 + ALLOWED_EXCESS) * of_pair(a, b));
     found.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
@@ -316,7 +326,8 @@ pub fn check_drums(
         is_driven[row.body] = true;
     }
     let meets = |a: &Contactor, b: &Contactor| {
-        let of = |side: &VisibilitySide, c: &Contactor| side.colour == c.colour && side.contactor == c.shape.type_name();
+        let of =
+            |side: &VisibilitySide, c: &Contactor| side.colour == c.colour && side.contactor == c.shape.type_name();
         let rows = &mut tact.visibility.iter();
         rows.any(|row| {
             of(&row.candidate, a) && of(&row.antagonist, b) || of(&row.candidate, b) && of(&row.antagonist, a)
@@ -370,7 +381,8 @@ mod tests {
             let wall = PosedWall { shape, centre, axes: turn.to_rotation_matrix().into_inner().transpose() };
             let wall = PosedBody { walls: vec![wall], ..PosedBody::default() };
             let shift = Vec3::new(10.0, 0.0, 0.0);
-            let ball = PosedBody { balls: vec![(centre + turn * Vec3::from(local) + shift, 0.5)], ..PosedBody::default() };
+            let ball =
+                PosedBody { balls: vec![(centre + turn * Vec3::from(local) + shift, 0.5)], ..PosedBody::default() };
             let found = wall.overlap_with(&ball, &shift, 0.0);
             assert!((found - ball.overlap_with(&wall, &-shift, 0.0)).abs() < 1e-13, "{local:?}");
             found

@@ -6,13 +6,14 @@ use cd_formats::atomic::path_exists;
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::case::{CaseFolder, no_case};
-use cd_formats::compute::{EventAction, Compute, Event};
+use cd_formats::compute::{Compute, Event, EventAction};
 use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::groups::DisjointSets;
 use cd_formats::snapshot::{
-    self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, START_FILE, ShapeArrays, Snapshot, TurningArrays,
+    self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, START_FILE, ShapeArrays, Snapshot,
+    TurningArrays,
 };
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::unchanged::ComputedSnapshot;
@@ -91,8 +92,11 @@ impl SourceCase {
         let tact = faults.gather_result(TactBehav::read(&of_tact));
         let driven = faults.gather_result(DrvDof::read(&of_driven));
         let compute = datbox.join("COMPUTE.RON");
-        let written =
-            if path_exists(&compute) { faults.gather_result(Compute::read(&compute)) } else { Some(Compute::default()) };
+        let written = if path_exists(&compute) {
+            faults.gather_result(Compute::read(&compute))
+        } else {
+            Some(Compute::default())
+        };
         let (Some((path, snapshot)), Some(bodies), Some(bulk), Some(tact), Some(driven), Some(written)) =
             (snapshot, bodies, bulk, tact, driven, written)
         else {
@@ -106,9 +110,11 @@ impl SourceCase {
         faults.into_result(())?;
         let shifts = bodies.0.iter().zip(&own).map(|(body, own)| body.centre_of_mass_offset(own).into()).collect();
         let is_first = all.first().is_some_and(|first| first.1 == *path);
-        let (options, mut notes) = run_options(&written, &snapshot.meta, is_first, path_exists(&datbox.join(START_FILE)));
+        let (options, mut notes) =
+            run_options(&written, &snapshot.meta, is_first, path_exists(&datbox.join(START_FILE)));
         let there = if path_exists(&compute) { "COMPUTE.RON has" } else { "the default is" };
-        let changed = options.option_values().into_iter().zip(written.option_values()).filter(|(run, file)| run != file);
+        let changed =
+            options.option_values().into_iter().zip(written.option_values()).filter(|(run, file)| run != file);
         notes.extend(changed.map(|((name, run), (_, file))| (name, format!("{run} as in the run; {there} {file}"))));
         let mut bulk = bulk;
         let gravity = snapshot.meta.parameters.uniform_gravity;
@@ -211,7 +217,8 @@ impl SourceCase {
                 let turning = |of: &BodyArrays, row: usize| (of.body_q[row], of.body_w_world[row]);
                 turning(&state.bodies, k as usize) == turning(bodies, rows[k as usize])
             };
-            let (turning, turning_body) = renumbered_rows(&shapes.turning.turning_body, |b| row_of(b).filter(as_before));
+            let (turning, turning_body) =
+                renumbered_rows(&shapes.turning.turning_body, |b| row_of(b).filter(as_before));
             let (near, pair_body) = renumbered_rows(&shapes.pairs.pair_body, both);
             ShapeArrays {
                 turning: TurningArrays { turning_body, ..shapes.turning.select_rows(&turning) },
@@ -244,7 +251,9 @@ impl SourceCase {
                 WallSelector::Wall(n) => {
                     (format!("Wall({n})"), n.checked_sub(1).and_then(|n| walls.get(n)).copied().into_iter().collect())
                 }
-                WallSelector::Body(n) => (format!("Body({n})"), walls.iter().copied().filter(|row| row + 1 == *n).collect()),
+                WallSelector::Body(n) => {
+                    (format!("Body({n})"), walls.iter().copied().filter(|row| row + 1 == *n).collect())
+                }
                 WallSelector::Colour(name) => {
                     let wears = |row: &usize| colours(*row).any(|colour| colour == name);
                     (format!("Colour(\"{name}\")"), walls.iter().copied().filter(wears).collect())

@@ -6,7 +6,7 @@ use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::compute::{ContactSolver, Event};
 use cd_formats::report::FaultReport;
-use cd_formats::tact_behav::{LawRecord, VisibilityRow, VisibilitySide, TactBehav, parameter_labels};
+use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide, parameter_labels};
 
 use super::Changes;
 use super::source::SourcePart;
@@ -93,11 +93,12 @@ fn merge_laws(changes: &Changes, parts: &[SourcePart], report: &mut FaultReport)
             let same = |known: &LawRecord| (&known.kind, &known.parameters) == (&law.kind, &law.parameters);
             match all.iter().find(|known| known.nickname == law.nickname) {
                 None => all.push(law.clone()),
-                Some(known) if !same(known) && changes.laws.iter().all(|new| new.name != law.nickname) => report.add_fault(
-                    &format!("bodies.{k}"),
-                    format!("law '{}' is another than before", law.nickname),
-                    "the same law under one name, or one under laws",
-                ),
+                Some(known) if !same(known) && changes.laws.iter().all(|new| new.name != law.nickname) => report
+                    .add_fault(
+                        &format!("bodies.{k}"),
+                        format!("law '{}' is another than before", law.nickname),
+                        "the same law under one name, or one under laws",
+                    ),
                 Some(_) => {}
             }
         }
@@ -116,7 +117,10 @@ fn merge_laws(changes: &Changes, parts: &[SourcePart], report: &mut FaultReport)
 
 /// The distance over which a law attracts, m.
 fn attraction_range(law: &LawRecord) -> f64 {
-    parameter_labels(&law.kind).zip(&law.parameters).find(|(label, _)| *label == "Wthk").map_or(0.0, |(_, range)| *range)
+    parameter_labels(&law.kind)
+        .zip(&law.parameters)
+        .find(|(label, _)| *label == "Wthk")
+        .map_or(0.0, |(_, range)| *range)
 }
 
 /// Candidate and antagonist are distinguished by the shapes, as in LMGC90: spheres before polyhedra before walls.
@@ -250,17 +254,25 @@ fn merge_visibility(
 }
 
 /// Of colours that have a law, the rows of contactors that have not been together in one case: the same law.
-fn rows_of_new_shapes(parts: &[SourcePart], all: &ColouredContactors, rows: &[VisibilityRow], report: &mut FaultReport) -> Vec<VisibilityRow> {
+fn rows_of_new_shapes(
+    parts: &[SourcePart],
+    all: &ColouredContactors,
+    rows: &[VisibilityRow],
+    report: &mut FaultReport,
+) -> Vec<VisibilityRow> {
     let known: Vec<ColouredContactors> = parts.iter().map(|part| coloured_contactors(&part.records)).collect();
     let have_met = |sides: &[VisibilitySide; 2]| {
-        let is_in = |known: &ColouredContactors| sides.iter().all(|side| known.contains(&(&side.colour[..], &side.contactor[..])));
+        let is_in = |known: &ColouredContactors| {
+            sides.iter().all(|side| known.contains(&(&side.colour[..], &side.contactor[..])))
+        };
         known.iter().any(is_in)
     };
     let mut new = Vec::new();
     for pair in rows.iter().map(row_colours).collect::<BTreeSet<_>>() {
         let mut theirs = rows.iter().filter(|row| row_colours(row) == pair);
         let Some(first) = theirs.next() else { continue };
-        let sides: Vec<[VisibilitySide; 2]> = contact_pairs(all, pair).into_iter().filter(|sides| !have_met(sides)).collect();
+        let sides: Vec<[VisibilitySide; 2]> =
+            contact_pairs(all, pair).into_iter().filter(|sides| !have_met(sides)).collect();
         if let (false, Some(other)) = (sides.is_empty(), theirs.clone().find(|row| row.law != first.law)) {
             let found = format!("laws '{}' and '{}' between '{}' and '{}'", first.law, other.law, pair.0, pair.1);
             report.add_fault("contacts", found, "one, for they have new shapes");
@@ -272,7 +284,13 @@ fn rows_of_new_shapes(parts: &[SourcePart], all: &ColouredContactors, rows: &[Vi
 }
 
 /// Colours that have not met in one case before must be named: nothing passes through anything by oversight.
-fn expect_all_pairs(changes: &Changes, parts: &[SourcePart], rows: &[VisibilityRow], named: &[(&str, &str)], report: &mut FaultReport) {
+fn expect_all_pairs(
+    changes: &Changes,
+    parts: &[SourcePart],
+    rows: &[VisibilityRow],
+    named: &[(&str, &str)],
+    report: &mut FaultReport,
+) {
     let mut free: Vec<BTreeSet<&str>> = Vec::new();
     let mut driven: Vec<BTreeSet<&str>> = Vec::new();
     for part in parts {

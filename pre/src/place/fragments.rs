@@ -294,7 +294,9 @@ mod tests {
 
     fn broken(room: &GrainRegion, number: usize, relaxation: usize, seed: u64) -> (Surface, Vec<Surface>) {
         let solid = region_polyhedron(room, number).unwrap();
-        let fragments = voronoi_fragments(&solid, number, relaxation, &mut RandomStream::new(seed, 0, StreamPurpose::Place)).unwrap();
+        let fragments =
+            voronoi_fragments(&solid, number, relaxation, &mut RandomStream::new(seed, 0, StreamPurpose::Place))
+                .unwrap();
         (solid, fragments)
     }
 

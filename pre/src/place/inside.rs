@@ -86,7 +86,7 @@ impl SurfaceRegion {
 mod tests {
     use super::*;
     use crate::place::fragments::sphere_spiral;
-    use crate::random::{StreamPurpose, RandomStream};
+    use crate::random::{RandomStream, StreamPurpose};
     use crate::shapes::hull;
 
     /// A sphere with deep dents and sharp ridges.
@@ -152,7 +152,8 @@ mod tests {
         assert!(holds(0.5, -0.5, 0.499999) && !holds(0.5, -0.5, 0.500001) && !holds(1.1, 0.0, 0.0));
         let larger = inside.scaled_by(3.0);
         assert!(
-            (larger.volume() / 216.0 - 1.0).abs() < 1e-14 && (larger.half_extents() - Vector3::repeat(3.0)).norm() < 1e-14
+            (larger.volume() / 216.0 - 1.0).abs() < 1e-14
+                && (larger.half_extents() - Vector3::repeat(3.0)).norm() < 1e-14
         );
     }
 }

@@ -18,7 +18,12 @@ const SYMMETRIC_OFFSETS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5
 /// within its site's ball meets no other. Where more than `number` sites fit, some are left out at random.
 ///
 /// `Err` holds the number of sites at the distance `closest`, if they are too few.
-pub fn lattice_sites(room: &GrainRegion, number: usize, closest: f64, random: &mut RandomStream) -> Result<(Vec<Vector3<f64>>, f64), usize> {
+pub fn lattice_sites(
+    room: &GrainRegion,
+    number: usize,
+    closest: f64,
+    random: &mut RandomStream,
+) -> Result<(Vec<Vector3<f64>>, f64), usize> {
     let mut offsets: Vec<[f64; 3]> = SYMMETRIC_OFFSETS.to_vec();
     match room {
         GrainRegion::Box(_) => offsets.truncate(1), // lies against the box's corner
@@ -117,7 +122,9 @@ mod tests {
 
     #[test]
     fn exact_numbers_apart_and_inside() {
-        for room in [GrainRegion::Ball(10.0), GrainRegion::Ellipsoid([20.0, 10.0, 5.0]), GrainRegion::Box([10.0, 8.0, 12.0])] {
+        for room in
+            [GrainRegion::Ball(10.0), GrainRegion::Ellipsoid([20.0, 10.0, 5.0]), GrainRegion::Box([10.0, 8.0, 12.0])]
+        {
             for number in [1, 2, 13, 100, 1000] {
                 let (sites, d) = lattice_sites(&room, number, 0.1, &mut random()).unwrap();
                 assert_eq!(sites.len(), number);

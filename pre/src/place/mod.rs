@@ -20,11 +20,11 @@ use std::rc::Rc;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::random::{StreamPurpose, RandomStream};
-use crate::scene::{Grains, GrainPlacement, Rotation, SizeDistribution};
-use crate::shapes::{SampledGrain, OrientedPolyhedron, GrainSampler, PrincipalSolid};
+use crate::random::{RandomStream, StreamPurpose};
+use crate::scene::{GrainPlacement, Grains, Rotation, SizeDistribution};
+use crate::shapes::{GrainSampler, OrientedPolyhedron, PrincipalSolid, SampledGrain};
 use crate::sizes::{MAX_BODIES, SampleTarget, sphere_volume};
-use crate::{round_point, round_14_columns, scene};
+use crate::{round_14_columns, round_point, scene};
 use inside::SurfaceRegion;
 use room::GrainRegion;
 
@@ -80,7 +80,13 @@ pub fn place_grains(
     let to_fixed_axes = |points: Vec<Vector3<f64>>| points.iter().map(|p| in_file(turn * p + centre)).collect();
     let mut draw = |until| {
         let in_order = matches!(grains.place, GrainPlacement::List { .. });
-        draw_grains(grains.sizes.as_ref(), until, in_order, shapes, &mut RandomStream::new(seed, group, StreamPurpose::Sizes))
+        draw_grains(
+            grains.sizes.as_ref(),
+            until,
+            in_order,
+            shapes,
+            &mut RandomStream::new(seed, group, StreamPurpose::Sizes),
+        )
     };
     let (mut room, sized) = match (&grains.place, room) {
         (GrainPlacement::List { positions, .. }, _) => {
@@ -91,9 +97,10 @@ pub fn place_grains(
         (GrainPlacement::Fragments { relaxation, .. }, Some(room)) => {
             return place_fragments(&room, grains.number.unwrap_or(0), *relaxation, &turn, &centre, &mut random);
         }
-        (GrainPlacement::JitteredLattice { envelope, .. } | GrainPlacement::RandomSequential { envelope }, Some(room)) => {
-            (room, envelope.has_size())
-        }
+        (
+            GrainPlacement::JitteredLattice { envelope, .. } | GrainPlacement::RandomSequential { envelope },
+            Some(room),
+        ) => (room, envelope.has_size()),
         (_, None) => return Err(PlacementError { found: "no room".to_string(), expected: "an envelope" }),
     };
 
@@ -124,8 +131,8 @@ pub fn place_grains(
         GrainPlacement::JitteredLattice { jitter, .. } => jittered_lattice(&room, &drawn, margin, *jitter, &mut random),
         _ => random_sequential(&room, &mut drawn, margin, &mut random),
     };
-    let in_envelope =
-        in_envelope.map_err(|misfit| if margin < 0.1 * largest_reach(&drawn) { misfit } else { misfit.with_margin(margin) })?;
+    let in_envelope = in_envelope
+        .map_err(|misfit| if margin < 0.1 * largest_reach(&drawn) { misfit } else { misfit.with_margin(margin) })?;
     Ok(PlacedGrains { grains: drawn, positions: to_fixed_axes(in_envelope), region: Some(room) })
 }
 
@@ -138,14 +145,16 @@ fn place_fragments(
     centre: &Vector3<f64>,
     random: &mut RandomStream,
 ) -> Result<PlacedGrains, PlacementError> {
-    let solid = fragments::region_polyhedron(room, number).map_err(|misfit| PlacementError::from_shape(misfit.to_string()))?;
+    let solid =
+        fragments::region_polyhedron(room, number).map_err(|misfit| PlacementError::from_shape(misfit.to_string()))?;
     let cells = fragments::voronoi_fragments(&solid, number, relaxation, random).map_err(PlacementError::from_shape)?;
     let solids = cells.iter().map(PrincipalSolid::from_convex).collect::<Result<Vec<PrincipalSolid>, _>>();
     let solids = solids.map_err(|misfit| PlacementError::from_shape(misfit.to_string()))?;
     let centres: Vec<Vector3<f64>> = solids.iter().map(|solid| solid.shift).collect();
     let order = z_order(room, &centres);
     let positions = order.iter().map(|&k| (turn * centres[k] + centre).map(round_14_columns)).collect();
-    let drawn = |k: usize| SampledGrain::from_polyhedron(OrientedPolyhedron::new(Rc::new(solids[k].clone()), 1.0, turn));
+    let drawn =
+        |k: usize| SampledGrain::from_polyhedron(OrientedPolyhedron::new(Rc::new(solids[k].clone()), 1.0, turn));
     let grains = order.iter().map(|&k| drawn(k)).collect();
     let room = if let GrainRegion::Inside(_) = room {
         GrainRegion::Inside(SurfaceRegion::new(&solid).map_err(PlacementError::from_shape)?)
@@ -276,11 +285,16 @@ pub fn rotation_matrix(rotation: &scene::Rotation) -> Matrix3<f64> {
 mod tests {
     use super::*;
     use crate::place::cells::SphereGrid;
-    use crate::scene::{Envelope, RadiusKind, GrainShape, GrainOrientations};
+    use crate::scene::{Envelope, GrainOrientations, GrainShape, RadiusKind};
     use crate::sizes::sphere_volume;
     use proptest::prelude::*;
 
-    fn grains(number: Option<usize>, solid_fraction: Option<f64>, sizes: SizeDistribution, place: GrainPlacement) -> Grains {
+    fn grains(
+        number: Option<usize>,
+        solid_fraction: Option<f64>,
+        sizes: SizeDistribution,
+        place: GrainPlacement,
+    ) -> Grains {
         Grains {
             material: "ROCKx".into(),
             colour: "BLUEx".into(),
@@ -422,14 +436,20 @@ mod tests {
     fn what_does_not_fit_is_told_with_counts() {
         let tight = |place| grains(Some(1000), None, SizeDistribution::Single(1.0), place);
         let envelope = || Envelope::Ball { radius: Some(10.0) };
-        let lattice = spot(&tight(GrainPlacement::JitteredLattice { envelope: envelope(), jitter: 1.0 }), 1, 0).unwrap_err();
+        let lattice =
+            spot(&tight(GrainPlacement::JitteredLattice { envelope: envelope(), jitter: 1.0 }), 1, 0).unwrap_err();
         assert!(
             lattice.found.starts_with("1000 grains, the largest of radius 1.0 m, in a ball of radius 10.0"),
             "{lattice:?}"
         );
         let random = spot(&tight(GrainPlacement::RandomSequential { envelope: envelope() }), 1, 0).unwrap_err();
         assert!(random.found.contains(" of 1000 grains (largest first) could be placed"), "{random:?}");
-        let empty = grains(None, Some(0.01), SizeDistribution::Single(9.0), GrainPlacement::RandomSequential { envelope: envelope() });
+        let empty = grains(
+            None,
+            Some(0.01),
+            SizeDistribution::Single(9.0),
+            GrainPlacement::RandomSequential { envelope: envelope() },
+        );
         assert!(spot(&empty, 1, 0).unwrap_err().found.starts_with("no grain for a solid fraction of 0.01"));
     }
 

@@ -45,7 +45,9 @@ impl Envelope {
         let mut told = String::new();
         let room = match self {
             Envelope::Ball { radius } => GrainRegion::Ball(radius.unwrap_or(1.0)),
-            Envelope::Ellipsoid { semi_axes, ratios } => GrainRegion::Ellipsoid(semi_axes.or(*ratios).unwrap_or([1.0; 3])),
+            Envelope::Ellipsoid { semi_axes, ratios } => {
+                GrainRegion::Ellipsoid(semi_axes.or(*ratios).unwrap_or([1.0; 3]))
+            }
             Envelope::Box { lengths, ratios } => GrainRegion::Box(half(lengths.or(*ratios).unwrap_or([2.0; 3]))),
             &Envelope::Cylinder { half_height, radius } => GrainRegion::Cylinder { half_height, radius },
             Envelope::Model { file, scaled } => {
@@ -186,7 +188,8 @@ mod tests {
 
     #[test]
     fn scaling_gives_the_volume() {
-        for room in [GrainRegion::Ball(2.0), GrainRegion::Ellipsoid([1.0, 2.0, 3.0]), GrainRegion::Box([1.0, 2.0, 3.0])] {
+        for room in [GrainRegion::Ball(2.0), GrainRegion::Ellipsoid([1.0, 2.0, 3.0]), GrainRegion::Box([1.0, 2.0, 3.0])]
+        {
             assert!((room.scaled_to(7.0).volume() - 7.0).abs() < 1e-14 * 7.0); // a cube root and its cube
         }
     }

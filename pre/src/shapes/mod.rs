@@ -23,9 +23,9 @@ use cd_formats::surface::Surface;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::place::rotation_matrix;
-use crate::random::{StreamPurpose, RandomStream};
-use crate::scene::{Grains, RadiusKind, GrainShape, GrainOrientations};
-use crate::{round_axes, round_14_columns, sizes};
+use crate::random::{RandomStream, StreamPurpose};
+use crate::scene::{GrainOrientations, GrainShape, Grains, RadiusKind};
+use crate::{round_14_columns, round_axes, sizes};
 
 /// Off-centre by less than this share of the extent, or off the principal axes by as much: vertices that stand so
 /// stay as they are. A file with twelve digits leaves about 1e-12.
@@ -214,7 +214,10 @@ impl GrainSampler {
             }
             other => {
                 let hull = hull::convex_hull(&regular::shape_vertices(other)).map_err(ShapeError::Shape)?;
-                ShapeSource::Same(Rc::new(PrincipalSolid::from_convex(&hull).map_err(ShapeError::Shape)?), String::new())
+                ShapeSource::Same(
+                    Rc::new(PrincipalSolid::from_convex(&hull).map_err(ShapeError::Shape)?),
+                    String::new(),
+                )
             }
         };
         let random = RandomStream::new(seed, group, StreamPurpose::Shape);

@@ -40,7 +40,9 @@ fn scale_factor(surface: &Surface, scaled: ModelScale) -> f64 {
     match scaled {
         ModelScale::Factor(factor) => factor,
         ModelScale::Volume(volume) => libm::cbrt(volume / surface.volume()),
-        ModelScale::Radius(radius) => radius / libm::cbrt(0.75 * surface.mass_properties().volume / std::f64::consts::PI),
+        ModelScale::Radius(radius) => {
+            radius / libm::cbrt(0.75 * surface.mass_properties().volume / std::f64::consts::PI)
+        }
         ModelScale::Length(length) => {
             let [x, y, z] = bounding_box(surface).map(|[low, high]| high - low);
             length / x.max(y).max(z)
@@ -69,7 +71,12 @@ fn scale_surface(path: &Path, surface: &Surface, factor: f64) -> Result<Surface,
 }
 
 /// The solid of a model, and notes on it.
-pub fn model_solid(folder: &Path, file: &str, scaled: ModelScale, contact: &ContactSurface) -> Result<(PrincipalSolid, String), Faults> {
+pub fn model_solid(
+    folder: &Path,
+    file: &str,
+    scaled: ModelScale,
+    contact: &ContactSurface,
+) -> Result<(PrincipalSolid, String), Faults> {
     let path = folder.join(file);
     let refuse =
         |object: &str, found: String, expected: &str| Faults::from(Fault::new(&path, None, object, found, expected));

@@ -39,7 +39,12 @@ impl ConvexPiece {
         let corner = |k: usize| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half[axis] } else { half[axis] });
         let directions: Vec<Vector3<f64>> = (0..3).map(|k| axes.row(k).transpose()).collect();
         let normals = directions.iter().flat_map(|axis| [*axis, -axis]).collect();
-        ConvexPiece { centre, vertices: (0..8).map(|k| axes.transpose() * corner(k)).collect(), normals, edges: directions }
+        ConvexPiece {
+            centre,
+            vertices: (0..8).map(|k| axes.transpose() * corner(k)).collect(),
+            normals,
+            edges: directions,
+        }
     }
 
     /// How far a ball reaches into the solid, m; negative when apart. A centre within counts by the nearest face.
@@ -160,7 +165,7 @@ pub fn overlap_depth(a: &ConvexPiece, b: &ConvexPiece, allowed: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::{StreamPurpose, RandomStream};
+    use crate::random::{RandomStream, StreamPurpose};
     use crate::scene::GrainShape;
     use crate::shapes::{hull, regular};
     use nalgebra::Matrix3;

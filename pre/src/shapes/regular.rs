@@ -11,7 +11,9 @@ pub fn shape_vertices(shape: &GrainShape) -> Vec<[f64; 3]> {
         GrainShape::Tetrahedron => vec![[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]],
         GrainShape::Cube => cuboid_vertices([1.0; 3]),
         GrainShape::Octahedron => cyclic_permutations(&[[1.0, 0.0, 0.0]]),
-        GrainShape::Dodecahedron => [cuboid_vertices([1.0; 3]), cyclic_permutations(&[[0.0, 1.0 / GOLDEN_RATIO, GOLDEN_RATIO]])].concat(),
+        GrainShape::Dodecahedron => {
+            [cuboid_vertices([1.0; 3]), cyclic_permutations(&[[0.0, 1.0 / GOLDEN_RATIO, GOLDEN_RATIO]])].concat()
+        }
         GrainShape::Icosahedron => cyclic_permutations(&[[0.0, 1.0, GOLDEN_RATIO]]),
         GrainShape::Box { lengths } => cuboid_vertices(lengths.map(|length| 0.5 * length)),
         &GrainShape::Prism { sides, slenderness } => {

@@ -37,7 +37,9 @@ impl RockGenerator {
         let spacing = (EVEN_SPACING + self.angularity * (MIN_SPACING - EVEN_SPACING)) * widest_spacing(count);
         for attempt in 0..MAX_ATTEMPTS {
             // Somewhat less is asked for where chance has left no room.
-            let Some(points) = spread_directions(count, spacing * 0.995f64.powi(attempt as i32), random) else { continue };
+            let Some(points) = spread_directions(count, spacing * 0.995f64.powi(attempt as i32), random) else {
+                continue;
+            };
             let Ok(ball) = hull::convex_hull(&points) else { continue };
             let Ok(round) = PrincipalSolid::from_convex(&ball) else { continue };
             if ball.vertices().len() != count || inradius(&round) < MIN_INRADIUS * round.reach {

@@ -256,7 +256,10 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration, shakes: 
 /// Acceleration and potential by uniform gravity and what else acts from outside on a body at rest.
 fn pushed(outside: &[FieldModel], gravity: Vec3, x: &Vec3) -> (Vec3, f64) {
     let uniform = (gravity, -gravity.dot(x));
-    outside.iter().map(|field| field.acceleration_and_potential(x)).fold(uniform, |sum, term| (sum.0 + term.0, sum.1 + term.1))
+    outside
+        .iter()
+        .map(|field| field.acceleration_and_potential(x))
+        .fold(uniform, |sum, term| (sum.0 + term.0, sum.1 + term.1))
 }
 
 /// The vector u with u + k x u = b.
@@ -267,7 +270,10 @@ fn turned(b: &Vec3, k: &Vec3) -> Vec3 {
 /// What the free bodies' extent adds to their potential energy in outer fields, J.
 fn of_extent(scene: &Scene, outside: &[FieldModel], q: &[Quat]) -> f64 {
     let of = |i: usize| {
-        outside.iter().map(|field| field.tidal_energy(|rate| scene.bodies[i].angular_momentum(&q[i], rate))).sum::<f64>()
+        outside
+            .iter()
+            .map(|field| field.tidal_energy(|rate| scene.bodies[i].angular_momentum(&q[i], rate)))
+            .sum::<f64>()
     };
     scene.free.iter().map(|&i| of(i as usize)).sum()
 }

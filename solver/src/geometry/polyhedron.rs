@@ -1,7 +1,7 @@
 //! A convex polyhedron in its body's frame, and the same turned as its body is.
 
 use bytemuck::{Pod, Zeroable};
-pub(super) use cd_formats::faces::{PolyhedronEdge, ConvexMesh, FeatureIndex, PolyhedronPlane};
+pub(super) use cd_formats::faces::{ConvexMesh, FeatureIndex, PolyhedronEdge, PolyhedronPlane};
 use nalgebra::Matrix3;
 
 use crate::math::lanes::Width;

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use cd_formats::compute::{EventAction, Compute, ContactSolver, Event, MAX_EVENTS, too_frequent};
+use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent};
 use cd_formats::doubts::{self, density, friction};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::report::FaultReport;
-use cd_formats::scan::{TextLine, AsciiText};
+use cd_formats::scan::{AsciiText, TextLine};
 use cd_formats::snapshot::LawName;
-use cd_formats::tact_behav::{VisibilitySide, TactBehav, parameter_labels};
+use cd_formats::tact_behav::{TactBehav, VisibilitySide, parameter_labels};
 use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 
 use crate::gravity::Method;
@@ -264,7 +264,8 @@ pub fn check_events(scene: &Scene, report: &mut FaultReport) {
                 report.unknown(&path, format!("law '{name}' is not in use"), name, &known);
             }
             Some(law)
-                if matches!(event.action, EventAction::SetCohesion(..)) && !scene.laws[law].clone().set_cohesion(0.0) =>
+                if matches!(event.action, EventAction::SetCohesion(..))
+                    && !scene.laws[law].clone().set_cohesion(0.0) =>
             {
                 report.add_fault(&path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }

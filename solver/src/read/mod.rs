@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic::{path_exists, read_text};
 use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::compute::{EventAction, Compute, Event, ComputeFlags, event_schedule};
+use cd_formats::compute::{Compute, ComputeFlags, Event, EventAction, event_schedule};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
@@ -40,7 +40,8 @@ pub fn case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Faults>
     let driven = faults.gather_result(DrvDof::read(&datbox.join("DRV_DOF.DAT")));
     let dof = faults.gather_result(Dof::read(&datbox.join("DOF.INI")));
     let history = datbox.join("Vloc_Rloc.INI");
-    let history = if path_exists(&history) { faults.gather_result(VlocRloc::read(&history)) } else { Some(VlocRloc::default()) };
+    let history =
+        if path_exists(&history) { faults.gather_result(VlocRloc::read(&history)) } else { Some(VlocRloc::default()) };
     let (Some(options), Some(bulk), Some(tact), Some(bodies), Some(driven), Some(dof), Some(history)) =
         (options, bulk, tact, bodies, driven, dof, history)
     else {
@@ -119,7 +120,10 @@ fn origin_changed(case: &Path) -> Option<String> {
 /// Reports events before the start that would have added something.
 fn events_passed(scene: &Scene, state: &State) -> Option<String> {
     let adds = |event: &&Event| {
-        matches!(event.action, EventAction::AddSpin(_) | EventAction::AddVelocity(_) | EventAction::Shake { .. } | EventAction::Bond)
+        matches!(
+            event.action,
+            EventAction::AddSpin(_) | EventAction::AddVelocity(_) | EventAction::Shake { .. } | EventAction::Bond
+        )
     };
     let count = scene.events[..state.events_done].iter().filter(adds).count();
     let events = if count == 1 { "1 event".to_string() } else { format!("{count} events") };

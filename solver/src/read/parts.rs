@@ -137,7 +137,9 @@ fn piece(contactor: &Contactor, faces: Option<ConvexMesh>, mass: MassProperties,
             let (half_height, radius, hollow) = (*half_height, *radius, *hollow);
             (Geometry::Cylinder { half_height, radius, hollow }, centre, radius.hypot(half_height))
         }
-        bodies::ShapeRecord::Polyhedron { .. } | bodies::ShapeRecord::Point { .. } => unreachable!("checked has faces or an error"),
+        bodies::ShapeRecord::Polyhedron { .. } | bodies::ShapeRecord::Point { .. } => {
+            unreachable!("checked has faces or an error")
+        }
     };
     Piece { geometry, centre, axes, radius, colour }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::{print_line};
+use cd_formats::tell::print_line;
 
 use crate::scene::Scene;
 use crate::solve::norms::Norms;
@@ -166,7 +166,10 @@ impl Table {
         })?;
         if last < step {
             let path = path.display();
-            print_line(format_args!("cd-solve: {path}: no rows of steps {} to {step}, which are behind this run", last + 1));
+            print_line(format_args!(
+                "cd-solve: {path}: no rows of steps {} to {step}, which are behind this run",
+                last + 1
+            ));
         }
         let file = File::options().append(true).open(path).map_err(|error| Fault::from_io(path, "written", &error))?;
         Ok(Table {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::fc3d::{Fc3dBlock, Fc3d};
+use cd_formats::fc3d::{Fc3d, Fc3dBlock};
 
 use crate::assemble::StoredProblem;
 use crate::scene::Scene;

@@ -2,8 +2,9 @@
 
 use cd_formats::compute::{Adaptive, SweepPrecision};
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, FORMAT_VERSION, GravityArrays, IntervalArrays, LawName, MemoryArrays, SnapshotMeta, RunParameters,
+    BodyArrays, ContactArrays, FORMAT_VERSION, GravityArrays, IntervalArrays, LawName, MemoryArrays, RunParameters,
     SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, ShapeArrays, Snapshot,
+    SnapshotMeta,
 };
 use cd_formats::tact_behav::LAW_LABELS;
 

@@ -1,6 +1,6 @@
 //! Steps of several times dt: what they keep exact, and what they save.
 
-use cd_formats::compute::{EventAction, Adaptive};
+use cd_formats::compute::{Adaptive, EventAction};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 

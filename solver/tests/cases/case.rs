@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
-use cd_formats::compute::{EventAction, Compute, Event};
+use cd_formats::compute::{Compute, Event, EventAction};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof, Evolution, table_text};
 use cd_formats::snapshot::{self, Snapshot};
-use cd_formats::tact_behav::{LawRecord, VisibilityRow, VisibilitySide, TactBehav};
+use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 use tempfile::TempDir;
 
 pub type Vec3 = nalgebra::Vector3<f64>;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use cd_formats::compute::{EventAction, Event};
+use cd_formats::compute::{Event, EventAction};
 use cd_formats::snapshot::Snapshot;
 
 use crate::case::{Case, Figures, Vec3, equal, near, uniform};

@@ -3,7 +3,7 @@
 use std::fs;
 use std::time::Duration;
 
-use cd_formats::compute::{EventAction, Adaptive, Event};
+use cd_formats::compute::{Adaptive, Event, EventAction};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot;
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use cd_formats::compute::{EventAction, Adaptive};
+use cd_formats::compute::{Adaptive, EventAction};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::snapshot;

@@ -1,6 +1,6 @@
 //! Scenes that come again along x and y.
 
-use cd_formats::compute::{EventAction, Compute};
+use cd_formats::compute::{Compute, EventAction};
 use cd_formats::snapshot::Snapshot;
 
 use crate::case::{Case, Figures, Vec3, equal, near, shaken_lattice, uniform};

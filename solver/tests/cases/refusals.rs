@@ -5,7 +5,7 @@ use std::fs;
 use std::process::Command;
 
 use cd_formats::bodies::ShapeRecord;
-use cd_formats::compute::{EventAction, Compute, Event, ExternalField};
+use cd_formats::compute::{Compute, Event, EventAction, ExternalField};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 
 use crate::case::Case;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
-use cd_formats::compute::{EventAction, Event, ComputeFlags};
+use cd_formats::compute::{ComputeFlags, Event, EventAction};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
@@ -481,7 +481,9 @@ fn events_before_a_late_start_have_happened() {
     case.law("IQS_CLB", &[0.4]);
     let ball = case.sphere(0.5, [0.0; 3]);
     case.options.dt = 0.25;
-    case.options.events.push(Event { every: Some(10.0), ..Event::at_time(0.0, EventAction::AddVelocity([1.0, 0.0, 0.0])) });
+    case.options
+        .events
+        .push(Event { every: Some(10.0), ..Event::at_time(0.0, EventAction::AddVelocity([1.0, 0.0, 0.0])) });
     case.event(50.0, EventAction::SetGravity([0.0, 0.0, -8.0]));
     case.options.end_time = Some(105.0);
     case.write();

@@ -115,7 +115,8 @@ fn a_problem_written_out_has_the_impulses_of_its_step() {
     (case.options.tol, case.options.output_every, case.options.steps) = (Some(1e-10), 1, Some(3));
     case.write();
     assert_eq!(case.solve(&["--dump-problem", "2"]), 0);
-    let Fc3d { name, mu, free_velocities: q, blocks, .. } = Fc3d::read(&case.path().join("problem-000002.fc3d")).unwrap();
+    let Fc3d { name, mu, free_velocities: q, blocks, .. } =
+        Fc3d::read(&case.path().join("problem-000002.fc3d")).unwrap();
     assert_eq!(name, "step-000002");
     let problem = Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).unwrap();
     let limits = Limits { tol: 1e-10, max_sweeps: 2000, max_time: None, max_cost: f64::INFINITY };

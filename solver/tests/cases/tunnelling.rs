@@ -1,7 +1,7 @@
 //! No body passes through another, whatever its speed, the law, and the step in which they meet.
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
-use cd_formats::compute::{EventAction, Adaptive};
+use cd_formats::compute::{Adaptive, EventAction};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
@@ -90,7 +90,8 @@ fn above(pair: Pair, gap: f64, target_is_fixed: bool) -> (Case, usize, usize) {
         Pair::CubeOnCube | Pair::SphereOnCube => case.block([R; 3], [0.0; 3], [X, Y, Z]),
         Pair::SphereOnCylinder => {
             let cylinder = case.plate([8.0, R, R], [0.0; 3], [Z, X, Y]);
-            case.bodies[cylinder].contactors[0].shape = ShapeRecord::Cylinder { half_height: 4.0, radius: R, hollow: false };
+            case.bodies[cylinder].contactors[0].shape =
+                ShapeRecord::Cylinder { half_height: 4.0, radius: R, hollow: false };
             cylinder
         }
     };

@@ -1,6 +1,6 @@
 //! VTK legacy files: polygonal data, ASCII or BINARY, versions 1 to 5.
 
-use super::{CellLists, PolygonMesh, NumberType, PolyDataPiece, ReadError, parse_real};
+use super::{CellLists, NumberType, PolyDataPiece, PolygonMesh, ReadError, parse_real};
 
 const FILE_KIND: &str = "polygonal data of VTK, legacy or XML";
 
@@ -72,7 +72,9 @@ impl<'a> LegacyReader<'a> {
                 "FIELD" => self.skip_field(form)?,
                 // Values at points and cells come last.
                 "" | "POINT_DATA" | "CELL_DATA" => break,
-                other => return Err(self.error_here(format!("the word '{other}'"), "POINTS, POLYGONS or TRIANGLE_STRIPS")),
+                other => {
+                    return Err(self.error_here(format!("the word '{other}'"), "POINTS, POLYGONS or TRIANGLE_STRIPS"));
+                }
             }
         }
         if !points {
@@ -124,7 +126,8 @@ impl<'a> LegacyReader<'a> {
 
     fn read_number_type(&mut self) -> Result<NumberType, ReadError> {
         let word = self.next_word();
-        NumberType::from_name(&word).ok_or_else(|| self.error_here(format!("numbers of the type '{word}'"), "float, double or int"))
+        NumberType::from_name(&word)
+            .ok_or_else(|| self.error_here(format!("numbers of the type '{word}'"), "float, double or int"))
     }
 
     fn read_count(&mut self, what: &str) -> Result<usize, ReadError> {
@@ -132,7 +135,13 @@ impl<'a> LegacyReader<'a> {
         word.parse().map_err(|_| self.error_here(format!("'{word}'"), what))
     }
 
-    fn read_numbers(&mut self, count: usize, number: NumberType, form: NumberFormat, what: &str) -> Result<Vec<f64>, ReadError> {
+    fn read_numbers(
+        &mut self,
+        count: usize,
+        number: NumberType,
+        form: NumberFormat,
+        what: &str,
+    ) -> Result<Vec<f64>, ReadError> {
         if form.binary {
             self.next_text_line();
             let rest = &self.bytes[self.at.min(self.bytes.len())..];
@@ -152,7 +161,8 @@ impl<'a> LegacyReader<'a> {
                 let found = format!("{what}: {count} numbers announced, {} there", numbers.len());
                 return Err(self.error_here(found, "a complete file"));
             }
-            numbers.push(parse_real(&word).ok_or_else(|| self.error_here(format!("'{word}', which is no number"), what))?);
+            numbers
+                .push(parse_real(&word).ok_or_else(|| self.error_here(format!("'{word}', which is no number"), what))?);
         }
         Ok(numbers)
     }

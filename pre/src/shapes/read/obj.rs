@@ -58,7 +58,9 @@ pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
                     mesh.polygons.push(corners);
                     lines_of_polygons.push(line);
                 }
-                Err(found) => refusals.push(ReadError::new(line, found, "numbers of vertices, from 1, or from -1 back")),
+                Err(found) => {
+                    refusals.push(ReadError::new(line, found, "numbers of vertices, from 1, or from -1 back"))
+                }
             },
             "l" | "p" => elements += 1,
             unused if IGNORED_STATEMENTS.contains(&unused) => {}

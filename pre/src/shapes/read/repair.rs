@@ -204,7 +204,11 @@ mod tests {
     fn cube() -> PolygonMesh {
         let corner = |k: usize| [k & 1, k >> 1 & 1, k >> 2 & 1].map(|side| side as f64 - 0.5);
         let polygons = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        PolygonMesh { points: (0..8).map(corner).collect(), polygons: polygons.map(|p| p.to_vec()).into(), notes: Vec::new() }
+        PolygonMesh {
+            points: (0..8).map(corner).collect(),
+            polygons: polygons.map(|p| p.to_vec()).into(),
+            notes: Vec::new(),
+        }
     }
 
     /// Volume, m^3, and notes.

@@ -1,6 +1,6 @@
 //! STL, text and binary.
 
-use super::{PolygonMesh, NumberType, ReadError, coordinate, lines, count_text, parse_real};
+use super::{NumberType, PolygonMesh, ReadError, coordinate, count_text, lines, parse_real};
 
 /// Bytes before the first triangle of a binary file: a header of 80, then the number of triangles.
 const HEADER_BYTES: usize = 84;
@@ -10,7 +10,8 @@ const TRIANGLE_BYTES: usize = 50;
 /// Reads a file. Whether it is text or binary follows from its length and its bytes, not from the word `solid` alone,
 /// with which binary files begin too.
 pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
-    let announced = bytes.get(80..HEADER_BYTES).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
+    let announced =
+        bytes.get(80..HEADER_BYTES).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
     let length = |count: u32| HEADER_BYTES as u64 + TRIANGLE_BYTES as u64 * u64::from(count);
     let exact = announced.is_some_and(|count| bytes.len() as u64 == length(count));
     let text = &bytes[bytes.iter().take_while(|&&byte| byte <= b' ').count()..];
@@ -70,7 +71,12 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
     if unset {
         mesh.notes.push(format!("read {} where 0 are announced", count_text(count, "triangle")));
     } else {
-        mesh.add_note("ignored", bytes.len() - HEADER_BYTES - TRIANGLE_BYTES * count, "byte", " after the last triangle");
+        mesh.add_note(
+            "ignored",
+            bytes.len() - HEADER_BYTES - TRIANGLE_BYTES * count,
+            "byte",
+            " after the last triangle",
+        );
     }
     Ok(mesh)
 }
@@ -177,7 +183,11 @@ fn read_facet(words: &mut WordReader, line: usize, mesh: &mut PolygonMesh) -> Re
         word = words.next_word().ok_or_else(ends)?;
     }
     if word.1 != "endloop" {
-        return Err(ReadError::new(word.0, format!("the word '{}'", word.1), "vertex and three coordinates, or endloop"));
+        return Err(ReadError::new(
+            word.0,
+            format!("the word '{}'", word.1),
+            "vertex and three coordinates, or endloop",
+        ));
     }
     if corners.len() < 3 {
         let found = format!("facet {number} of {}", count_text(corners.len(), "vertex"));

@@ -2,7 +2,7 @@
 
 use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
 
-use super::{CellLists, PolygonMesh, NumberType, PolyDataPiece, ReadError, parse_real};
+use super::{CellLists, NumberType, PolyDataPiece, PolygonMesh, ReadError, parse_real};
 
 const FILE_KIND: &str = "polygonal data of VTK, legacy or XML";
 const COMPLETE_FILE: &str = "a complete file";
@@ -120,7 +120,11 @@ impl<'a> VtpFile<'a> {
             let parent = open.last().map_or("", |tag| tag.name.as_str());
             if tag.kind == TagKind::End {
                 if parent != tag.name {
-                    return Err(ReadError::new(tag.line, format!("</{}> where <{parent}> is open", tag.name), FILE_KIND));
+                    return Err(ReadError::new(
+                        tag.line,
+                        format!("</{}> where <{parent}> is open", tag.name),
+                        FILE_KIND,
+                    ));
                 }
                 if tag.name == "Piece" {
                     expect_complete(&pieces, open[open.len() - 1])?;
@@ -181,7 +185,8 @@ impl<'a> VtpFile<'a> {
             .ok_or_else(|| refuse(format!("numbers of the type '{kind}'"), "Float64, Int64 or alike"))?;
         let bytes = match tag.attribute("format").unwrap_or("ascii") {
             "ascii" => {
-                let number = |word| parse_real(word).ok_or_else(|| refuse(format!("'{word}', which is no number"), FILE_KIND));
+                let number =
+                    |word| parse_real(word).ok_or_else(|| refuse(format!("'{word}', which is no number"), FILE_KIND));
                 return tag.content.split_whitespace().map(number).collect();
             }
             "binary" => self.decode_binary(&decode_base64(tag.content.as_bytes())),
