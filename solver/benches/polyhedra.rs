@@ -5,7 +5,7 @@
 //! `items` are pairs: 2 Mitem/s are 500 ns per pair. Warm pairs have moved by 1e-3 of their size since the last time.
 
 use cd_solve::geometry::{Memory, Narrow, Polyhedron, Posed, Sight, Together, polyhedron_polyhedron};
-use cd_solve::math::lanes::Width;
+use cd_solve::math::lanes::SimdWidth;
 use cd_solve::math::{Quat, Vec3};
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
@@ -94,7 +94,7 @@ fn run(bencher: Bencher, pairs: Vec<Pair>, narrow: Narrow, warm: bool) {
     bencher.counter(ItemsCount::new(PAIRS)).bench_local(|| {
         let posed: Vec<[Posed; 2]> =
             pairs.iter().map(|pair| [0, 1].map(|k| pair.shapes[k].posed(&pair.turned[k]))).collect();
-        let mut together = Together::new(Width::detect());
+        let mut together = Together::new(SimdWidth::detect());
         let mut take = |(), sight: Sight| _ = black_box(sight.is_ok());
         for (pair, [a, b]) in pairs.iter().zip(&posed) {
             let memory = if warm { pair.memory } else { Memory::default() };

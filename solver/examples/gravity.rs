@@ -106,7 +106,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         seconds.push(start.elapsed().as_secs_f64());
         // As in a run: the next time bodies are sorted from the order of this.
         if order.is_empty() {
-            order = morton::order(&positions, &[]);
+            order = morton::morton_order(&positions, &[]);
         }
     }
     if let Some(k) = field.acceleration.iter().position(|a| !a.iter().all(|x| x.is_finite())) {

@@ -9,9 +9,9 @@ use cd_formats::compute::Accuracy;
 use crate::integrate::{fastest_turn, shortest_orbit};
 use crate::math::Vec3;
 use crate::scene::{Body, Drive, Geometry, Part, Scene, Shape};
-use crate::solve::batches::Batch;
+use crate::solve::batches::ContactBatch;
 use crate::state::{Contact, Exchange, SolvedContact, State};
-use crate::step::{Clock, StepReport, step};
+use crate::step::{StageTimes, StepReport, step};
 use crate::write;
 
 /// A trial ends after so many steps or so much time, whichever is first; the first step, from a cold start, is not timed.
@@ -194,7 +194,7 @@ fn held() -> Option<u64> {
 
 /// Bytes that a contact takes, about: what is kept of it, and what a step makes of it.
 fn contact_size() -> usize {
-    let row = size_of::<crate::assemble::Row>() + size_of::<Batch<f64>>() / crate::solve::batches::BATCH;
+    let row = size_of::<crate::assemble::ContactConstraint>() + size_of::<ContactBatch<f64>>() / crate::solve::batches::BATCH_LANES;
     size_of::<Contact>() + 2 * size_of::<SolvedContact>() + row + 8 * size_of::<Vec3>()
 }
 
@@ -285,7 +285,7 @@ fn disk(scene: &Scene, left: u64, at_once: f64, [row, snapshot]: [usize; 2]) -> 
 
 /// Some steps made with a copy of the state.
 struct Trial {
-    clock: Clock,
+    clock: StageTimes,
     steps: u64,
     /// How many dt long they were together.
     units: u64,
@@ -298,12 +298,12 @@ struct Trial {
 impl Trial {
     /// Seconds of a step.
     fn each(&self) -> f64 {
-        let Clock { gravity, detection, assembly, solve, integration, .. } = self.clock;
+        let StageTimes { gravity, detection, assembly, solve, integration, .. } = self.clock;
         (gravity + detection + assembly + solve + integration).as_secs_f64() / self.steps.max(1) as f64
     }
 
     fn times(&self) -> String {
-        let Clock { gravity, detection, assembly, solve, integration, .. } = self.clock;
+        let StageTimes { gravity, detection, assembly, solve, integration, .. } = self.clock;
         let steps = self.steps;
         let ms = |time: Duration| 1e3 * time.as_secs_f64() / steps.max(1) as f64;
         format!(
@@ -321,9 +321,9 @@ impl Trial {
 /// None if the program was requested to stop.
 fn trial(scene: &Scene, state: &State) -> Option<Trial> {
     let mut state = state.clone();
-    let mut report = step(scene, &mut state, &mut Clock::default())?;
+    let mut report = step(scene, &mut state, &mut StageTimes::default())?;
     let (start, first) = (Instant::now(), state.step);
-    let (mut clock, mut steps) = (Clock::default(), 0);
+    let (mut clock, mut steps) = (StageTimes::default(), 0);
     while steps < TRIAL && start.elapsed() < TRIAL_TIME && state.is_finite() {
         report = step(scene, &mut state, &mut clock)?;
         steps += 1;

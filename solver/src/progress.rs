@@ -56,7 +56,7 @@ impl Progress {
         if state.step.is_multiple_of(10) {
             self.bar.set_message(format!("{} contacts, {} sweeps", report.contacts_active, report.sweeps));
         }
-        self.first_replaced(state.step, report.replaced).into_iter().for_each(|message| self.tell(&message));
+        self.first_replaced(state.step, report.replacement_reason).into_iter().for_each(|message| self.tell(&message));
     }
 
     /// What to tell the first time that sweeps take another solver's place.
@@ -101,7 +101,7 @@ impl Progress {
             format!(", worst contact bodies {}-{} at ({x:.6e}, {y:.6e}, {z:.6e}) m", a + 1, b + 1)
         };
         let worst = report.worst.map_or(String::new(), place);
-        let solver = by(options.solver, report.replaced.is_some());
+        let solver = by(options.solver, report.replacement_reason.is_some());
         let why = why_unconverged(report.residual, options.tol(), report.left_out);
         let message = format!(
             "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, {why}{worst}; continuing",

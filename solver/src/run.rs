@@ -22,7 +22,7 @@ use crate::plan::{Bound, astray, bounds};
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::state::{Contact, Known, State};
-use crate::step::{Clock, DEEP, Motion, Overlap, deeper, next_problem, step};
+use crate::step::{StageTimes, OVERLAP_WARNING_SHARE, MotionTotals, Overlap, deeper_overlap, next_problem, step};
 use crate::write::summary::{Course, text};
 use crate::write::{Results, errors};
 
@@ -72,7 +72,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
     let (at_start, message) = overlaps(scene, &state, &mut known).unzip();
     message.filter(|_| !resumed).into_iter().for_each(|message| progress.warn(&message));
     // Overlaps beyond this share of the smaller radius are those that steps have made.
-    let deep = at_start.map_or(DEEP, |overlap: Overlap| DEEP.max(DEEPER * overlap.share));
+    let deep = at_start.map_or(OVERLAP_WARNING_SHARE, |overlap: Overlap| OVERLAP_WARNING_SHARE.max(DEEPER * overlap.share));
     course.overlap = at_start;
     // What a run goes on with it has from before, and that decides between equals; at its own start it has nothing.
     if state.step == scene.start.0 && state.known == Known::default() {
@@ -89,7 +89,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
                 print_line(format_args!("cd-solve: contact problem of step {number} in {}", path.display()));
             }
         }
-        let mut lap = Clock { writing: std::mem::take(&mut writing), ..Clock::default() };
+        let mut lap = StageTimes { writing: std::mem::take(&mut writing), ..StageTimes::default() };
         let first = state.step;
         progress.begins(state.step);
         let Some(report) = step(scene, &mut state, &mut lap) else {
@@ -102,20 +102,20 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
             if overlap.share > deep && course.overlap.is_none_or(|before| before.share <= deep) {
                 progress.warn(&deepened(&state, overlap));
             }
-            course.overlap = deeper(course.overlap, overlap);
+            course.overlap = deeper_overlap(course.overlap, overlap);
         }
         course.steps += 1;
         course.units += state.step - first;
         course.longest = course.longest.max(report.h);
         course.sweeps += report.sweeps;
         course.gravity = report.gravity.sampled.or(course.gravity);
-        course.missed = report.missed.or(course.missed);
+        course.missed = report.narrow_phase_error.or(course.missed);
         if scene.bonds() {
             course.bonds = course.bonds.max(state.bonds());
         }
-        course.single += u64::from(report.single);
-        course.taken_over += u64::from(report.taken_over && report.converged);
-        course.given_up += u64::from(report.given_up);
+        course.single += u64::from(report.single_precision);
+        course.taken_over += u64::from(report.fallback_used && report.converged);
+        course.given_up += u64::from(report.fallback_suppressed);
         if !report.converged {
             course.unconverged += 1;
             if course.unconverged <= TOLD {
@@ -124,7 +124,7 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         }
         progress.step(&state, &report);
         results.step(scene, &state, &report, &lap, &mut course.tally).map_err(Failure::Unwritten)?;
-        course.clock.add(&lap);
+        course.clock.accumulate(&lap);
         let stopped = stop.load(Ordering::Relaxed) && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
             if state.step == last || stopped {
@@ -140,9 +140,9 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
             return Err(stopped_at(&state, last, &progress));
         }
     }
-    let last_output = Clock { writing, ..Clock::default() };
+    let last_output = StageTimes { writing, ..StageTimes::default() };
     course.tally.wrote(&last_output);
-    course.clock.add(&last_output);
+    course.clock.accumulate(&last_output);
     progress.finish();
     // What the last step has made no step has measured.
     if course.steps > 0
@@ -152,9 +152,9 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
         if overlap.share > deep && course.overlap.is_none_or(|before| before.share <= deep) {
             print_error(format_args!("cd-solve: warning: {}", deepened(&state, overlap)));
         }
-        course.overlap = deeper(course.overlap, overlap);
+        course.overlap = deeper_overlap(course.overlap, overlap);
     }
-    course.overlap = course.overlap.filter(|overlap| overlap.share > DEEP);
+    course.overlap = course.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
     course.wall = start.elapsed();
     let sources = course.tally.sources(scene, &state);
     // Also where a run was killed before it came to that.
@@ -239,15 +239,15 @@ fn detected(scene: &Scene, state: &State, known: &mut Known) -> Vec<Contact> {
 
 /// The deepest overlap by its share of the smaller radius.
 fn deepest(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
-    let overlaps = contacts.iter().filter(|contact| contact.gap < 0.0).map(|contact| Overlap::of(scene, contact));
-    overlaps.fold(None, deeper)
+    let overlaps = contacts.iter().filter(|contact| contact.gap < 0.0).map(|contact| Overlap::from_contact(scene, contact));
+    overlaps.fold(None, deeper_overlap)
 }
 
 /// The deepest overlap at the start, which no step has made, and a warning about all.
 fn overlaps(scene: &Scene, state: &State, known: &mut Known) -> Option<(Overlap, String)> {
     let contacts = detected(scene, state, known);
-    let deepest = deepest(&contacts, scene).filter(|overlap| overlap.share > DEEP)?;
-    let deep = contacts.iter().filter(|contact| contact.gap < 0.0 && Overlap::of(scene, contact).share > DEEP);
+    let deepest = deepest(&contacts, scene).filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE)?;
+    let deep = contacts.iter().filter(|contact| contact.gap < 0.0 && Overlap::from_contact(scene, contact).share > OVERLAP_WARNING_SHARE);
     let mut pairs: Vec<[u32; 2]> = deep.map(|contact| [contact.candidate, contact.antagonist]).collect();
     pairs.dedup();
     let count = match pairs.len() {
@@ -256,8 +256,8 @@ fn overlaps(scene: &Scene, state: &State, known: &mut Known) -> Option<(Overlap,
     };
     let message = format!(
         "{count} by more than {} % of the smaller radius from the start, at most {}; laws other than GAP_SGR_CLB keep these overlaps",
-        100.0 * DEEP,
-        deepest.text(),
+        100.0 * OVERLAP_WARNING_SHARE,
+        deepest.message_text(),
     );
     Some((deepest, message))
 }
@@ -265,7 +265,7 @@ fn overlaps(scene: &Scene, state: &State, known: &mut Known) -> Option<(Overlap,
 /// A warning about deep overlaps that steps have made.
 fn deepened(state: &State, overlap: Overlap) -> String {
     let State { step, time, .. } = state;
-    format!("step {step}, t = {time} s: {}; use a smaller dt or tol", overlap.text())
+    format!("step {step}, t = {time} s: {}; use a smaller dt or tol", overlap.message_text())
 }
 
 /// Writes the state; returns the time that it took.
@@ -278,8 +278,8 @@ fn output(results: &mut Results, scene: &Scene, state: &State) -> Result<Duratio
 
 /// Energy and momentum that the run's drift is measured against.
 fn open_ledger(scene: &Scene, state: &mut State) {
-    let motion = Motion::of(scene, &state.q, &state.v, &state.w);
-    let angular = Motion::angular(scene, state);
+    let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
+    let angular = MotionTotals::total_angular_momentum(scene, state);
     let potential = potential_energy(scene, state, &state.x);
     state.ledger.energy_start = motion.kinetic + motion.rotational + potential;
     state.ledger.momentum_expected = motion.momentum.into();

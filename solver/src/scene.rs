@@ -8,7 +8,7 @@ use cd_formats::snapshot::{LawName, MaterialName};
 use crate::BARE;
 use crate::geometry::Polyhedron;
 use crate::gravity::{Gravity, Method};
-use crate::laws::Law;
+use crate::laws::ContactLaw;
 use crate::math::rotation;
 use crate::math::{Quat, Vec3};
 
@@ -223,7 +223,7 @@ pub struct Scene {
     pub bodies: Vec<Body>,
     pub drives: Vec<Drive>,
     pub loads: Vec<Load>,
-    pub laws: Vec<Law>,
+    pub laws: Vec<ContactLaw>,
     pub visibility: Visibility,
     pub options: Compute,
     /// Step and time (s) of the state in DATBOX.
@@ -399,7 +399,7 @@ impl Scene {
 
     /// Whether contacts may be bonded.
     pub fn bonds(&self) -> bool {
-        self.laws.iter().any(Law::bonds)
+        self.laws.iter().any(ContactLaw::can_bond)
     }
 
     /// What makes a contactor the candidate of a contact, as in LMGC90: the lower of the two. Spheres come before polyhedra before cylinders

@@ -7,8 +7,8 @@ use cd_formats::snapshot::{FallbackState, Ledger};
 use rayon::prelude::*;
 
 use crate::geometry::Memory;
-use crate::laws::Law;
-use crate::math::{MANY, Quat, Vec3, local_frame};
+use crate::laws::ContactLaw;
+use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame};
 use crate::scene::{Scene, See};
 
 /// First feature of a contact of polyhedra that a text file tells without its features; the second is a running number.
@@ -235,7 +235,7 @@ pub struct State {
     /// Torque now in force on all free bodies as one, N m.
     pub torque: Vec3,
     /// Laws now in force, as `Scene::laws`.
-    pub laws: Vec<Law>,
+    pub laws: Vec<ContactLaw>,
     /// Whether the next step makes bonds of what touches: of everything as an event asks, or of contacts that no
     /// file knows at the start.
     pub bonding: Bonding,
@@ -288,7 +288,7 @@ impl State {
 
     /// Whether every number of the bodies and of the ledger is finite.
     pub fn is_finite(&self) -> bool {
-        let finite = |vectors: &[Vec3]| vectors.par_iter().with_min_len(MANY).all(|v| v.iter().all(|x| x.is_finite()));
+        let finite = |vectors: &[Vec3]| vectors.par_iter().with_min_len(PAR_MIN_LEN).all(|v| v.iter().all(|x| x.is_finite()));
         let Ledger { energy_start, contact_work, friction_work, outside_work, momentum_scale, .. } = self.ledger;
         let sums = [energy_start, contact_work, friction_work, outside_work, momentum_scale];
         let momenta = [self.ledger.momentum_expected, self.ledger.angular_momentum_expected];
@@ -296,7 +296,7 @@ impl State {
             && finite(&self.v)
             && finite(&self.w)
             && finite(&self.spin)
-            && self.q.par_iter().with_min_len(MANY).all(|q| q.coords.iter().all(|x| x.is_finite()))
+            && self.q.par_iter().with_min_len(PAR_MIN_LEN).all(|q| q.coords.iter().all(|x| x.is_finite()))
             && sums.iter().chain(momenta.iter().flatten()).all(|x| x.is_finite())
     }
 }
@@ -305,7 +305,7 @@ impl State {
 pub struct Before {
     /// Velocities, angular velocities and momenta, where events or options change them.
     motion: Option<[Vec<Vec3>; 3]>,
-    settings: (Vec3, f64, Vec3, Vec<Law>, Bonding, usize),
+    settings: (Vec3, f64, Vec3, Vec<ContactLaw>, Bonding, usize),
     attraction: Option<Attraction>,
     ledger: Ledger,
     kept: Vec<PairMemory>,

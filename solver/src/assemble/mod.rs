@@ -7,7 +7,7 @@ mod rows;
 mod stored;
 mod turning;
 
-pub use forces::{Free, GravityReport, Happened, events, free_velocity, interventions, potential_energy};
-pub use history::meeting;
-pub use rows::{Full, Record, Roll, Row, System, arms, contact_problem, relative_velocity};
+pub use forces::{FreeMotion, GravityReport, AppliedEvents, apply_events, free_velocity, apply_torque_and_damping, potential_energy};
+pub use history::connected_bodies;
+pub use rows::{BlockData, SolverBody, RollingConstraint, ContactConstraint, ContactProblem, contact_arms, contact_problem, relative_velocity};
 pub use stored::{StoredProblem, stored_problem};

@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::math::{Vec3, group};
+use crate::math::{Vec3, group_by_key};
 
 /// Half of a cell's neighbours, in columns of three along the last axis: with the cell itself and the next, every pair of neighbouring cells once.
 const FORWARD: [[i64; 2]; 4] = [[1, -1], [1, 0], [1, 1], [0, 1]];
@@ -37,7 +37,7 @@ impl Level {
             Level { inverse_width: 1.0 / width, bits, order: Vec::new(), starts: Vec::new(), spheres: Vec::new() };
         let cells: Vec<u32> =
             members.par_iter().with_min_len(CHUNK).map(|&i| level.slot(level.cell(&x[i as usize]))).collect();
-        (level.order, level.starts) = group(&cells, 1 << (3 * bits));
+        (level.order, level.starts) = group_by_key(&cells, 1 << (3 * bits));
         level.order.iter_mut().for_each(|place| *place = members[*place as usize]);
         let sphere = |i: &u32| [x[*i as usize].x, x[*i as usize].y, x[*i as usize].z, reach[*i as usize]];
         level.spheres = level.order.par_iter().with_min_len(CHUNK).map(sphere).collect();

@@ -19,7 +19,7 @@ use crate::detect::parts::{Meeting, Place, Shape};
 use crate::detect::{Listed, Ways, found};
 use crate::geometry::{Posed, polyhedra_along};
 use crate::integrate::Configuration;
-use crate::math::{Quat, Vec3, group};
+use crate::math::{Quat, Vec3, group_by_key};
 use crate::scene::{Scene, Shape as BodyShape};
 use crate::state::Contact;
 
@@ -418,7 +418,7 @@ pub(super) fn remove_inner_edges(
         .flat_map(|Run { parts: [a, b], .. }| [(a, b), (b, a)])
         .map(|(own, other)| if solid(*other).is_some() { *own } else { nobody })
         .collect();
-    let (order, starts) = group(&keys, places.len() + 1);
+    let (order, starts) = group_by_key(&keys, places.len() + 1);
     let attracts = scene.laws.iter().any(|law| law.cohesion().is_some());
     let of_part = |part: usize, scratch: &mut Scratch, inner: &mut Vec<(Touch, Vec3)>| {
         let a = &places[part];

@@ -8,7 +8,7 @@ use super::swept::{Moving, least_distance};
 use super::{MARGIN, Ways, found, joints, meet, parts, periodic};
 use crate::geometry::Narrow;
 use crate::integrate::Configuration;
-use crate::math::{MANY, Vec3};
+use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::{Scene, Shape};
 use crate::state::Contact;
 
@@ -35,7 +35,7 @@ pub fn late(
     };
     let span = q_c.longest_reach(scene);
     let changed = |i: usize| span * ((solved[0][i] - free[0][i]).norm() + turned(i)) > margin;
-    let searched: Vec<bool> = (0..scene.bodies.len()).into_par_iter().with_min_len(MANY).map(changed).collect();
+    let searched: Vec<bool> = (0..scene.bodies.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(changed).collect();
     if !searched.contains(&true) {
         return Vec::new();
     }

@@ -15,14 +15,14 @@ mod parts;
 mod periodic;
 pub mod swept;
 
-pub use late::late;
+pub use late::{late};
 
 use std::collections::BTreeMap;
 
 use cd_formats::compute::NarrowPhase;
 use rayon::prelude::*;
 
-use crate::math::{MANY, Vec3};
+use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::{NEARBY, Scene, See, Shape};
 use crate::state::{Contact, Known};
 
@@ -66,7 +66,7 @@ impl<'a> Ways<'a> {
     fn new(scene: &Scene, q_c: &Configuration, [v_free, w_free]: [&'a [Vec3]; 2], ahead: f64) -> Self {
         let sum: Vec3 = scene.free.iter().map(|&i| v_free[i as usize]).sum();
         let drift = sum / scene.free.len().max(1) as f64;
-        let travel = v_free.par_iter().with_min_len(MANY).map(|v| ahead * (v - drift).norm()).collect();
+        let travel = v_free.par_iter().with_min_len(PAR_MIN_LEN).map(|v| ahead * (v - drift).norm()).collect();
         let steps = if q_c.h > 0.0 { ahead / q_c.h } else { 1.0 };
         Ways { travel, drift, v_free, w_free, ahead, nearby: NEARBY * steps }
     }
@@ -124,7 +124,7 @@ type Listed = ([u32; 2], u8);
 
 /// In the order of candidates, then of antagonists.
 fn among_spheres(scene: &Scene, q_c: &Configuration, ways: &Ways, known: &mut Known) -> Vec<Listed> {
-    let bodies = scene.spheres.par_iter().with_min_len(MANY);
+    let bodies = scene.spheres.par_iter().with_min_len(PAR_MIN_LEN);
     let centres: Vec<Vec3> = bodies.clone().map(|&i| q_c.x[i as usize]).collect();
     let travel: Vec<f64> = bodies.clone().map(|&i| ways.travel[i as usize]).collect();
     let radii: Vec<f64> = bodies.map(|&i| scene.bodies[i as usize].radius).collect();
@@ -220,7 +220,7 @@ fn is_listed(
 ) -> bool {
     // The range of a bond needs the radii, which a near pair is not asked for.
     let law = &scene.laws[see.law as usize];
-    let range = || law.range(scene.effective_radius((candidate, 0), (antagonist, 0)));
+    let range = || law.interaction_range(scene.effective_radius((candidate, 0), (antagonist, 0)));
     gap <= see.alert.max(travel.min(nearby))
         || (gap <= MARGIN * see.alert + travel && closing() <= MARGIN * see.alert)
         || (law.cohesion().is_some() && gap <= range())

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::detect::periodic;
 use crate::detect::swept::Moving;
-use crate::math::{MANY, Vec3};
+use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::state::Neighbours;
 
 /// Room of what does not move, over the mean radius.
@@ -53,7 +53,7 @@ impl<P: Fn(usize) -> Vec3 + Sync> Things<'_, P> {
             let reach = self.reach[k] - self.travel[k];
             Moving { centre: self.centres[k], path: (self.path)(k), reach, searched: true }
         };
-        let balls: Vec<Moving> = (0..self.centres.len()).into_par_iter().with_min_len(MANY).map(ball).collect();
+        let balls: Vec<Moving> = (0..self.centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(ball).collect();
         periodic::pairs_swept(&balls, self.reach, periods)
     }
 }
@@ -79,7 +79,7 @@ impl Neighbours {
                 let moved = centres[k] - self.centres[k] - shift;
                 moved.norm() + (reach[k] - self.reach[k]).max(0.0) <= self.room[k]
             };
-            (0..centres.len()).into_par_iter().with_min_len(MANY).all(stays)
+            (0..centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).all(stays)
         };
         // What all have in common changes no distance.
         let shift = |from: &[Vec3]| {
@@ -109,13 +109,13 @@ impl Neighbours {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::random::in_ball;
+    use crate::math::random::point_in_ball;
 
     /// A crowd that moves by up to `speed` a step, with reaches that come and go.
     fn crowd(step: f64, speed: f64) -> (Vec<Vec3>, Vec<f64>) {
         let x = (0..300).map(|k| {
             let way = Vec3::new((1.7 * k as f64).sin(), (2.3 * k as f64).cos(), (0.9 * k as f64).sin()).normalize();
-            in_ball(k) * 8.0 + way * (speed * step)
+            point_in_ball(k) * 8.0 + way * (speed * step)
         });
         let reach = (0..300).map(|k| 1.0 + 0.5 * speed * (k as f64 + step).sin());
         (x.collect(), reach.collect())

@@ -14,8 +14,8 @@ use crate::geometry::{
     polyhedron_hollow_cylinder, polyhedron_sphere,
 };
 use crate::integrate::Configuration;
-use crate::math::lanes::Width;
-use crate::math::{Quat, Vec3, group};
+use crate::math::lanes::SimdWidth;
+use crate::math::{Quat, Vec3, group_by_key};
 use crate::scene::{Geometry, Part, Scene, See};
 use crate::state::{Contact, Known, Separation};
 
@@ -131,7 +131,7 @@ pub fn contacts(
         NarrowPhase::Fast => Narrow::Fast,
         NarrowPhase::Accurate => Narrow::Accurate,
     };
-    let width = Width::detect();
+    let width = SimdWidth::detect();
     let chunks = pairs.par_chunks(CHUNK).zip(memories.par_chunks_mut(CHUNK)).zip(separations.par_chunks_mut(CHUNK));
     let chunks = chunks.map(|((pairs, memories), separations)| Chunk { pairs, memories, separations });
     let hands = || Hands { polyhedra: Together::new(width), ahead: Ahead::new(&places, width) };
@@ -164,7 +164,7 @@ pub fn near_paths(
     let near = periodic::pairs_swept(&balls, &reach, scene.periods());
     let mut pairs: Vec<([u32; 2], See)> = near.into_iter().filter_map(|ij| meet(scene, &places, ij)).collect();
     pairs.sort_unstable_by_key(|(parts, _)| *parts);
-    let width = Width::detect();
+    let width = SimdWidth::detect();
     let mut hands = Hands { polyhedra: Together::new(width), ahead: Ahead::new(&places, width) };
     let look_at = |pairs: &[([u32; 2], See)]| {
         let (mut memories, mut separations) = ([Memory::default(); CHUNK], [Separation::default(); CHUNK]);
@@ -262,7 +262,7 @@ impl<'a> Meeting<'a> {
     #[inline(always)]
     fn reach(scene: &Scene, places: &[Place], nearby: f64, (parts, see): &([u32; 2], See)) -> f64 {
         let [a, b] = parts.map(|k| &places[k as usize]);
-        let held = scene.laws[see.law as usize].range(1.0 / (a.curvature + b.curvature));
+        let held = scene.laws[see.law as usize].interaction_range(1.0 / (a.curvature + b.curvature));
         let smaller = a.radius.min(b.radius);
         let range = held.max(a.travel + b.travel).max(nearby.max(FLUSH) * smaller).max(see.alert);
         a.moved + b.moved + range
@@ -281,7 +281,7 @@ impl<'a> Meeting<'a> {
         let law = &scene.laws[see.law as usize];
         let image = scene.image(&a.centre, &b.centre);
         let c = b.centre + image - a.centre;
-        let held = law.range(radius);
+        let held = law.interaction_range(radius);
         // Farther apart than that they do not touch in this step, unless something pushes them.
         let (mut travel, mut always) = (a.travel + b.travel, f64::INFINITY);
         let nearby = nearby * a.radius.min(b.radius);
@@ -401,11 +401,11 @@ impl Listed {
 }
 
 /// All contacts in the order of their keys.
-fn sorted(found: &[Listed], bodies: usize, width: Width) -> Vec<Contact> {
+fn sorted(found: &[Listed], bodies: usize, width: SimdWidth) -> Vec<Contact> {
     let runs: Vec<(&Listed, usize)> =
         found.iter().flat_map(|listed| (0..listed.runs.len()).map(move |k| (listed, k))).collect();
     let candidates: Vec<u32> = runs.iter().map(|(listed, k)| listed.runs[*k].0).collect();
-    let (order, _) = group(&candidates, bodies);
+    let (order, _) = group_by_key(&candidates, bodies);
     let run = |k: u32| {
         let (listed, k) = runs[k as usize];
         listed.run(k)
@@ -413,7 +413,7 @@ fn sorted(found: &[Listed], bodies: usize, width: Width) -> Vec<Contact> {
     let mut contacts = Vec::with_capacity(found.iter().map(|listed| listed.contacts.len()).sum());
     for (place, &k) in order.iter().enumerate() {
         if let Some(&later) = order.get(place + 1) {
-            width.fetch(run(later));
+            width.prefetch(run(later));
         }
         contacts.extend_from_slice(run(k));
     }
@@ -432,7 +432,7 @@ const AHEAD: usize = 16;
 /// Asks for what pairs will read: of many bodies it comes from far memory in every step, while other pairs are worked on.
 struct Ahead<'a> {
     places: &'a [Place<'a>],
-    width: Width,
+    width: SimdWidth,
     /// Parts that have been asked for of late, each at its number's place.
     near: [u32; NEAR],
 }
@@ -441,7 +441,7 @@ struct Ahead<'a> {
 const NEAR: usize = 256;
 
 impl<'a> Ahead<'a> {
-    fn new(places: &'a [Place<'a>], width: Width) -> Self {
+    fn new(places: &'a [Place<'a>], width: SimdWidth) -> Self {
         Ahead { places, width, near: [u32::MAX; NEAR] }
     }
 
@@ -512,7 +512,7 @@ fn by_candidates(pairs: &[([u32; 2], See)], scene: &Scene, bodies: &[u32]) -> Ve
     bodies.iter().zip(0..).for_each(|(&i, k)| place[i as usize] = k);
     let of_pairs: Vec<u32> =
         pairs.iter().map(|(parts, _)| place[scene.parts[parts[0] as usize].body as usize]).collect();
-    let (order, starts) = group(&of_pairs, bodies.len());
+    let (order, starts) = group_by_key(&of_pairs, bodies.len());
     let mut grouped: Vec<([u32; 2], See)> = order.iter().map(|&k| pairs[k as usize]).collect();
     for of_one in starts.windows(2) {
         grouped[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(|(parts, _)| *parts);
@@ -523,7 +523,7 @@ fn by_candidates(pairs: &[([u32; 2], See)], scene: &Scene, bodies: &[u32]) -> Ve
 /// The places of the pairs, which come by candidates, in the order of their parts.
 fn by_parts(pairs: &[([u32; 2], See)], parts: usize) -> Vec<u32> {
     let first: Vec<u32> = pairs.iter().map(|(parts, _)| parts[0]).collect();
-    group(&first, parts).0
+    group_by_key(&first, parts).0
 }
 
 /// What is known already of each of the pairs; `order` and `before` are in the order of their parts.

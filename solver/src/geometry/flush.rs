@@ -4,7 +4,7 @@ use super::patch::Patch;
 use super::search::{Axis, Feature, Pair, seen, support};
 use super::{Manifold, Posed, Range};
 use crate::math::Vec3;
-use crate::math::lanes::{Scalar, Width};
+use crate::math::lanes::{Scalar, SimdWidth};
 
 impl Posed<'_> {
     /// Largest n·x over the polyhedron, x from its centre, m.
@@ -38,7 +38,7 @@ impl Posed<'_> {
 ///
 /// No search: the caller knows that a plane across `n` parts the two.
 pub fn polyhedra_along(a: &Posed, b: &Posed, c: &Vec3, n: &Vec3, range: Range) -> Option<Manifold> {
-    let pair = Pair::new(a, b, *c, Width::detect());
+    let pair = Pair::new(a, b, *c, SimdWidth::detect());
     let from_a = -n;
     let axis = Axis { n: from_a, s: pair.separation(&from_a).0, feature: Feature::None };
     let faces = (seen(Scalar, a, &from_a, None), seen(Scalar, b, n, None));

@@ -10,8 +10,8 @@ use super::patch::SAME;
 use super::polyhedron::{FeatureIndex, Spoke};
 use super::search::{NEARLY_PARALLEL, Pair, lowest, support};
 use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
-use crate::math::lanes::{Arithmetic, Lanes, Width};
-use crate::math::{Vec3, length};
+use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
+use crate::math::{Vec3, vector_length};
 
 /// Gap between the bounds, over the distance, at which the search ends.
 const ENOUGH: f64 = 1e-15;
@@ -38,11 +38,11 @@ pub(super) struct Nearest {
 /// The nearest points of two polyhedra that do not overlap, beginning with the direction `n` from A to B.
 pub(super) fn nearest(pair: &Pair, n: Vec3, alert: f64) -> Nearest {
     match pair.width {
-        Width::One(l) => l.run(Gjk { l, pair, n, alert }),
+        SimdWidth::One(l) => l.run(Gjk { l, pair, n, alert }),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(l) => l.run(Gjk { l, pair, n, alert }),
+        SimdWidth::Four(l) => l.run(Gjk { l, pair, n, alert }),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(l) => l.run(Gjk { l, pair, n, alert }),
+        SimdWidth::Eight(l) => l.run(Gjk { l, pair, n, alert }),
     }
 }
 
@@ -53,7 +53,7 @@ struct Gjk<'a, L> {
     alert: f64,
 }
 
-impl<L: Lanes> NullaryFnOnce for Gjk<'_, L> {
+impl<L: F64Arithmetic> NullaryFnOnce for Gjk<'_, L> {
     type Output = Nearest;
 
     #[inline(always)]
@@ -64,7 +64,7 @@ impl<L: Lanes> NullaryFnOnce for Gjk<'_, L> {
         let mut step = 0;
         while step < MOST_STEPS {
             step += 1;
-            let distance = length(&near.point);
+            let distance = vector_length(&near.point);
             if distance <= touching {
                 break; // to rounding: n of the axis is as good as any
             }
@@ -82,7 +82,7 @@ impl<L: Lanes> NullaryFnOnce for Gjk<'_, L> {
             }
             near = nearer;
         }
-        let distance = length(&near.point);
+        let distance = vector_length(&near.point);
         let n = if distance > touching { near.point / distance } else { n };
         if distance > alert {
             return Nearest { n, on_faces: false, manifold: None };
@@ -93,7 +93,7 @@ impl<L: Lanes> NullaryFnOnce for Gjk<'_, L> {
 
 /// The point of the difference that is least along `n`.
 #[inline(always)]
-fn apex<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> Apex {
+fn apex<L: F64Arithmetic>(l: L, pair: &Pair, n: &Vec3) -> Apex {
     let a = lowest(l, pair.pa, &-n).0;
     let b = lowest(l, pair.pb, n).0;
     Apex { w: pair.pb.vertex(b) + pair.c - pair.pa.vertex(a), a, b }

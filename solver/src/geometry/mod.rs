@@ -36,7 +36,7 @@ pub use sphere::polyhedron_sphere;
 use smallvec::SmallVec;
 
 use crate::math::Vec3;
-use crate::math::lanes::Width;
+use crate::math::lanes::SimdWidth;
 use patch::Patch;
 use search::{Axis, Feature, Found, Pair, Start};
 use triangles::{AT_ONCE, Triangles};
@@ -179,7 +179,7 @@ pub fn polyhedron_polyhedron(
     narrow: Narrow,
     memory: &mut Memory,
 ) -> Option<Manifold> {
-    let pair = Pair::new(a, b, *c, Width::detect());
+    let pair = Pair::new(a, b, *c, SimdWidth::detect());
     let start = memory.start(&pair);
     let (kept, manifold) = contact(Asked { pair, start, hint: None, narrow, range: range.into() });
     *memory = kept;
@@ -216,7 +216,7 @@ pub type Sight<'m> = Result<(Memory, &'m Manifold), Apart>;
 ///
 /// Each has a `T` by which it is known again. Contacts come in the order in which they are asked for.
 pub struct Together<'a, T> {
-    width: Width,
+    width: SimdWidth,
     /// Those whose points are yet to be found.
     waiting: [Option<Waiting<'a, T>>; WAITING],
     count: usize,
@@ -249,7 +249,7 @@ struct Asked<'a> {
 }
 
 impl<'a, T: Copy> Together<'a, T> {
-    pub fn new(width: Width) -> Self {
+    pub fn new(width: SimdWidth) -> Self {
         Together {
             width,
             waiting: [const { None }; WAITING],
@@ -394,7 +394,7 @@ pub(super) mod tests {
             let pa = a.posed(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
             let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
             let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.6;
-            let pair = Pair::new(&pa, &pb, c, Width::detect());
+            let pair = Pair::new(&pa, &pb, c, SimdWidth::detect());
             let found = search::search(&pair, Start::Nothing, None, Narrow::Accurate, range.into());
             if found.axis.feature != Feature::None && found.axis.s <= range {
                 take(number, &pair, &found);
@@ -416,7 +416,7 @@ pub(super) mod tests {
                     let pair = Pair::new(&pa, &pb, c, width);
                     contact(Asked { pair, start, hint: None, narrow: Narrow::Accurate, range: 0.05.into() })
                 };
-                let found: Vec<_> = Width::all().into_iter().map(of).collect();
+                let found: Vec<_> = SimdWidth::all_widths().into_iter().map(of).collect();
                 assert!(found.iter().all(|one| *one == found[0]), "{k}: {found:?}");
                 contacts += usize::from(found[0].1.is_some());
             }

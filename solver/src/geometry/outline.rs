@@ -9,7 +9,7 @@ use super::patch::{Corner, EDGE_ON};
 use super::polyhedron::{FeatureIndex, PAD};
 use super::search::Pair;
 use super::{Posed, edge, face, vertex};
-use crate::math::lanes::{Arithmetic, Lanes, Width};
+use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
 use crate::math::{Vec3, local_frame};
 
 /// Columns of an outline: x, y and height of the corners, and the unit direction of the side from each to the next.
@@ -32,11 +32,11 @@ pub(super) fn common(pair: &Pair, n: &Vec3, faces: (u32, u32), tiny: f64, take: 
         &mut many[..]
     };
     match pair.width {
-        Width::One(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
+        SimdWidth::One(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
+        SimdWidth::Four(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
+        SimdWidth::Eight(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
     }
 }
 
@@ -128,7 +128,7 @@ impl<'a> Outline<'a> {
 
     /// Directions of the sides. Not right behind [`Self::project`]: vectors wait for the numbers that were written one by one.
     #[inline(always)]
-    fn direct<L: Lanes>(&mut self, l: L, tiny: f64) {
+    fn direct<L: F64Arithmetic>(&mut self, l: L, tiny: f64) {
         let count = self.corners.len();
         let mut k = 0;
         while k < count {
@@ -150,14 +150,14 @@ impl<'a> Outline<'a> {
 
     /// Distance of places from the inside of side `k`.
     #[inline(always)]
-    fn distance<L: Lanes>(&self, l: L, k: usize, x: L::V, y: L::V) -> L::V {
+    fn distance<L: F64Arithmetic>(&self, l: L, k: usize, x: L::V, y: L::V) -> L::V {
         let along = l.mul(l.splat(self.dx[k]), l.sub(y, l.splat(self.y[k])));
         l.sub(along, l.mul(l.splat(self.dy[k]), l.sub(x, l.splat(self.x[k]))))
     }
 
     /// Of the corners of `other` from `k` on, which lie in this, and which of these on a side of it.
     #[inline(always)]
-    fn has<L: Lanes>(&self, l: L, other: &Outline, k: usize, tiny: f64) -> (u32, u32) {
+    fn has<L: F64Arithmetic>(&self, l: L, other: &Outline, k: usize, tiny: f64) -> (u32, u32) {
         let (x, y) = (l.load(&other.x[k..]), l.load(&other.y[k..]));
         let (mut inside, mut on_side) = (filled::<L>(k, other.corners.len()), 0);
         let mut side = 0;
@@ -196,7 +196,7 @@ impl<'a> Outline<'a> {
 
 /// The lanes from `k` on that are below `count`.
 #[inline(always)]
-fn filled<L: Lanes>(k: usize, count: usize) -> u32 {
+fn filled<L: F64Arithmetic>(k: usize, count: usize) -> u32 {
     (1 << L::WIDTH.min(count - k)) - 1
 }
 
@@ -212,7 +212,7 @@ struct Common<'a, L> {
     take: &'a mut Corners,
 }
 
-impl<L: Lanes> NullaryFnOnce for Common<'_, L> {
+impl<L: F64Arithmetic> NullaryFnOnce for Common<'_, L> {
     type Output = ();
 
     #[inline(always)]

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 pub(super) use cd_formats::faces::{ConvexMesh, FeatureIndex, PolyhedronEdge, PolyhedronPlane};
 use nalgebra::Matrix3;
 
-use crate::math::lanes::Width;
+use crate::math::lanes::SimdWidth;
 use crate::math::{Quat, Vec3};
 
 /// Columns are as long as the next multiple of this, so that all widths of vectors fit.
@@ -263,9 +263,9 @@ impl Posed<'_> {
 
     /// Asks for what [`super::polyhedron_polyhedron`] will read.
     #[inline(always)]
-    pub fn fetch(&self, width: Width) {
-        width.fetch(self.shape);
-        width.fetch(self.lines);
+    pub fn fetch(&self, width: SimdWidth) {
+        width.prefetch(self.shape);
+        width.prefetch(self.lines);
     }
 
     /// A vector of the shape's frame in the world's. Written out, so that it is the same to the bit wherever it is inlined.

@@ -14,8 +14,8 @@ use smallvec::{Array, SmallVec};
 use super::patch::Corner;
 use super::polyhedron::FeatureIndex;
 use super::{Narrow, Point, Polyhedron, Posed, Range, edge, face, vertex};
-use crate::math::lanes::{Arithmetic, Lanes, Scalar, Width};
-use crate::math::{Vec3, length};
+use crate::math::lanes::{Arithmetic, F64Arithmetic, Scalar, SimdWidth};
+use crate::math::{Vec3, vector_length};
 
 /// Two posed polyhedra.
 #[derive(Clone, Copy)]
@@ -30,7 +30,7 @@ pub(super) struct Pair<'a> {
     pub sum: f64,
     /// The smaller circumradius, m.
     pub small: f64,
-    pub width: Width,
+    pub width: SimdWidth,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,7 +82,7 @@ const ON_EACH_OTHER: f64 = 1e-3;
 const BLOCK: usize = 8;
 
 impl<'a> Pair<'a> {
-    pub fn new(pa: &'a Posed, pb: &'a Posed, c: Vec3, width: Width) -> Self {
+    pub fn new(pa: &'a Posed, pb: &'a Posed, c: Vec3, width: SimdWidth) -> Self {
         let (a, b) = (pa.shape, pb.shape);
         let (ra, rb) = (a.circumradius(), b.circumradius());
         Pair { a, pa, b, pb, c, sum: ra + rb, small: ra.min(rb), width }
@@ -121,11 +121,11 @@ pub(super) fn support(posed: &Posed, n: &Vec3) -> (u32, f64) {
 /// The best direction, or the first found along which A and B are farther apart than `range`; `hint` may be one.
 pub(super) fn search(pair: &Pair, start: Start, hint: Option<Vec3>, narrow: Narrow, range: Range) -> Found {
     let found = match pair.width {
-        Width::One(l) => l.run(Search { l, pair, start, hint, narrow, range }),
+        SimdWidth::One(l) => l.run(Search { l, pair, start, hint, narrow, range }),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(l) => l.run(Search { l, pair, start, hint, narrow, range }),
+        SimdWidth::Four(l) => l.run(Search { l, pair, start, hint, narrow, range }),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(l) => l.run(Search { l, pair, start, hint, narrow, range }),
+        SimdWidth::Eight(l) => l.run(Search { l, pair, start, hint, narrow, range }),
     };
     if found.axis.feature == Feature::None && found.axis.s <= 0.0 {
         // Gone astray by rounding.
@@ -162,7 +162,7 @@ struct Search<'a, L> {
     range: Range,
 }
 
-impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
+impl<L: F64Arithmetic> NullaryFnOnce for Search<'_, L> {
     type Output = Found;
 
     #[inline(always)]
@@ -176,7 +176,7 @@ impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
     }
 }
 
-impl<L: Lanes> Search<'_, L> {
+impl<L: F64Arithmetic> Search<'_, L> {
     /// With the vertex that a face meets, where it is known, and whether it was proven to be the best.
     #[inline(always)]
     fn axis(&self) -> (Axis, Option<u32>, bool) {
@@ -243,7 +243,7 @@ impl Witnesses {
 /// Adds corners of the facet that the face `f` of `own` makes with the face of `other` that lies on it at the vertex `v`: the
 /// least one in each of four directions. About the foot of the origin, they leave no direction but those near the normal.
 #[inline(always)]
-fn around<L: Lanes>(
+fn around<L: F64Arithmetic>(
     l: L,
     pair: &Pair,
     [own, other]: [&Posed; 2],
@@ -294,7 +294,7 @@ fn keep(kept: &mut SmallVec<impl Array<Item = u32>>, mut mask: u32, k: usize, co
 
 /// What is remembered, at the new poses, with the vertex that a face meets; or the direction between the centres.
 #[inline(always)]
-fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -> (Axis, Option<u32>) {
+fn begin<L: F64Arithmetic>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -> (Axis, Option<u32>) {
     let n = match start {
         Start::Feature(Feature::FaceOfA(f)) => {
             let n = pair.pa.normal(f);
@@ -322,7 +322,7 @@ fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -
         Start::Direction(n) => n,
         _ => pair.c,
     };
-    let length = length(&n);
+    let length = vector_length(&n);
     let n = if length > 0.0 && length.is_finite() { n / length } else { Vec3::x() };
     let (b, low) = lowest(l, pair.pb, &n);
     let (a, high) = lowest(l, pair.pa, &-n);
@@ -332,7 +332,7 @@ fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -
 
 /// The first vertex least along `n`, and its height.
 #[inline(always)]
-pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> (u32, f64) {
+pub(super) fn lowest<L: F64Arithmetic>(l: L, posed: &Posed, n: &Vec3) -> (u32, f64) {
     let n = posed.local(n);
     let [x, y, z] = posed.shape.columns();
     let (nx, ny, nz) = (l.splat(n.x), l.splat(n.y), l.splat(n.z));
@@ -347,7 +347,7 @@ pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> (u32, f64) {
     }
     let mut places = [0.0; 8];
     l.store(&mut places, l.add(at, l.load(&LANES)));
-    let height = l.least(least);
+    let height = l.min_lane(least);
     // Of equals the first vertex.
     let mut equal = !l.mask_greater(least, l.splat(height)) & ((1 << L::WIDTH) - 1);
     let mut place = places[equal.trailing_zeros() as usize & 7];
@@ -362,7 +362,7 @@ pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> (u32, f64) {
 
 /// s(n).
 #[inline(always)]
-fn separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> f64 {
+fn separation<L: F64Arithmetic>(l: L, pair: &Pair, n: &Vec3) -> f64 {
     let low = lowest(l, pair.pb, n).1;
     n.dot(&pair.c) + low + lowest(l, pair.pa, &-n).1
 }
@@ -370,7 +370,7 @@ fn separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> f64 {
 /// What is true of the separation `s` that the crossed arcs of two edges promise: shapes rounded in files are convex to their
 /// digits alone, and of short edges nearly parallel to long ones the ends are rounded by more than they are apart.
 #[inline(always)]
-fn true_separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3, s: f64) -> f64 {
+fn true_separation<L: F64Arithmetic>(l: L, pair: &Pair, n: &Vec3, s: f64) -> f64 {
     let found = separation(l, pair, n);
     if found < s - pair.tie() { found } else { s }
 }
@@ -381,7 +381,7 @@ fn true_separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3, s: f64) -> f64 {
 /// worse; when that reaches beyond the cone of directions that the inner balls leave, n is the best of all. Apart, a
 /// foot within the facet is enough: there are points at that distance.
 #[inline(always)]
-fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -> bool {
+fn is_best<L: F64Arithmetic>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -> bool {
     let rho = match axis.feature {
         Feature::FaceOfA(f) => inside(pair.a, f, &pair.pa.local(x)),
         Feature::FaceOfB(f) => inside(pair.b, f, &pair.pb.local(&-x)),
@@ -392,7 +392,7 @@ fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -
             let square = across.norm_squared();
             let (p, q) = (w.cross(&v).dot(&across) / square, w.cross(&u).dot(&across) / square);
             // Distances from the sides of the parallelogram.
-            let (along_u, along_v) = (p.min(1.0 - p) / length(&v), q.min(1.0 - q) / length(&u));
+            let (along_u, along_v) = (p.min(1.0 - p) / vector_length(&v), q.min(1.0 - q) / vector_length(&u));
             along_u.min(along_v) * square.sqrt()
         }
         Feature::None => return false,
@@ -405,12 +405,12 @@ fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -
     }
     if narrow == Narrow::Fast {
         // Unless the way between the centres tells that the bodies have left this side of each other.
-        let n = pair.c / length(&pair.c);
+        let n = pair.c / vector_length(&pair.c);
         return separation(l, pair, &n) <= axis.s;
     }
     let r = rho / -axis.s * (1.0 - 1e-9);
     let cos_disc = (1.0 - r * r) / (1.0 + r * r);
-    let distance = length(&pair.c);
+    let distance = vector_length(&pair.c);
     let (cos_cone, cos_n) = ((axis.s + pair.inner()) / distance, axis.n.dot(&pair.c) / distance);
     if cos_cone.is_nan() || cos_cone.abs() >= 1.0 {
         return cos_cone >= 1.0;
@@ -431,7 +431,7 @@ fn inside(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
     for &corner in corners {
         let to = shape.vertex(corner.into());
         let along = to - from;
-        least = least.min(n.cross(&along).dot(&(point - from)) / length(&along));
+        least = least.min(n.cross(&along).dot(&(point - from)) / vector_length(&along));
         from = to;
     }
     least
@@ -440,7 +440,7 @@ fn inside(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
 /// The faces of `own` against the vertices of `other`; `sign` is -1 where `own` is B. Whether `enough` is reached.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn faces<L: Lanes>(
+fn faces<L: F64Arithmetic>(
     l: L,
     pair: &Pair,
     own: &Posed,
@@ -522,7 +522,7 @@ fn faces<L: Lanes>(
 
 /// The faces that the bounds leave.
 #[inline(always)]
-fn cone<L: Lanes>(
+fn cone<L: F64Arithmetic>(
     l: L,
     pair: &Pair,
     own: &Posed,
@@ -572,7 +572,7 @@ fn slack(pair: &Pair, best: &Axis) -> f64 {
 
 /// Pairs of edges whose arcs on the Gauss map cross.
 #[inline(always)]
-fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, enough: f64) {
+fn edges<L: F64Arithmetic>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, enough: f64) {
     let tie = pair.tie();
     let (mut of_a, mut of_b): (SmallVec<[u32; 64]>, SmallVec<[u32; 64]>) = (SmallVec::new(), SmallVec::new());
     arcs(l, pair, pair.pa, 1.0, best, witnesses, &mut of_a);
@@ -640,7 +640,7 @@ fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, en
 /// An edge of A against edges of B from column `k` on: which arcs cross, and the separations.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn cross<L: Lanes>(
+fn cross<L: F64Arithmetic>(
     l: L,
     block: &[[f64; BLOCK]; 13],
     k: usize,
@@ -689,7 +689,7 @@ fn cross<L: Lanes>(
 
 /// The edges with a direction that the bounds leave on their arc of the Gauss map, and few others; `sign` is -1 for those of B.
 #[inline(always)]
-fn arcs<L: Lanes>(
+fn arcs<L: F64Arithmetic>(
     l: L,
     pair: &Pair,
     posed: &Posed,
@@ -789,7 +789,7 @@ fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     let crossed =
         p0 * p1 < -PARALLEL * along_a.norm_squared() && q0 * q1 < -PARALLEL * along_b.norm_squared() && p0 * q0 > 0.0;
     let n = na0 * q1.abs() + na1 * q0.abs();
-    let length = length(&n);
+    let length = vector_length(&n);
     let n = if length > 0.0 { n / length } else { na0 };
     (n, n.dot(&(b0 + pair.c - a0)), crossed)
 }
@@ -816,7 +816,7 @@ pub(super) fn ends(posed: &Posed, e: u32) -> [Vec3; 2] {
 
 /// The faces whose common part is looked at; `met`: the vertex that a face meets, where it is known.
 #[inline(always)]
-fn support_faces<L: Lanes>(l: L, pair: &Pair, axis: &Axis, met: Option<u32>) -> (u32, u32) {
+fn support_faces<L: F64Arithmetic>(l: L, pair: &Pair, axis: &Axis, met: Option<u32>) -> (u32, u32) {
     let (a, b) = (pair.pa, pair.pb);
     match axis.feature {
         Feature::FaceOfA(f) => (f, seen(l, b, &-axis.n, met)),
@@ -828,7 +828,7 @@ fn support_faces<L: Lanes>(l: L, pair: &Pair, axis: &Axis, met: Option<u32>) -> 
 
 /// The face that looks along `n` where the body reaches farthest that way, which is at the vertex `top` if that is known.
 #[inline(always)]
-pub(super) fn seen<L: Lanes>(l: L, posed: &Posed, n: &Vec3, top: Option<u32>) -> u32 {
+pub(super) fn seen<L: F64Arithmetic>(l: L, posed: &Posed, n: &Vec3, top: Option<u32>) -> u32 {
     let top = match top {
         Some(top) => top,
         None => lowest(l, posed, &-n).0,

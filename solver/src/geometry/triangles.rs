@@ -10,7 +10,7 @@ use super::patch::{Corner, EDGE_ON, Patch, SAME};
 use super::search::{Axis, Pair};
 use super::{Posed, edge, face, vertex};
 use crate::math::Vec3;
-use crate::math::lanes::{Arithmetic, Lanes, Width};
+use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
 
 /// Nearer to a side than so many times the distance up to which two corners are one, a corner may be one with another.
 const CLEAR: f64 = 4.0;
@@ -119,13 +119,13 @@ impl Triangles {
     }
 
     /// Looks at the pairs that have been added.
-    pub fn see(&mut self, width: Width) {
+    pub fn see(&mut self, width: SimdWidth) {
         match width {
-            Width::One(l) => l.run(See { l, of: self }),
+            SimdWidth::One(l) => l.run(See { l, of: self }),
             #[cfg(target_arch = "x86_64")]
-            Width::Four(l) => l.run(See { l, of: self }),
+            SimdWidth::Four(l) => l.run(See { l, of: self }),
             #[cfg(target_arch = "x86_64")]
-            Width::Eight(l) => l.run(See { l, of: self }),
+            SimdWidth::Eight(l) => l.run(See { l, of: self }),
         }
     }
 
@@ -168,7 +168,7 @@ struct See<'a, L> {
     of: &'a mut Triangles,
 }
 
-impl<L: Lanes> NullaryFnOnce for See<'_, L> {
+impl<L: F64Arithmetic> NullaryFnOnce for See<'_, L> {
     type Output = ();
 
     #[inline(always)]
@@ -187,23 +187,23 @@ impl<L: Lanes> NullaryFnOnce for See<'_, L> {
 type Three<L> = [<L as Arithmetic>::V; 3];
 
 #[inline(always)]
-fn read<L: Lanes>(l: L, given: &[[f64; AT_ONCE]; GIVEN], at: usize, from: usize) -> Three<L> {
+fn read<L: F64Arithmetic>(l: L, given: &[[f64; AT_ONCE]; GIVEN], at: usize, from: usize) -> Three<L> {
     [l.load(&given[at][from..]), l.load(&given[at + 1][from..]), l.load(&given[at + 2][from..])]
 }
 
 #[inline(always)]
-fn dot<L: Lanes>(l: L, a: Three<L>, b: Three<L>) -> L::V {
+fn dot<L: F64Arithmetic>(l: L, a: Three<L>, b: Three<L>) -> L::V {
     l.mul_add(a[2], b[2], l.mul_add(a[1], b[1], l.mul(a[0], b[0])))
 }
 
 /// Components along three axes.
 #[inline(always)]
-fn along<L: Lanes>(l: L, axes: &[Three<L>; 3], v: Three<L>) -> Three<L> {
+fn along<L: F64Arithmetic>(l: L, axes: &[Three<L>; 3], v: Three<L>) -> Three<L> {
     [dot(l, axes[0], v), dot(l, axes[1], v), dot(l, axes[2], v)]
 }
 
 /// A face in the frame t, s, n: three corners, and its plane as height at 0 and slope.
-struct Seen<L: Lanes> {
+struct Seen<L: F64Arithmetic> {
     corners: [Three<L>; 3],
     height: L::V,
     slope: [L::V; 2],
@@ -212,7 +212,7 @@ struct Seen<L: Lanes> {
 }
 
 #[inline(always)]
-fn seen<L: Lanes>(
+fn seen<L: F64Arithmetic>(
     l: L,
     given: &[[f64; AT_ONCE]; GIVEN],
     side: usize,
@@ -244,7 +244,7 @@ fn seen<L: Lanes>(
 
 /// Distances of the corners of `of` from the sides of `by`, > 0 inside, times the lengths of the sides: [corner][side].
 #[inline(always)]
-fn distances<L: Lanes>(l: L, by: &[Three<L>; 3], of: &[Three<L>; 3], near: L::V) -> ([[L::V; 3]; 3], L::V) {
+fn distances<L: F64Arithmetic>(l: L, by: &[Three<L>; 3], of: &[Three<L>; 3], near: L::V) -> ([[L::V; 3]; 3], L::V) {
     let zero = l.splat(0.0);
     let mut found = [[zero; 3]; 3];
     // The least square of a distance over `near`, as a difference; a side no longer than that counts too.
@@ -272,7 +272,7 @@ fn distances<L: Lanes>(l: L, by: &[Three<L>; 3], of: &[Three<L>; 3], near: L::V)
 /// What part of the side from corner `from` to corner `to` lies inside, < 0 for none: its distances there from three sides, and
 /// where it crosses these.
 #[inline(always)]
-fn part<L: Lanes>(l: L, from: &[L::V; 3], to: &[L::V; 3], crossings: &[L::V; 3]) -> L::V {
+fn part<L: F64Arithmetic>(l: L, from: &[L::V; 3], to: &[L::V; 3], crossings: &[L::V; 3]) -> L::V {
     let (mut start, mut end) = (l.splat(0.0), l.splat(1.0));
     let mut side = 0;
     while side < 3 {
@@ -288,7 +288,7 @@ fn part<L: Lanes>(l: L, from: &[L::V; 3], to: &[L::V; 3], crossings: &[L::V; 3])
 }
 
 #[inline(always)]
-fn see<L: Lanes>(l: L, of: &mut Triangles, from: usize) {
+fn see<L: F64Arithmetic>(l: L, of: &mut Triangles, from: usize) {
     let given = &of.given;
     let (zero, one, half) = (l.splat(0.0), l.splat(1.0), l.splat(0.5));
     // As `local_frame`.
@@ -440,13 +440,13 @@ mod tests {
         each_pair(1500, 0.3, |_, pair, &Found { ref axis, faces, .. }| {
             let mut triangles = Triangles::new();
             if triangles.add(pair, axis, faces).is_some() {
-                triangles.see(Width::One(crate::math::lanes::Scalar));
+                triangles.see(SimdWidth::One(crate::math::lanes::Scalar));
                 let mut patch = Patch::default();
                 assert!(triangles.patch(0, axis, f64::INFINITY, &mut patch));
                 alone.push(points(&mut patch, pair.tie()));
             }
         });
-        for width in Width::all() {
+        for width in SimdWidth::all_widths() {
             let (mut triangles, mut axes, mut next) = (Triangles::new(), Vec::new(), 0);
             each_pair(1500, 0.3, |_, pair, &Found { ref axis, faces, .. }| {
                 if triangles.add(pair, axis, faces).is_none() {
@@ -483,7 +483,7 @@ mod tests {
         for (shift, clear) in [([0.0, 0.0], false), ([0.3, 0.0], false), ([0.3, 0.2], true)] {
             let turned = below.turned(&vertices[2]) - below.turned(&middle);
             let c = Vec3::new(shift[0], shift[1] + turned.y - (vertices[0] - middle).y, 2.0 * middle.z - 0.01);
-            let pair = Pair::new(&below, &above, c, Width::detect());
+            let pair = Pair::new(&below, &above, c, SimdWidth::detect());
             let axis = search(&pair, Start::Nothing, None, Narrow::Accurate, 0.3.into());
             let (mut triangles, mut patch) = (Triangles::new(), Patch::default());
             assert_eq!(triangles.add(&pair, &axis.axis, axis.faces), Some(0));

@@ -4,7 +4,7 @@ use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 use crate::math::Vec3;
-use crate::math::lanes::{Lanes, Width};
+use crate::math::lanes::{F64Arithmetic, SimdWidth};
 
 /// Independent sums, added up in a fixed order: the result is the same for any width of arithmetic.
 const SUMS: usize = 8;
@@ -48,17 +48,17 @@ impl Sources {
 /// assert_eq!((phi[0], phi[1]), (-5.0 / 2.0, -3.0 / 2.0));
 /// ```
 pub fn accelerations(positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
-    of_bodies(positions, masses, constant, Width::detect())
+    of_bodies(positions, masses, constant, SimdWidth::detect())
 }
 
 /// The same at any places.
 pub fn at(places: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
     let sources = Sources::new(positions, masses);
-    let pull = |p: &Vec3| pull(Width::detect(), &sources, p, 1.0);
+    let pull = |p: &Vec3| pull(SimdWidth::detect(), &sources, p, 1.0);
     places.par_iter().with_min_len(16).map(pull).map(|(a, phi)| (a * constant, phi * constant)).unzip()
 }
 
-fn of_bodies(positions: &[Vec3], masses: &[f64], constant: f64, width: Width) -> (Vec<Vec3>, Vec<f64>) {
+fn of_bodies(positions: &[Vec3], masses: &[f64], constant: f64, width: SimdWidth) -> (Vec<Vec3>, Vec<f64>) {
     // In units of about the largest, so that no product of two is too large or too small; a power of two rounds nothing.
     let largest = masses.iter().fold(0.0, |a: f64, m| a.max(*m));
     let unit = if largest > 0.0 { 2f64.powi(largest.log2().clamp(-1000.0, 1000.0) as i32) } else { 1.0 };
@@ -75,26 +75,26 @@ fn of_bodies(positions: &[Vec3], masses: &[f64], constant: f64, width: Width) ->
 }
 
 /// Force on a mass at `p` and its potential energy, without the constant.
-fn pull(width: Width, sources: &Sources, p: &Vec3, mass: f64) -> (Vec3, f64) {
+fn pull(width: SimdWidth, sources: &Sources, p: &Vec3, mass: f64) -> (Vec3, f64) {
     let [x, y, z, potential] = match width {
-        Width::One(lanes) => sums(lanes, sources, p, mass),
+        SimdWidth::One(lanes) => sums(lanes, sources, p, mass),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(lanes) => sums(lanes, sources, p, mass),
+        SimdWidth::Four(lanes) => sums(lanes, sources, p, mass),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(lanes) => sums(lanes, sources, p, mass),
+        SimdWidth::Eight(lanes) => sums(lanes, sources, p, mass),
     };
     (Vec3::new(x, y, z), -potential)
 }
 
 /// Sums of m_p m d/|d|^3 (three components) and m_p m/|d| over all sources.
-fn sums<L: Lanes>(lanes: L, sources: &Sources, p: &Vec3, mass: f64) -> [f64; 4] {
+fn sums<L: F64Arithmetic>(lanes: L, sources: &Sources, p: &Vec3, mass: f64) -> [f64; 4] {
     struct Op<'a, L> {
         l: L,
         sources: &'a Sources,
         p: &'a Vec3,
         mass: f64,
     }
-    impl<L: Lanes> NullaryFnOnce for Op<'_, L> {
+    impl<L: F64Arithmetic> NullaryFnOnce for Op<'_, L> {
         type Output = [f64; 4];
         #[inline(always)]
         fn call(self) -> [f64; 4] {
@@ -164,8 +164,8 @@ mod tests {
     #[test]
     fn all_widths_give_the_same_bits() {
         let (x, m) = cloud(61);
-        let expected = of_bodies(&x, &m, 1.5, Width::all()[0]);
-        for width in Width::all() {
+        let expected = of_bodies(&x, &m, 1.5, SimdWidth::all_widths()[0]);
+        for width in SimdWidth::all_widths() {
             assert_eq!(of_bodies(&x, &m, 1.5, width), expected);
         }
     }
@@ -174,7 +174,7 @@ mod tests {
     fn two_bodies_pull_each_other_alike_to_the_last_bit() {
         let (x, m) = cloud(61);
         for (i, j) in (0..61).flat_map(|i| (0..i).map(move |j| (i, j))) {
-            let on = |i: usize, j: usize| pull(Width::detect(), &Sources::new(&x[j..=j], &m[j..=j]), &x[i], m[i]);
+            let on = |i: usize, j: usize| pull(SimdWidth::detect(), &Sources::new(&x[j..=j], &m[j..=j]), &x[i], m[i]);
             let ((force, energy), (reaction, same)) = (on(i, j), on(j, i));
             assert_eq!((force, energy), (-reaction, same));
         }

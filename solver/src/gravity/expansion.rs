@@ -20,7 +20,7 @@
 //! D.M. Apalkov, J. Magn. Magn. Mater. 322 (2010) 275.
 
 use super::HIGHEST_ORDER;
-use crate::math::lanes::Lanes;
+use crate::math::lanes::F64Arithmetic;
 
 /// Numbers in a narrow row.
 pub const fn narrow_len(p: usize) -> usize {
@@ -81,7 +81,7 @@ pub(super) use for_lines;
 
 /// E(v) to order P, narrow: degree q is (v . derivative) E_{q-1} / q, reduced.
 #[inline(always)]
-pub fn exponential<L: Lanes, const P: usize>(l: L, v: [L::V; 3], out: &mut Narrow<L::V>) {
+pub fn exponential<L: F64Arithmetic, const P: usize>(l: L, v: [L::V; 3], out: &mut Narrow<L::V>) {
     out[0] = l.splat(1.0);
     for_degrees!(Q <= P, {
         if Q != 0 {
@@ -91,7 +91,7 @@ pub fn exponential<L: Lanes, const P: usize>(l: L, v: [L::V; 3], out: &mut Narro
 }
 
 #[inline(always)]
-fn exponential_degree<L: Lanes, const Q: usize>(l: L, [x, y, z]: [L::V; 3], out: &mut Narrow<L::V>) {
+fn exponential_degree<L: F64Arithmetic, const Q: usize>(l: L, [x, y, z]: [L::V; 3], out: &mut Narrow<L::V>) {
     let share = l.splat(1.0 / Q as f64);
     let (x, y, z) = (l.mul(x, share), l.mul(y, share), l.mul(z, share));
     let (flat, up) = (narrow(Q - 1, 0), narrow(Q - 1, 1));
@@ -127,7 +127,7 @@ fn exponential_degree<L: Lanes, const Q: usize>(l: L, [x, y, z]: [L::V; 3], out:
 /// D(d) to order P, wide, for d other than 0:
 /// q d^2 D_n + (2q-1) sum_k n_k d_k D_{n-k} + (q-1) sum_k n_k (n_k - 1) D_{n-2k} = 0.
 #[inline(always)]
-pub fn derivatives<L: Lanes, const P: usize>(l: L, [x, y, z]: [L::V; 3], out: &mut Wide<L::V>) {
+pub fn derivatives<L: F64Arithmetic, const P: usize>(l: L, [x, y, z]: [L::V; 3], out: &mut Wide<L::V>) {
     let d2 = l.mul_add(x, x, l.mul_add(y, y, l.mul(z, z)));
     let inverse = l.div(l.splat(1.0), d2);
     out[0] = l.sqrt(inverse);
@@ -144,7 +144,7 @@ pub fn derivatives<L: Lanes, const P: usize>(l: L, [x, y, z]: [L::V; 3], out: &m
 }
 
 #[inline(always)]
-fn derivatives_degree<L: Lanes, const Q: usize, const C: usize>(
+fn derivatives_degree<L: F64Arithmetic, const Q: usize, const C: usize>(
     l: L,
     [x, y, z]: [L::V; 3],
     second: L::V,
@@ -177,7 +177,7 @@ fn derivatives_degree<L: Lanes, const Q: usize, const C: usize>(
 
 /// Derivatives of degree Q with c = 2 from those with c = 0.
 #[inline(always)]
-fn close<L: Lanes, const Q: usize>(l: L, out: &mut Wide<L::V>) {
+fn close<L: F64Arithmetic, const Q: usize>(l: L, out: &mut Wide<L::V>) {
     let mut j = 0;
     while j + 2 <= Q {
         out[wide(Q, 2) + j] = l.sub(l.splat(0.0), l.add(out[wide(Q, 0) + j], out[wide(Q, 0) + j + 2]));
@@ -187,7 +187,7 @@ fn close<L: Lanes, const Q: usize>(l: L, out: &mut Wide<L::V>) {
 
 /// A narrow row of derivatives, L, made wide.
 #[inline(always)]
-pub fn widen<L: Lanes, const P: usize>(l: L, row: &Narrow<L::V>, out: &mut Wide<L::V>) {
+pub fn widen<L: F64Arithmetic, const P: usize>(l: L, row: &Narrow<L::V>, out: &mut Wide<L::V>) {
     for_degrees!(Q <= P, {
         let mut k = 0;
         while k < 2 * Q + 1 {
@@ -201,7 +201,7 @@ pub fn widen<L: Lanes, const P: usize>(l: L, row: &Narrow<L::V>, out: &mut Wide<
 /// Adds sum_m F_{n+m} M_m, |n| + |m| <= P, to each n of `out`; F wide, the others narrow.
 /// Without `dipole` the three M of degree 1 count as zero, as about a centre of mass.
 #[inline(always)]
-pub fn contract<L: Lanes, const P: usize, const DIPOLE: bool>(
+pub fn contract<L: F64Arithmetic, const P: usize, const DIPOLE: bool>(
     l: L,
     moments: &Narrow<L::V>,
     field: &Wide<L::V>,
@@ -218,7 +218,7 @@ pub fn contract<L: Lanes, const P: usize, const DIPOLE: bool>(
 }
 
 #[inline(always)]
-fn contract_degrees<L: Lanes, const N: usize, const C: usize, const Q: usize>(
+fn contract_degrees<L: F64Arithmetic, const N: usize, const C: usize, const Q: usize>(
     l: L,
     moments: &Narrow<L::V>,
     field: &Wide<L::V>,
@@ -245,7 +245,7 @@ fn contract_degrees<L: Lanes, const N: usize, const C: usize, const Q: usize>(
 /// Adds the product M E to `out`, all narrow: moments about another centre, M E(old centre - new centre) with the sign
 /// of a in E(-a) reversed once more. M of degree 1 counts as zero.
 #[inline(always)]
-pub fn shift_moments<L: Lanes, const P: usize>(
+pub fn shift_moments<L: F64Arithmetic, const P: usize>(
     l: L,
     moments: &Narrow<L::V>,
     shift: &Narrow<L::V>,
@@ -261,7 +261,7 @@ pub fn shift_moments<L: Lanes, const P: usize>(
 }
 
 #[inline(always)]
-fn shift_degrees<L: Lanes, const Q: usize, const N: usize>(
+fn shift_degrees<L: F64Arithmetic, const Q: usize, const N: usize>(
     l: L,
     moments: &Narrow<L::V>,
     shift: &Narrow<L::V>,
@@ -307,7 +307,7 @@ fn shift_degrees<L: Lanes, const Q: usize, const N: usize>(
 
 /// Potential and its gradient, with the sign of attraction's pull, of the wide row L at b: E = E(b).
 #[inline(always)]
-pub fn evaluate<L: Lanes, const P: usize>(l: L, e: &Narrow<L::V>, field: &Wide<L::V>) -> [L::V; 4] {
+pub fn evaluate<L: F64Arithmetic, const P: usize>(l: L, e: &Narrow<L::V>, field: &Wide<L::V>) -> [L::V; 4] {
     let mut sums = [l.splat(0.0); 4];
     for_degrees!(Q <= P, {
         evaluate_degree::<L, P, Q, 0>(l, e, field, &mut sums);
@@ -317,7 +317,7 @@ pub fn evaluate<L: Lanes, const P: usize>(l: L, e: &Narrow<L::V>, field: &Wide<L
 }
 
 #[inline(always)]
-fn evaluate_degree<L: Lanes, const P: usize, const Q: usize, const C: usize>(
+fn evaluate_degree<L: F64Arithmetic, const P: usize, const Q: usize, const C: usize>(
     l: L,
     e: &Narrow<L::V>,
     field: &Wide<L::V>,

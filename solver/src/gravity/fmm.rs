@@ -19,7 +19,7 @@ use super::pairs::{Coarse, Fine, Of, PackF32, PackF64, Packed, Pull, PullF32, Pu
 use super::settings::{Expansion, Precision};
 use super::tree::{Cell, GRAIN, Outline, Tree};
 use super::upward::load_part;
-use crate::math::lanes::{Scalar, Singles};
+use crate::math::lanes::{Scalar, F32Arithmetic};
 
 /// Sources of an expansion, or cells looked at, taken at once.
 const BATCH: usize = 8;
@@ -91,7 +91,7 @@ struct Above {
     from: usize,
 }
 
-impl<L: Singles, const P: usize> Walk<'_, L, P> {
+impl<L: F32Arithmetic, const P: usize> Walk<'_, L, P> {
     /// Pull on every body, in the tree's order and units; its potential is wrong where that is not asked for.
     pub fn pulls(&self) -> Vec<Pull> {
         let mut out = vec![[0.0; 4]; self.tree.index.len()];
@@ -243,7 +243,7 @@ struct Settle<'a, L, const P: usize> {
 const FAR: f64 = 2.0;
 const LARGER: f64 = 1.0;
 
-impl<L: Singles, const P: usize> NullaryFnOnce for Settle<'_, L, P> {
+impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for Settle<'_, L, P> {
     type Output = Above;
     #[inline(always)]
     fn call(self) -> Above {
@@ -270,7 +270,7 @@ impl<L: Singles, const P: usize> NullaryFnOnce for Settle<'_, L, P> {
             let mut codes = [0.0; BATCH];
             let mut from = 0;
             while from < BATCH {
-                let [x, y, z, r, m, uneven, ..] = l.gather(outlines, &index[from..]);
+                let [x, y, z, r, m, uneven, ..] = l.gather_lines(outlines, &index[from..]);
                 let d = [l.sub(x, centre[0]), l.sub(y, centre[1]), l.sub(z, centre[2])];
                 let d2 = l.mul_add(d[0], d[0], l.mul_add(d[1], d[1], l.mul(d[2], d[2])));
                 let reach = l.add(r, own);
@@ -346,7 +346,7 @@ struct Far<'a, L, const P: usize> {
     local: &'a mut Narrow<f64>,
 }
 
-impl<L: Singles, const P: usize> NullaryFnOnce for Far<'_, L, P> {
+impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for Far<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -369,7 +369,7 @@ impl<L: Singles, const P: usize> NullaryFnOnce for Far<'_, L, P> {
                         index[k] = cells[from + k] * lines as u32 + LINE as u32;
                         k += 1;
                     }
-                    let columns = l.gather(&tree.moments, &index);
+                    let columns = l.gather_lines(&tree.moments, &index);
                     let mut k = 0;
                     while k < 8 {
                         moments[LINE * 8 + k] = columns[k];
@@ -397,7 +397,7 @@ impl<L: Singles, const P: usize> NullaryFnOnce for Far<'_, L, P> {
             for lane in 0..L::WIDTH {
                 index[lane] = (k + lane) as u32;
             }
-            let [a, b, c, d, e, f, g, h] = l.gather(parts, &index);
+            let [a, b, c, d, e, f, g, h] = l.gather_lines(parts, &index);
             let sum = l.add(l.add(l.add(a, b), l.add(c, d)), l.add(l.add(e, f), l.add(g, h)));
             let sum = l.add(l.load(&local[k..]), sum);
             l.store(&mut local[k..], sum);
@@ -435,7 +435,7 @@ struct Expand<'a, L, const P: usize> {
     out: &'a mut [Pull],
 }
 
-impl<L: Singles, const P: usize> NullaryFnOnce for Expand<'_, L, P> {
+impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for Expand<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {

@@ -18,10 +18,10 @@ mod tree;
 #[allow(clippy::needless_range_loop)]
 mod upward;
 
-pub use balance::balance;
+pub use balance::{balance};
 
 use crate::math::Vec3;
-use crate::math::lanes::{Singles, Width};
+use crate::math::lanes::{F32Arithmetic, SimdWidth};
 use fmm::Walk;
 use settings::{Expansion, crossover};
 pub use settings::{HIGHEST_ORDER, LEAST_ERROR, LOWEST_ORDER};
@@ -114,15 +114,15 @@ impl Gravity {
     /// Bodies are sorted along Morton's curve from the order `about`: faster where that is about theirs, as
     /// [`morton::order`](crate::math::morton::order) of a step before is. It changes no result, and may be empty.
     pub fn field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> Field {
-        self.at_width(positions, masses, constant, Asked { potential: true, about }, Width::detect())
+        self.at_width(positions, masses, constant, Asked { potential: true, about }, SimdWidth::detect())
     }
 
     /// The same without the potential, which is faster.
     pub fn attraction(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> Field {
-        self.at_width(positions, masses, constant, Asked { potential: false, about }, Width::detect())
+        self.at_width(positions, masses, constant, Asked { potential: false, about }, SimdWidth::detect())
     }
 
-    fn at_width(&self, positions: &[Vec3], masses: &[f64], constant: f64, asked: Asked, width: Width) -> Field {
+    fn at_width(&self, positions: &[Vec3], masses: &[f64], constant: f64, asked: Asked, width: SimdWidth) -> Field {
         if positions.len() < 2 || self.method_for(positions.len()) == Method::Direct {
             let (acceleration, mut potential) = direct::accelerations(positions, masses, constant);
             if !asked.potential {
@@ -131,17 +131,17 @@ impl Gravity {
             return Field { acceleration, potential, removed: 0.0 };
         }
         let mut field = match width {
-            Width::One(lanes) => self.expand(lanes, positions, masses, constant, asked),
+            SimdWidth::One(lanes) => self.expand(lanes, positions, masses, constant, asked),
             #[cfg(target_arch = "x86_64")]
-            Width::Four(lanes) => self.expand(lanes, positions, masses, constant, asked),
+            SimdWidth::Four(lanes) => self.expand(lanes, positions, masses, constant, asked),
             #[cfg(target_arch = "x86_64")]
-            Width::Eight(lanes) => self.expand(lanes, positions, masses, constant, asked),
+            SimdWidth::Eight(lanes) => self.expand(lanes, positions, masses, constant, asked),
         };
         field.removed = balance(positions, masses, &mut field.acceleration);
         field
     }
 
-    fn expand<L: Singles>(&self, lanes: L, positions: &[Vec3], masses: &[f64], constant: f64, asked: Asked) -> Field {
+    fn expand<L: F32Arithmetic>(&self, lanes: L, positions: &[Vec3], masses: &[f64], constant: f64, asked: Asked) -> Field {
         let settings = self.expansion(positions.len());
         match settings.order {
             2 => self.expand_to::<L, 2>(lanes, settings, positions, masses, constant, asked),
@@ -155,7 +155,7 @@ impl Gravity {
         }
     }
 
-    fn expand_to<L: Singles, const P: usize>(
+    fn expand_to<L: F32Arithmetic, const P: usize>(
         &self,
         lanes: L,
         settings: Expansion,
@@ -298,7 +298,7 @@ mod tests {
                 let got = difference(&field.acceleration, &exact);
                 assert!(got < error && got > 0.1 * error, "{name}: {got:e} for {error:e}");
                 assert!(field.potential.is_empty());
-                assert_eq!(field, fmm(error).attraction(&x, &m, 1.0, &morton::order(&x, &[])));
+                assert_eq!(field, fmm(error).attraction(&x, &m, 1.0, &morton::morton_order(&x, &[])));
             }
         }
     }
@@ -323,13 +323,13 @@ mod tests {
         let (x, m) = clumps(5000);
         for (error, potential) in [1e-2, 1e-4, 1e-6].into_iter().flat_map(|error| [(error, false), (error, true)]) {
             let asked = Asked { potential, about: &[] };
-            let expected = fmm(error).at_width(&x, &m, 1.5, asked, Width::all()[0]);
-            for width in Width::all() {
+            let expected = fmm(error).at_width(&x, &m, 1.5, asked, SimdWidth::all_widths()[0]);
+            for width in SimdWidth::all_widths() {
                 assert_eq!(fmm(error).at_width(&x, &m, 1.5, asked, width), expected);
             }
             for threads in 1..4 {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                assert_eq!(pool.install(|| fmm(error).at_width(&x, &m, 1.5, asked, Width::detect())), expected);
+                assert_eq!(pool.install(|| fmm(error).at_width(&x, &m, 1.5, asked, SimdWidth::detect())), expected);
             }
         }
     }

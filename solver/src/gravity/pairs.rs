@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Lanes, Singles};
+use crate::math::lanes::{F64Arithmetic, F32Arithmetic};
 
 /// Targets side by side, so that a source is loaded once for all of them.
 pub const TARGETS: usize = 4;
@@ -25,7 +25,7 @@ pub trait Pair {
     const ROOT: f64;
 
     /// m x^(-3/2) / ROOT^3, and x^(-1/2) / ROOT where the potential is asked for.
-    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S);
+    fn pull<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S);
 }
 
 /// To 1.7e-4: x^(-3/2) = y^3 P(x y^2), without the root.
@@ -51,9 +51,9 @@ impl Pair for Coarse {
     const ROOT: f64 = 1.0;
 
     #[inline(always)]
-    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
+    fn pull<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
         const P: [f32; 3] = [4.384_447, -5.261_206, 1.876_769_3];
-        let y = l.magic_f32(MAGIC, x);
+        let y = l.rsqrt_seed_f32(MAGIC, x);
         let y2 = l.mul_f32(y, y);
         let z = l.mul_f32(x, y2);
         let p = l.mul_add_f32(l.mul_add_f32(l.splat_f32(P[2]), z, l.splat_f32(P[1])), z, l.splat_f32(P[0]));
@@ -67,9 +67,9 @@ impl<const POTENTIAL: bool> Pair for Rough<POTENTIAL> {
     const ROOT: f64 = 1.0;
 
     #[inline(always)]
-    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
+    fn pull<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
         const P: [f32; 3] = [1.876_622_9, -1.252_149_6, 0.375_526_89];
-        let y = l.magic_f32(MAGIC, x);
+        let y = l.rsqrt_seed_f32(MAGIC, x);
         let z = l.mul_f32(x, l.mul_f32(y, y));
         let p = l.mul_add_f32(l.mul_add_f32(l.splat_f32(P[2]), z, l.splat_f32(P[1])), z, l.splat_f32(P[0]));
         let v = l.mul_f32(y, p);
@@ -86,8 +86,8 @@ impl<const POTENTIAL: bool> Pair for Fine<POTENTIAL> {
     const ROOT: f64 = 0.5 * SCALE * SCALE * SCALE * (1.0 + 3.2e-7);
 
     #[inline(always)]
-    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
-        let y = l.magic_f32(0x5f1f_fff9, x);
+    fn pull<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
+        let y = l.rsqrt_seed_f32(0x5f1f_fff9, x);
         let u = l.mul_f32(y, l.neg_mul_add_f32(x, l.mul_f32(y, y), l.splat_f32(STEP)));
         let v = l.mul_f32(u, l.neg_mul_add_f32(x, l.mul_f32(u, u), l.splat_f32(NEWTON)));
         (l.mul_f32(l.mul_f32(m, v), l.mul_f32(v, v)), v)
@@ -147,7 +147,7 @@ pub struct PackF32<'a, L> {
     pub scale: f32,
 }
 
-impl<L: Singles> NullaryFnOnce for PackF32<'_, L> {
+impl<L: F32Arithmetic> NullaryFnOnce for PackF32<'_, L> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -220,7 +220,7 @@ pub struct PullF32<'a, L> {
 /// Pulls of this kind.
 pub struct Of<K, P>(pub K, pub P);
 
-impl<L: Singles, K: Pair> NullaryFnOnce for Of<K, PullF32<'_, L>> {
+impl<L: F32Arithmetic, K: Pair> NullaryFnOnce for Of<K, PullF32<'_, L>> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -297,7 +297,7 @@ struct Sums<S> {
 
 /// Adds a vector of sources; those that are among the targets are set `apart` from themselves.
 #[inline(always)]
-fn meet<L: Singles, K: Pair, const OWN: bool>(
+fn meet<L: F32Arithmetic, K: Pair, const OWN: bool>(
     l: L,
     [x, y, z, m]: [L::S; 4],
     targets: &[[L::S; 3]; TARGETS],
@@ -344,7 +344,7 @@ pub struct PullF64<'a, L> {
     pub out: &'a mut [Pull],
 }
 
-impl<L: Lanes> NullaryFnOnce for PullF64<'_, L> {
+impl<L: F64Arithmetic> NullaryFnOnce for PullF64<'_, L> {
     type Output = ();
     #[inline(always)]
     fn call(self) {

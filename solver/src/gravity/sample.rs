@@ -2,7 +2,7 @@
 
 use super::direct;
 use crate::math::Vec3;
-use crate::math::random::scrambled;
+use crate::math::random::splitmix64;
 
 /// Bodies looked at.
 const BODIES: u64 = 64;
@@ -24,7 +24,7 @@ pub fn error(positions: &[Vec3], masses: &[f64], constant: f64, acceleration: &[
         return Sampled { rms: 0.0, largest: 0.0, virial: 0.0 };
     }
     let picked: Vec<usize> = (0..BODIES.min(positions.len() as u64))
-        .map(|k| (scrambled(seed.wrapping_mul(BODIES).wrapping_add(k)) % positions.len() as u64) as usize)
+        .map(|k| (splitmix64(seed.wrapping_mul(BODIES).wrapping_add(k)) % positions.len() as u64) as usize)
         .collect();
     let places: Vec<Vec3> = picked.iter().map(|&i| positions[i]).collect();
     let (exact, _) = direct::at(&places, positions, masses, constant);

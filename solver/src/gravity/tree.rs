@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use super::expansion::narrow_len;
 use super::upward::{Out, Upward, axes};
 use crate::math::Vec3;
-use crate::math::lanes::Lanes;
-use crate::math::morton::{self, CHUNK, Key};
+use crate::math::lanes::F64Arithmetic;
+use crate::math::morton::{self, POINTS_PER_TASK, MortonKey};
 
 pub type Line = [f64; 8];
 
@@ -89,12 +89,12 @@ fn power_of_two(x: f64) -> f64 {
 }
 
 /// Divides `keys` by the first bit in which they differ, down to leaves.
-fn divide(cells: &mut Vec<Cell>, keys: &mut [Key], positions: &[Vec3], leaf: usize, first: usize, depth: usize) {
+fn divide(cells: &mut Vec<Cell>, keys: &mut [MortonKey], positions: &[Vec3], leaf: usize, first: usize, depth: usize) {
     let me = cells.len();
     cells.push(Cell { first: first as u32, count: keys.len() as u32, second: 0 });
-    let ends = |keys: &[Key]| (keys[0].key, keys[keys.len() - 1].key);
+    let ends = |keys: &[MortonKey]| (keys[0].key, keys[keys.len() - 1].key);
     let small = keys.len() <= leaf || depth == DEEPEST;
-    if small || (keys[0].key == ends(keys).1 && !morton::sort(keys, positions)) {
+    if small || (keys[0].key == ends(keys).1 && !morton::sort_keys(keys, positions)) {
         return;
     }
     let (low, high) = ends(keys);
@@ -109,14 +109,14 @@ fn divide(cells: &mut Vec<Cell>, keys: &mut [Key], positions: &[Vec3], leaf: usi
 impl Tree {
     /// The tree over at least one body, of leaves of at most `leaf` bodies (more where they coincide), with moments to
     /// order P. Bodies are sorted from the order `about`, see [`morton::unsorted`].
-    pub fn new<L: Lanes, const P: usize>(
+    pub fn new<L: F64Arithmetic, const P: usize>(
         lanes: L,
         positions: &[Vec3],
         masses: &[f64],
         leaf: usize,
         about: &[u32],
     ) -> Self {
-        let mut keys = morton::unsorted(positions.len(), about);
+        let mut keys = morton::unsorted_keys(positions.len(), about);
         let mut cells = Vec::new();
         divide(&mut cells, &mut keys, positions, leaf, 0, 0);
 
@@ -131,9 +131,9 @@ impl Tree {
         let (per_length, per_mass) = (1.0 / length, 1.0 / mass);
         let mut bodies = [0, 1, 2, 3].map(|_: usize| vec![0.0; positions.len()]);
         let [x, y, z, m] = &mut bodies;
-        let columns = x.par_chunks_mut(CHUNK).zip(y.par_chunks_mut(CHUNK));
-        let columns = columns.zip(z.par_chunks_mut(CHUNK).zip(m.par_chunks_mut(CHUNK)));
-        keys.par_chunks(CHUNK).zip(columns).for_each(|(keys, ((x, y), (z, m)))| {
+        let columns = x.par_chunks_mut(POINTS_PER_TASK).zip(y.par_chunks_mut(POINTS_PER_TASK));
+        let columns = columns.zip(z.par_chunks_mut(POINTS_PER_TASK).zip(m.par_chunks_mut(POINTS_PER_TASK)));
+        keys.par_chunks(POINTS_PER_TASK).zip(columns).for_each(|(keys, ((x, y), (z, m)))| {
             for (k, key) in keys.iter().enumerate() {
                 let at = (positions[key.index as usize] - origin) * per_length;
                 (x[k], y[k], z[k], m[k]) = (at.x, at.y, at.z, masses[key.index as usize] * per_mass);

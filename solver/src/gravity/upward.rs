@@ -6,8 +6,8 @@ use super::expansion::{
     NARROW, Narrow, Wide, derivatives, exponential, for_degrees, narrow, narrow_len, shift_moments, wide,
 };
 use super::tree::{Cell, GRAIN, Line, Outline};
-use crate::math::lanes::{Lanes, Scalar};
-use crate::math::{Vec3, length};
+use crate::math::lanes::{F64Arithmetic, Scalar};
+use crate::math::{Vec3, vector_length};
 
 /// Cells of at most this many bodies get the exact radius; larger ones the bound that their halves give, which is
 /// nearly as good and needs no walk over the bodies.
@@ -30,7 +30,7 @@ pub struct Out<'a> {
     pub offsets: [&'a mut [f32]; 4],
 }
 
-impl<L: Lanes, const P: usize> Upward<'_, L, P> {
+impl<L: F64Arithmetic, const P: usize> Upward<'_, L, P> {
     /// The subtree of these cells.
     pub fn visit(self, cells: &[Cell], out: Out) {
         let (cell, below) = cells.split_first().expect("a subtree has a root");
@@ -144,7 +144,7 @@ pub fn axes<const P: usize>() -> [Line; NARROW] {
 
 /// `WIDTH` numbers of a column, filled up at its end.
 #[inline(always)]
-pub fn load_part<L: Lanes>(l: L, column: &[f64], first: usize, filler: f64) -> L::V {
+pub fn load_part<L: F64Arithmetic>(l: L, column: &[f64], first: usize, filler: f64) -> L::V {
     if first + L::WIDTH <= column.len() {
         return l.load(&column[first..]);
     }
@@ -195,7 +195,7 @@ struct Leaf<'a, L, const P: usize> {
     offsets: [&'a mut [f32]; 4],
 }
 
-impl<L: Lanes, const P: usize> NullaryFnOnce for Leaf<'_, L, P> {
+impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for Leaf<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -265,7 +265,7 @@ struct Parent<'a, L, const P: usize> {
     halves: [(Outline, &'a [Line]); 2],
 }
 
-impl<L: Lanes, const P: usize> NullaryFnOnce for Parent<'_, L, P> {
+impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for Parent<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -278,7 +278,7 @@ impl<L: Lanes, const P: usize> NullaryFnOnce for Parent<'_, L, P> {
             let mut e: Narrow<f64> = [0.0; _];
             exponential::<_, P>(Scalar, shift, &mut e);
             shift_moments::<_, P>(Scalar, &read_moments(&moments[..up.lines]), &e, &mut row);
-            bound = bound.max(length(&Vec3::from(shift)) + half.radius);
+            bound = bound.max(vector_length(&Vec3::from(shift)) + half.radius);
         }
         let exact = cell.count as usize <= EXACT_RADIUS;
         let radius = if exact { up.radius(cell, centre) } else { bound };

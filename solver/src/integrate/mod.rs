@@ -13,8 +13,8 @@ pub use length::{GROWTH, fastest_turn, shortest_orbit, units};
 
 use rayon::prelude::*;
 
-use crate::math::rotation::{angular_momentum, angular_velocity, turn_freely};
-use crate::math::{MANY, Quat, Vec3, morton, rotate};
+use crate::math::rotation::{angular_momentum, angular_velocity, free_rotation};
+use crate::math::{PAR_MIN_LEN, Quat, Vec3, morton, rotate_by_vector};
 use crate::scene::Scene;
 use crate::state::State;
 
@@ -67,10 +67,10 @@ const FEW: usize = 64;
 pub fn predict(scene: &Scene, state: &State, units: u64) -> Configuration {
     let h = units as f64 * scene.options.dt;
     let before = h * (1.0 - scene.options.theta);
-    let x: Vec<Vec3> = state.x.par_iter().zip(&state.v).with_min_len(MANY).map(|(x, v)| x + v * before).collect();
+    let x: Vec<Vec3> = state.x.par_iter().zip(&state.v).with_min_len(PAR_MIN_LEN).map(|(x, v)| x + v * before).collect();
     let (mut q, mut w) = (state.q.clone(), state.w.clone());
     for (i, _) in scene.oriented.iter().enumerate().filter(|(_, oriented)| **oriented) {
-        q[i] = rotate(&q[i], &(state.w[i] * before));
+        q[i] = rotate_by_vector(&q[i], &(state.w[i] * before));
     }
     let (rate, mut spin) = (scene.rate(), state.spin.clone());
     let carry = |(&i, momentum): (&u32, &mut Vec3)| {
@@ -83,7 +83,7 @@ pub fn predict(scene: &Scene, state: &State, units: u64) -> Configuration {
         (q[i as usize], w[i as usize]) = carried;
     }
     let ahead = if scene.options.adaptive().is_on() { GROWTH as f64 * h } else { h };
-    let order = morton::order(&x, &state.order);
+    let order = morton::morton_order(&x, &state.order);
     let sum: Vec3 = scene.free.iter().map(|&i| state.v[i as usize]).sum();
     let drift = sum / scene.free.len().max(1) as f64;
     Configuration { x, q, w, spin, drift, order, units, h, ahead, changed: false, from_start: Vec::new() }
@@ -99,7 +99,7 @@ pub fn predict_from_start(scene: &Scene, state: &State, units: u64, from_start: 
         q_c.spin[k] = state.spin[k];
     }
     if !from_start.is_empty() {
-        q_c.order = morton::order(&q_c.x, &state.order);
+        q_c.order = morton::morton_order(&q_c.x, &state.order);
         q_c.ahead *= 2.0 - scene.options.theta;
     }
     Configuration { from_start, ..q_c }
@@ -109,11 +109,11 @@ pub fn predict_from_start(scene: &Scene, state: &State, units: u64, from_start: 
 /// with axes at rest that agree with these at first, the body turns with J W more momentum, and then against the axes.
 fn turn_in_axes(q: &Quat, momentum: &mut Vec3, inertia: &[f64; 3], rate: &Vec3, h: f64) -> Quat {
     if *rate == Vec3::zeros() {
-        return turn_freely(q, momentum, inertia, h);
+        return free_rotation(q, momentum, inertia, h);
     }
     let at_rest = *momentum + angular_momentum(q, inertia, rate);
     let back = rate * -h;
-    let q = rotate(&turn_freely(q, &at_rest, inertia, h), &back);
+    let q = rotate_by_vector(&free_rotation(q, &at_rest, inertia, h), &back);
     *momentum = Quat::from_scaled_axis(back) * at_rest - angular_momentum(&q, inertia, rate);
     q
 }
@@ -125,14 +125,14 @@ pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec
     let after = h * scene.options.theta;
     let starts = StartsOfDriven::new(scene, state, q_c);
     let moved = |((x, x_c), v): ((&mut Vec3, &Vec3), &Vec3)| *x = x_c + v * after;
-    state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(MANY).for_each(moved);
+    state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(PAR_MIN_LEN).for_each(moved);
     let turned = |(i, (q, oriented)): (usize, (&mut Quat, &bool))| {
         if *oriented {
             let after = if q_c.is_from_start(i) { h } else { after };
-            *q = rotate(&q_c.q[i], &(w[i] * after));
+            *q = rotate_by_vector(&q_c.q[i], &(w[i] * after));
         }
     };
-    state.q.par_iter_mut().zip(&scene.oriented).with_min_len(MANY).enumerate().for_each(turned);
+    state.q.par_iter_mut().zip(&scene.oriented).with_min_len(PAR_MIN_LEN).enumerate().for_each(turned);
     let rate = scene.rate();
     let turn = |((&i, momentum), carried): ((&u32, &mut Vec3), &Vec3)| {
         let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);
@@ -174,7 +174,7 @@ impl StartsOfDriven {
     fn new(scene: &Scene, state: &State, q_c: &Configuration) -> Self {
         let before = q_c.h * (1.0 - scene.options.theta);
         let driven = (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && scene.bodies[i].driven);
-        let start = |i: usize| (i, state.x[i] + state.v[i] * before, rotate(&state.q[i], &(state.w[i] * before)));
+        let start = |i: usize| (i, state.x[i] + state.v[i] * before, rotate_by_vector(&state.q[i], &(state.w[i] * before)));
         StartsOfDriven(driven.map(start).collect())
     }
 
@@ -187,7 +187,7 @@ impl StartsOfDriven {
             let along = scene.bodies[i].pushed;
             state.x[i] = Vec3::from_fn(|k, _| if along[k] { pushed[k] } else { imposed[k] });
             if scene.oriented[i] {
-                state.q[i] = rotate(&q, &(w[i] * after));
+                state.q[i] = rotate_by_vector(&q, &(w[i] * after));
             }
         }
     }

@@ -13,7 +13,7 @@ use cd_formats::tact_behav::{TactBehav, VisibilitySide, parameter_labels};
 use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 
 use crate::gravity::Method;
-use crate::laws::{Cohesion, KINDS, Law};
+use crate::laws::{Cohesion, LAW_KINDS, ContactLaw};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
 use crate::scene::{Body, EVENT_SLACK, Geometry, Part, Scene, See, Shape, Visibility};
 use crate::state::{Contact, SolvedContact, Status, UNKNOWN};
@@ -72,12 +72,12 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
         let mut refuse = |found: String, expected: String| {
             faults.push(Fault::new(&file, Some(record.line), format!("law '{}'", record.nickname), found, expected));
         };
-        match Law::new(&record.kind, &record.parameters) {
+        match ContactLaw::new(&record.kind, &record.parameters) {
             None => refuse(
                 format!("{} with {} parameters", record.kind, record.parameters.len()),
-                format!("computed are {}", KINDS.join(", ")),
+                format!("computed are {}", LAW_KINDS.join(", ")),
             ),
-            Some(law) => match law.fault() {
+            Some(law) => match law.invalid_parameter() {
                 Some((name, value)) => refuse(
                     format!("{name} {value}"),
                     "expected restitutions from 0 to 1, others >= 0, dynamic friction <= static".into(),
@@ -156,7 +156,7 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
     let of_parts = scene.parts.iter().map(|part| scene.curvature_of(part)).filter(|curvature| *curvature > 0.0);
     let radii = scene.bodies.iter().map(radius).chain(of_parts.map(f64::recip));
     let largest = radii.fold(0.0, f64::max);
-    let range = |see: &See| see.alert.max(scene.laws[see.law as usize].range(largest));
+    let range = |see: &See| see.alert.max(scene.laws[see.law as usize].interaction_range(largest));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
     scene.visibility = Visibility { classes, table };
     check_periods(&file, tact, scene, faults);
@@ -182,7 +182,7 @@ fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faul
     };
     let largest = scene.free.iter().map(|&i| scene.bodies[i as usize].radius).fold(0.0, f64::max);
     for (law, name) in scene.laws.iter().zip(&scene.law_names) {
-        let range = law.range(largest);
+        let range = law.interaction_range(largest);
         if range > 0.0 && 2.0 * (2.0 * largest + range) >= period {
             let line = tact.laws.iter().find(|law| law.nickname == name.nickname).map(|law| law.line);
             let found =

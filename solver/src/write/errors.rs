@@ -22,7 +22,7 @@ use cd_formats::error::Faults;
 use crate::math::{Vec3, to_world};
 use crate::scene::Scene;
 use crate::state::{SolvedContact, State};
-use crate::step::Clock;
+use crate::step::StageTimes;
 
 use super::log::Row;
 use super::summary;
@@ -50,7 +50,7 @@ pub struct Tally {
     virials: [f64; 2],
     /// What the fast narrow phase missed at the looks, in the mean of pairs that touch, over the mean radius: sum and number.
     missed: [f64; 2],
-    clock: Clock,
+    clock: StageTimes,
     output_every: f64,
 }
 
@@ -150,7 +150,7 @@ impl Tally {
     /// Enters a row of TIMER.csv.
     pub fn seconds(&mut self, row: &Row) {
         let spent = |name: &str| Duration::try_from_secs_f64(row.get(name)).unwrap_or_default();
-        self.clock.add(&Clock {
+        self.clock.accumulate(&StageTimes {
             gravity: spent("gravity"),
             detection: spent("detection"),
             assembly: spent("assembly"),
@@ -161,8 +161,8 @@ impl Tally {
     }
 
     /// Seconds that belong to no step.
-    pub fn wrote(&mut self, lap: &Clock) {
-        self.clock.add(lap);
+    pub fn wrote(&mut self, lap: &StageTimes) {
+        self.clock.accumulate(lap);
     }
 
     /// The sources of error, each with its cost.
@@ -190,7 +190,7 @@ impl Tally {
         let stray = summary::momentum_drift(scene, state).0 * state.ledger.momentum_scale;
         let flight = over(self.flight(), scale);
         let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).sum();
-        let Clock { gravity, detection, assembly, solve, integration, writing } = self.clock;
+        let StageTimes { gravity, detection, assembly, solve, integration, writing } = self.clock;
         let of = |name, option, error, seconds: Duration| Source {
             name,
             option,

@@ -9,9 +9,9 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::tell::print_line;
 
 use crate::scene::Scene;
-use crate::solve::norms::Norms;
+use crate::solve::norms::Lmgc90Norms;
 use crate::state::State;
-use crate::step::{Clock, StepReport};
+use crate::step::{StageTimes, StepReport};
 
 /// Cost and error figures of every step, in OUTBOX.
 pub const STEPS: &str = "steps.csv";
@@ -256,7 +256,7 @@ impl From<f64> for Cell {
 }
 
 columns! {
-    NORMS, norms(norms: &Norms),
+    NORMS, norms(norms: &Lmgc90Norms),
     quad_dv: Largest = norms.quad_dv,
     quad_dvr: Largest = norms.quad_dvr,
     maxm_dv: Largest = norms.maxm_dv,
@@ -281,8 +281,8 @@ columns! {
 
 columns! {
     MISSED, missed(scene: &Scene, report: &StepReport),
-    narrow_error: Known = report.missed.map_or(f64::NAN, |missed| missed.mean / scene.mean_radius),
-    narrow_error_largest: Largest = report.missed.map_or(f64::NAN, |missed| missed.largest / scene.mean_radius),
+    narrow_error: Known = report.narrow_phase_error.map_or(f64::NAN, |missed| missed.mean / scene.mean_radius),
+    narrow_error_largest: Largest = report.narrow_phase_error.map_or(f64::NAN, |missed| missed.largest / scene.mean_radius),
 }
 
 columns! {
@@ -310,11 +310,11 @@ columns! {
     gravity_sampled_largest: Largest = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.largest),
     gravity_sampled_virial: Known = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.virial),
     virial: Last = report.virial,
-    flight_error: Sum = report.flight,
+    flight_error: Sum = report.flight_error,
 }
 
 columns! {
-    SECONDS, seconds(step: u64, lap: &Clock),
+    SECONDS, seconds(step: u64, lap: &StageTimes),
     step: Last = step,
     gravity: Sum = lap.gravity.as_secs_f64(),
     detection: Sum = lap.detection.as_secs_f64(),

@@ -18,7 +18,7 @@ use cd_formats::snapshot::list_snapshots;
 
 use crate::scene::Scene;
 use crate::state::State;
-use crate::step::{Clock, StepReport};
+use crate::step::{StageTimes, StepReport};
 
 use errors::Tally;
 use log::{Cell, Due, Table};
@@ -146,7 +146,7 @@ impl Results {
         scene: &Scene,
         state: &State,
         report: &StepReport,
-        lap: &Clock,
+        lap: &StageTimes,
         tally: &mut Tally,
     ) -> Result<(), Faults> {
         let [figures, seconds] = cells(scene, state, report, lap);
@@ -178,7 +178,7 @@ impl Results {
 }
 
 /// Figures and seconds of a step.
-fn cells(scene: &Scene, state: &State, report: &StepReport, lap: &Clock) -> [Vec<Cell>; 2] {
+fn cells(scene: &Scene, state: &State, report: &StepReport, lap: &StageTimes) -> [Vec<Cell>; 2] {
     let options = &scene.options;
     let [mut figures, mut seconds] = [log::figures(scene, state, report), log::seconds(state.step, lap)];
     if options.adaptive().is_on() {
@@ -203,7 +203,7 @@ pub fn sizes(scene: &Scene, state: &State, report: &StepReport) -> [usize; 2] {
     // Durations have more digits than those of no time.
     let second = Duration::from_nanos(123_456);
     let [gravity, detection, assembly, solve, integration, writing] = [second; 6];
-    let lap = Clock { gravity, detection, assembly, solve, integration, writing };
+    let lap = StageTimes { gravity, detection, assembly, solve, integration, writing };
     let rows = cells(scene, state, report, &lap).iter().map(|cells| log::row_size(cells)).sum();
     [rows, snapshot::of(scene, state).to_bytes().len()]
 }

@@ -8,14 +8,14 @@ use cd_formats::snapshot::{
 };
 use cd_formats::tact_behav::LAW_LABELS;
 
-use crate::laws::{Cohesion, Law};
+use crate::laws::{Cohesion, ContactLaw};
 use crate::math::Vec3;
 use crate::scene::{Body, Part, Scene, Shape};
 use crate::state::{SolvedContact, State, Status};
 
 /// All of the state, with what of the scene its reader needs.
 pub fn of(scene: &Scene, state: &State) -> Snapshot {
-    let memory = state.laws.iter().any(Law::remembers).then(|| memory(state));
+    let memory = state.laws.iter().any(ContactLaw::has_memory).then(|| memory(state));
     Snapshot {
         meta: meta(scene, state),
         bodies: bodies(scene, state),
@@ -79,7 +79,7 @@ fn meta(scene: &Scene, state: &State) -> SnapshotMeta {
 }
 
 /// A law of TACT_BEHAV.DAT with the parameters that it now has.
-fn in_force(name: &LawName, law: &Law) -> LawName {
+fn in_force(name: &LawName, law: &ContactLaw) -> LawName {
     let mut now = name.clone();
     let labels = LAW_LABELS.iter().filter(|(kind, _)| *kind == name.kind).flat_map(|(_, lines)| lines.concat());
     for (label, parameter) in labels.zip(&mut now.parameters) {

@@ -11,7 +11,7 @@ use crate::gravity::sample::Sampled;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::State;
-use crate::step::{Clock, DEEP, Motion, Overlap};
+use crate::step::{StageTimes, OVERLAP_WARNING_SHARE, MotionTotals, Overlap};
 
 use super::errors::{self, Source, Tally};
 
@@ -42,7 +42,7 @@ pub struct Course {
     pub warnings: Vec<String>,
     pub threads: usize,
     pub wall: Duration,
-    pub clock: Clock,
+    pub clock: StageTimes,
     /// Of all steps, those before a resume as well.
     pub tally: Tally,
 }
@@ -52,7 +52,7 @@ pub struct Course {
 /// the works, and that largest, J.
 pub fn energy_drift(scene: &Scene, state: &State) -> (f64, f64) {
     let ledger = &state.ledger;
-    let motion = Motion::of(scene, &state.q, &state.v, &state.w);
+    let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
     let (kinetic, potential) = (motion.kinetic + motion.rotational, potential_energy(scene, state, &state.x));
     let energy = kinetic + potential;
     let scale = [kinetic, potential, ledger.energy_start, ledger.contact_work, ledger.outside_work];
@@ -68,8 +68,8 @@ pub fn momentum_drift(scene: &Scene, state: &State) -> (f64, f64) {
     if ledger.momentum_scale == 0.0 {
         return (0.0, 0.0);
     }
-    let motion = Motion::of(scene, &state.q, &state.v, &state.w);
-    let angular = Motion::angular(scene, state);
+    let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
+    let angular = MotionTotals::total_angular_momentum(scene, state);
     let size = scene.free.iter().map(|&i| state.x[i as usize].norm()).fold(0.0, f64::max);
     let linear = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm() / ledger.momentum_scale;
     let angular = (angular - Vec3::from(ledger.angular_momentum_expected)).norm();
@@ -130,8 +130,8 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
         line("warning", warning.clone());
     }
     if let Some(overlap) = course.overlap {
-        let deep = 100.0 * DEEP;
-        line("warning", format!("{}: more than {deep} %; volumes and stresses are off accordingly", overlap.text()));
+        let deep = 100.0 * OVERLAP_WARNING_SHARE;
+        line("warning", format!("{}: more than {deep} %; volumes and stresses are off accordingly", overlap.message_text()));
     }
     line("energy drift", format!("{:.2e}", energy_drift(scene, state).0));
     if let Some(Sampled { rms, largest, .. }) = course.gravity {
@@ -149,7 +149,7 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
     for (name, value) in errors::lines(sources) {
         line(name, value);
     }
-    let &Clock { gravity, detection, assembly, solve, integration, writing } = &course.clock;
+    let &StageTimes { gravity, detection, assembly, solve, integration, writing } = &course.clock;
     let rooms = [
         ("gravity", gravity),
         ("detection", detection),

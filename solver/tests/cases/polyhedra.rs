@@ -4,7 +4,7 @@ use cd_formats::bodies::ShapeRecord;
 use cd_formats::compute::{ComputeFlags, NarrowPhase};
 use cd_formats::vloc_rloc::VlocRloc;
 use cd_solve::state::Known;
-use cd_solve::step::Clock;
+use cd_solve::step::StageTimes;
 
 use crate::case::{Case, Figures, Vec3, equal, near, shown, uniform};
 
@@ -247,7 +247,7 @@ fn what_is_known_of_pairs_changes_nothing() {
         afresh.known = Known { read: afresh.known.kept(), ..Known::default() };
         let before = state.known.neighbours.centres.clone();
         for state in [&mut state, &mut afresh] {
-            cd_solve::step::step(&scene, state, &mut Clock::default());
+            cd_solve::step::step(&scene, state, &mut StageTimes::default());
         }
         assert!(state == afresh, "step {step}");
         looked_for += usize::from(state.known.neighbours.centres != before);
