@@ -33,7 +33,7 @@ use smallvec::SmallVec;
 
 use super::rows::{BlockData, SolverBody, ContactConstraint};
 use crate::math::{Vec3, to_world};
-use crate::scene::{Geometry, Part, Scene};
+use crate::scene::{ContactorShape, BodyPart, Scene};
 use crate::state::Contact;
 
 /// Gap over the size of a face up to which corners that carried nothing belong to what is pressed: vertices read from text
@@ -107,8 +107,8 @@ fn face_ranges(contacts: &[Contact], rows: &[ContactConstraint]) -> Vec<Range<us
 
 /// Whether a scene may have faces that lie on several contactors of one body or of what is fixed.
 pub(super) fn has_joints(scene: &Scene) -> bool {
-    let is_fixed = |part: &&Part| scene.bodies[part.body as usize].is_imposed();
-    let is_piece = |part: &Part| part.rank > 0 && matches!(part.geometry, Geometry::Polyhedron(_));
+    let is_fixed = |part: &&BodyPart| scene.bodies[part.body as usize].is_imposed();
+    let is_piece = |part: &BodyPart| part.rank > 0 && matches!(part.geometry, ContactorShape::Polyhedron(_));
     scene.options.face_friction == FaceFriction::Uniform
         && (scene.parts.iter().any(is_piece) || scene.parts.iter().filter(is_fixed).nth(1).is_some())
 }

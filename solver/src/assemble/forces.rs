@@ -6,15 +6,15 @@ use cd_formats::compute::EventAction;
 use cd_formats::field::FieldModel;
 use cd_formats::snapshot::GravityEvaluations as Record;
 
-use crate::detect::broad::pairs;
-use crate::gravity::quadrupole::{Rigid, correction};
-use crate::gravity::sample::{self, Sampled};
-use crate::gravity::{Field, Gravity, Method, balance};
-use crate::integrate::Configuration;
+use crate::detect::broad::near_pairs;
+use crate::gravity::quadrupole::{BodyInertia, quadrupole_correction};
+use crate::gravity::sample::{self, SampledError};
+use crate::gravity::{GravityField, GravitySolver, SummationMethod, balance_accelerations};
+use crate::integrate::ContactConfiguration;
 use crate::math::random::{point_in_ball, splitmix64};
 use crate::math::{Mat3, Quat, Vec3, to_world};
 use crate::scene::{EVENT_SLACK, Scene};
-use crate::state::{Attraction, Bonding, State};
+use crate::state::{GravityHistory, BondingMode, State};
 
 /// Velocities at the step's end if nothing touched, and what the forces bring into the ledger.
 pub struct FreeMotion {
@@ -26,7 +26,7 @@ pub struct FreeMotion {
     pub potential: f64,
     pub gravity: GravityReport,
     /// Self-gravity for the steps that follow, see [`Attraction`].
-    pub attraction: Option<Attraction>,
+    pub attraction: Option<GravityHistory>,
     /// Impulse of uniform gravity, outer fields and imposed forces on the free bodies, N s.
     pub impulse: Vec3,
     /// Their angular impulse about the origin, N m s.
@@ -41,7 +41,7 @@ pub struct GravityReport {
     /// RMS of what was taken away for forces and torques to sum to zero, over that of the accelerations.
     pub removed: f64,
     /// Against the direct sum, in steps that look.
-    pub sampled: Option<Sampled>,
+    pub sampled: Option<SampledError>,
     /// RMS relative error of the extrapolation to the last evaluation.
     pub extrapolation: f64,
 }
@@ -69,7 +69,7 @@ pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
     let mut happened = AppliedEvents::default();
     while let Some(event) = scene.events.get(state.events_done).filter(|event| event.time <= now) {
         let gravity = state.gravity;
-        state.set_by(&event.action, scene);
+        state.apply_setting(&event.action, scene);
         account_potential(scene, state, state.gravity - gravity);
         happened.velocities_changed |= matches!(event.action, EventAction::AddVelocity(_) | EventAction::AddSpin(_));
         match event.action {
@@ -83,7 +83,7 @@ pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
                 let seed = splitmix64(splitmix64(seed) ^ state.events_done as u64);
                 happened.shakes.push(ShakeEvent { speed, seed });
             }
-            EventAction::Bond => state.bonding = Bonding::All,
+            EventAction::Bond => state.bonding = BondingMode::All,
             EventAction::SetTorque(_)
             | EventAction::SetGravity(_)
             | EventAction::SetQuench(_)
@@ -120,7 +120,7 @@ fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
 ///
 /// They act in the contact configuration, as all forces do: velocities that changed before it would carry grains into
 /// their neighbours.
-fn shake_loads(scene: &Scene, q_c: &Configuration, &ShakeEvent { speed, seed }: &ShakeEvent) -> Vec<(usize, Vec3, Vec3)> {
+fn shake_loads(scene: &Scene, q_c: &ContactConfiguration, &ShakeEvent { speed, seed }: &ShakeEvent) -> Vec<(usize, Vec3, Vec3)> {
     // The mean square of the distance from the middle of a ball is 3/5 of its radius'.
     let radius = speed * (5.0f64 / 3.0).sqrt();
     let added: Vec<Vec3> = (0..scene.bodies.len() as u64).map(|i| point_in_ball(splitmix64(seed ^ i)) * radius).collect();
@@ -172,7 +172,7 @@ fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec
         add_vector(&mut state.ledger.angular_momentum_expected, &(state.x[i].cross(&momentum) + spin));
         (state.v[i], state.w[i]) = (v, w);
     }
-    for (&i, spin) in scene.turning.iter().zip(&mut state.spin) {
+    for (&i, spin) in scene.turning.iter().zip(&mut state.angular_momentum) {
         let i = i as usize;
         *spin = scene.bodies[i].angular_momentum(&state.q[i], &state.w[i]);
     }
@@ -198,12 +198,12 @@ fn centre_of_mass(scene: &Scene, x: &[Vec3]) -> Vec3 {
 }
 
 /// Free velocities: V + h F/m with all forces in the contact configuration; imposed velocities at the step's end.
-pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration, shakes: &[ShakeEvent]) -> FreeMotion {
+pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, shakes: &[ShakeEvent]) -> FreeMotion {
     let h = q_c.h;
     let mut pull = self_gravity(scene, state, q_c);
     let near = near_field(scene, &q_c.x, &q_c.q);
     pull.energy += near.energy;
-    let outside = scene.outside();
+    let outside = scene.external_fields();
     let mut free = FreeMotion {
         v: state.v.clone(),
         w: q_c.w.clone(),
@@ -245,10 +245,10 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration, shakes: 
         free.w[i] += body.angular_velocity(&q_c.q[i], &(torque * h));
     }
     apply_coriolis(scene, state, q_c, &mut free);
-    let end = scene.time_at(state.step + q_c.units);
+    let end = scene.time_at(state.step + q_c.step_multiple);
     for drive in &scene.drives {
         let i = drive.body;
-        (free.v[i], free.w[i]) = drive.at(end, &q_c.q[i], &free.v[i]);
+        (free.v[i], free.w[i]) = drive.velocity_at(end, &q_c.q[i], &free.v[i]);
     }
     free
 }
@@ -282,8 +282,8 @@ fn tidal_energy(scene: &Scene, outside: &[FieldModel], q: &[Quat]) -> f64 {
 /// contacts count as in the last step: what lies is not pushed aside by a fall that does not happen, and what is missing
 /// after an impact is made up for in the next step. And what turns spins against the axes, where bodies do not
 /// [turn freely](crate::integrate) as it is. Without contacts and for theta = 1/2 it does no work, exactly.
-fn apply_coriolis(scene: &Scene, state: &State, q_c: &Configuration, free: &mut FreeMotion) {
-    let rate = scene.rate();
+fn apply_coriolis(scene: &Scene, state: &State, q_c: &ContactConfiguration, free: &mut FreeMotion) {
+    let rate = scene.frame_angular_velocity();
     if rate == Vec3::zeros() {
         return;
     }
@@ -339,11 +339,11 @@ struct SelfGravity {
     /// J
     energy: f64,
     report: GravityReport,
-    next: Option<Attraction>,
+    next: Option<GravityHistory>,
 }
 
 /// Self-gravity at each free body; zeros when the scene has none.
-fn self_gravity(scene: &Scene, state: &State, q_c: &Configuration) -> SelfGravity {
+fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> SelfGravity {
     if !scene.has_self_gravity() {
         let acceleration = vec![Vec3::zeros(); scene.free.len()];
         return SelfGravity { acceleration, energy: 0.0, report: GravityReport::default(), next: None };
@@ -356,10 +356,10 @@ fn self_gravity(scene: &Scene, state: &State, q_c: &Configuration) -> SelfGravit
     } else {
         extrapolate_self_gravity(scene, state, q_c, &positions, &masses)
     };
-    let approximate = scene.gravity_refresh() > 1 || scene.gravity().method_for(masses.len()) == Method::Fmm;
-    if approximate && state.looks(q_c.units) {
+    let approximate = scene.gravity_refresh() > 1 || scene.gravity_solver().method_for(masses.len()) == SummationMethod::Fmm;
+    if approximate && state.is_diagnostic_step(q_c.step_multiple) {
         let constant = scene.options.gravity_constant;
-        pull.report.sampled = Some(sample::error(&positions, &masses, constant, &pull.acceleration, state.step));
+        pull.report.sampled = Some(sample::sampled_error(&positions, &masses, constant, &pull.acceleration, state.step));
     }
     pull
 }
@@ -382,9 +382,9 @@ fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
     let rigid = |&i: &u32| {
         let (body, turn) = (&scene.bodies[i as usize], q[i as usize].to_rotation_matrix());
         let inertia = turn * Mat3::from_diagonal(&body.inertia.into()) * turn.transpose();
-        Rigid { mass: body.mass, inertia }
+        BodyInertia { mass: body.mass, inertia }
     };
-    let rigids: Vec<Rigid> = scene.free.iter().map(rigid).collect();
+    let rigids: Vec<BodyInertia> = scene.free.iter().map(rigid).collect();
     let (places, reaches): (Vec<Vec3>, Vec<f64>) =
         scene.free.iter().map(|&i| (x[i as usize], QUADRUPOLE_RANGE * scene.bodies[i as usize].radius)).unzip();
     let none = |&i: &u32| (i as usize, Vec3::zeros(), Vec3::zeros());
@@ -395,17 +395,17 @@ fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
         if (round[i] && round[j]) || r == Vec3::zeros() {
             return;
         }
-        let found = correction(&r, [&rigids[i], &rigids[j]], reach, options.gravity_constant);
+        let found = quadrupole_correction(&r, [&rigids[i], &rigids[j]], reach, options.gravity_constant);
         field.energy += found.energy;
         for (k, force, torque) in [(i, -found.force, found.torques[0]), (j, found.force, found.torques[1])] {
             field.loads[k].1 += force;
             field.loads[k].2 += torque;
         }
     };
-    if scene.gravity().method_for(places.len()) == Method::Direct {
+    if scene.gravity_solver().method_for(places.len()) == SummationMethod::Direct {
         (1..places.len()).for_each(|j| (0..j).for_each(|i| add([i, j], f64::INFINITY)));
     } else {
-        for pair in pairs(&places, &reaches) {
+        for pair in near_pairs(&places, &reaches) {
             let [i, j] = pair.map(|k| k as usize);
             add([i, j], reaches[i] + reaches[j]);
         }
@@ -421,15 +421,15 @@ fn point_masses(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
 fn evaluate_self_gravity(scene: &Scene, order: &[u32], positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
     let place = |body| scene.free.binary_search(body).ok().map(|k| k as u32);
     let of_free: Vec<u32> = order.iter().filter_map(place).collect();
-    let Field { acceleration, potential, removed } =
-        scene.gravity().field(positions, masses, scene.options.gravity_constant, &of_free);
+    let GravityField { acceleration, potential, removed } =
+        scene.gravity_solver().full_field(positions, masses, scene.options.gravity_constant, &of_free);
     (acceleration, 0.5 * potential.iter().zip(masses).map(|(p, m)| p * m).sum::<f64>(), removed)
 }
 
 /// Self-gravity from its last two evaluations, or evaluated again. In between the error goes as the square of the time
 /// since: that is at most twice the time between the two, and less where their error says so. Forces and torques sum to zero
 /// all the same.
-fn extrapolate_self_gravity(scene: &Scene, state: &State, q_c: &Configuration, positions: &[Vec3], masses: &[f64]) -> SelfGravity {
+fn extrapolate_self_gravity(scene: &Scene, state: &State, q_c: &ContactConfiguration, positions: &[Vec3], masses: &[f64]) -> SelfGravity {
     let options = &scene.options;
     let now = state.time + (1.0 - options.theta) * q_c.h;
     let mass: f64 = masses.iter().sum();
@@ -440,7 +440,7 @@ fn extrapolate_self_gravity(scene: &Scene, state: &State, q_c: &Configuration, p
         let (acceleration, energy, removed) = evaluate_self_gravity(scene, &q_c.order, positions, masses);
         let record = Record { times: [now; 2], potentials: [energy; 2], removed, ..Record::default() };
         let rows: Arc<[Vec3]> = acceleration.as_slice().into();
-        let next = Attraction { record, last: rows.clone(), before: rows };
+        let next = GravityHistory { record, last: rows.clone(), before: rows };
         let report = GravityReport { removed, ..GravityReport::default() };
         return SelfGravity { acceleration, energy, report, next: Some(next) };
     };
@@ -448,7 +448,7 @@ fn extrapolate_self_gravity(scene: &Scene, state: &State, q_c: &Configuration, p
     let [last, before] = record.times;
     let part = if last > before { (now - last) / (last - before) } else { 0.0 };
     let mut acceleration: Vec<Vec3> = old.last.iter().zip(&*old.before).map(|(a, b)| a + (a - b) * part).collect();
-    let (age, moved) = (record.age + q_c.units, record.moved + fastest * q_c.h);
+    let (age, moved) = (record.age + q_c.step_multiple, record.moved + fastest * q_c.h);
     // The error of a stretch s after one of t goes as s (s + t).
     let allowed = EXTRAPOLATION_ERROR_SHARE * options.gravity_error() / record.extrapolation_error;
     let stretch = 0.5 * ((1.0 + 8.0 * allowed).sqrt() - 1.0).min(2.0 * MAX_EXTRAPOLATION_RATIO);
@@ -456,11 +456,11 @@ fn extrapolate_self_gravity(scene: &Scene, state: &State, q_c: &Configuration, p
     let reached = last > before && now - last <= (last - before) * stretch + 1e-3 * options.dt;
     let report = |removed, extrapolation| GravityReport { removed, sampled: None, extrapolation };
     if reached && age < scene.gravity_refresh() && moved < options.gravity_moved * scene.mean_radius {
-        let removed = balance(positions, masses, &mut acceleration);
+        let removed = balance_accelerations(positions, masses, &mut acceleration);
         let energy = record.potentials[0] + (record.potentials[0] - record.potentials[1]) * part;
         let report = report(record.removed.max(removed), record.extrapolation_error);
         let record = Record { age, moved, ..record.clone() };
-        return SelfGravity { acceleration, energy, report, next: Some(Attraction { record, ..old.clone() }) };
+        return SelfGravity { acceleration, energy, report, next: Some(GravityHistory { record, ..old.clone() }) };
     }
     let (fresh, energy, removed) = evaluate_self_gravity(scene, &q_c.order, positions, masses);
     let square = |v: &mut dyn Iterator<Item = Vec3>| v.map(|v| v.norm_squared()).sum::<f64>();
@@ -470,37 +470,37 @@ fn extrapolate_self_gravity(scene: &Scene, state: &State, q_c: &Configuration, p
     let times = [now, last];
     let potentials = [energy, record.potentials[0]];
     let record = Record { age: 0, times, potentials, moved: 0.0, removed, extrapolation_error };
-    let next = Attraction { record, last: fresh.as_slice().into(), before: old.last.clone() };
+    let next = GravityHistory { record, last: fresh.as_slice().into(), before: old.last.clone() };
     SelfGravity { acceleration: fresh, energy, report: report(removed, extrapolation_error), next: Some(next) }
 }
 
 /// Potential energy of the free bodies at `x` in self-gravity, uniform gravity (zero at the origin) and outer fields, J.
 pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     let (positions, masses) = point_masses(scene, x);
-    let outside = scene.outside();
+    let outside = scene.external_fields();
     let outer: f64 = positions.iter().zip(&masses).map(|(x, m)| m * external_field(&outside, state.gravity, x).1).sum();
     let outer = outer + tidal_energy(scene, &outside, &state.q);
     if !scene.has_self_gravity() {
         return outer;
     }
-    let gravity = match scene.gravity() {
-        asked if asked.method_for(positions.len()) == Method::Direct => asked,
-        _ => Gravity::new(Method::Auto, ENERGY_ERROR),
+    let gravity = match scene.gravity_solver() {
+        asked if asked.method_for(positions.len()) == SummationMethod::Direct => asked,
+        _ => GravitySolver::new(SummationMethod::Auto, ENERGY_ERROR),
     };
-    let potential = gravity.field(&positions, &masses, scene.options.gravity_constant, &[]).potential;
+    let potential = gravity.full_field(&positions, &masses, scene.options.gravity_constant, &[]).potential;
     let points = 0.5 * potential.iter().zip(&masses).map(|(p, m)| p * m).sum::<f64>();
     outer + points + near_field(scene, x, &state.q).energy
 }
 
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.
-fn imposed_loads(scene: &Scene, state: &State, q_c: &Configuration) -> Vec<(usize, Vec3, Vec3)> {
+fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Vec<(usize, Vec3, Vec3)> {
     let theta = scene.options.theta;
     scene
         .loads
         .iter()
         .map(|load| {
             let value = (1.0 - theta) * load.value.value_at(state.time)
-                + theta * load.value.value_at(scene.time_at(state.step + q_c.units));
+                + theta * load.value.value_at(scene.time_at(state.step + q_c.step_multiple));
             let mut vector = Vec3::zeros();
             vector[load.component % 3] = value;
             match load.component {

@@ -9,7 +9,7 @@ use super::rows::{AssemblyContext, relative_velocity};
 use crate::laws::{ContactLaw, LawShift, MAX_TOUCHING_GAP};
 use crate::math::{Quat, Vec3, rotate_by_vector};
 use crate::scene::Scene;
-use crate::state::{Bonding, Contact, SolvedContact, UNKNOWN};
+use crate::state::{BondingMode, Contact, SolvedContact, UNKNOWN_FEATURE};
 
 /// Contacts that one task looks at.
 const CONTACTS_PER_TASK: usize = 1024;
@@ -64,7 +64,7 @@ pub(super) struct BondState {
 /// close. What rests for good is not counted.
 pub fn connected_bodies(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]) -> Vec<bool> {
     let mut rests: Vec<bool> = scene.bodies.iter().map(|body| body.driven && !body.is_driven_in_part()).collect();
-    scene.drives.iter().filter(|drive| drive.moves()).for_each(|drive| rests[drive.body] = false);
+    scene.drives.iter().filter(|drive| drive.ever_moves()).for_each(|drive| rests[drive.body] = false);
     let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|i| i as usize);
     let mut groups = DisjointSets::new(scene.bodies.len());
     for [a, b] in contacts.iter().map(bodies).filter(|pair| pair.iter().all(|&i| !rests[i])) {
@@ -187,9 +187,9 @@ impl AssemblyContext<'_> {
             let law = &self.state.laws[contact.law as usize];
             let kept = old.and_then(|k| self.inherited_bond(&self.state.contacts[k as usize], contact, law));
             let now = match self.state.bonding {
-                Bonding::All => true,
-                Bonding::New => old.is_none(),
-                Bonding::No => false,
+                BondingMode::All => true,
+                BondingMode::New => old.is_none(),
+                BondingMode::No => false,
             };
             let bond = kept.or_else(|| (now && self.can_bond(contact, law)).then(|| law.bonded_at(contact.gap)));
             bond.filter(|_| self.carries_stress(contact))
@@ -222,7 +222,7 @@ impl AssemblyContext<'_> {
     /// if that touches and if the old one would still be in reach.
     pub(super) fn inherited_bond(&self, old: &SolvedContact, contact: &Contact, law: &ContactLaw) -> Option<f64> {
         let (bond, radius) = (old.bond?, self.effective_radius(contact));
-        let known = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN;
+        let known = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN_FEATURE;
         // What counts as touching tells no more apart.
         let place = || MAX_TOUCHING_GAP * radius;
         if known || self.displacement_from(&old.contact, contact) <= place() {

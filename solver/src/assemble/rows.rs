@@ -10,12 +10,12 @@ use rayon::prelude::*;
 
 use super::faces::{Joints, friction_offsets, has_joints};
 use super::history::{BondState, warm_start};
-use crate::integrate::Configuration;
+use crate::integrate::ContactConfiguration;
 use crate::laws::{LawInput, GapForecast, MAX_STEP_OVERLAP, ContactLaw, RollingFriction, LawShift};
 use crate::math::lanes::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
-use crate::scene::{Body, Geometry, NEARBY, Scene, Shape};
-use crate::state::{Contact, SolvedContact, State, Status};
+use crate::scene::{RigidBody, ContactorShape, NEARBY_GAP, Scene, BodyShape};
+use crate::state::{Contact, SolvedContact, State, ContactStatus};
 
 /// Sliding of a contact that begins counts from this multiple of `tol` times the change of velocity that loads it: an unfinished
 /// solution of what sticks leaves less.
@@ -150,7 +150,7 @@ impl BlockData {
     }
 
     /// Whether an impulse along the normal of a row can move one of its bodies. It turns all that are not driven.
-    fn can_move_a_body(&self, row: &ContactConstraint, bodies: &[Body]) -> bool {
+    fn can_move_a_body(&self, row: &ContactConstraint, bodies: &[RigidBody]) -> bool {
         self.locked_axes.is_empty()
             || row.bodies.iter().any(|&i| {
                 let body = &bodies[i as usize];
@@ -181,7 +181,7 @@ pub fn contact_arms(contact: &Contact, x: &[Vec3]) -> [Vec3; 2] {
 pub fn contact_problem(
     scene: &Scene,
     state: &State,
-    q_c: &Configuration,
+    q_c: &ContactConfiguration,
     contacts: &[Contact],
     v_free: &[Vec3],
     w_free: &[Vec3],
@@ -193,7 +193,7 @@ pub fn contact_problem(
         .zip(v_free.par_iter().zip(w_free))
         .with_min_len(PAR_MIN_LEN)
         .map(|(body, (v, w))| match body.shape {
-            Shape::Sphere { radius } => SolverBody {
+            BodyShape::Sphere { radius } => SolverBody {
                 v: *v,
                 inverse_mass: body.inverse_mass(),
                 w: *w,
@@ -204,15 +204,15 @@ pub fn contact_problem(
             _ if full.is_some() => {
                 SolverBody { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: 0.0, radius: 0.0 }
             }
-            Shape::Plane { .. } | Shape::Parts => {
+            BodyShape::Plane { .. } | BodyShape::Parts => {
                 SolverBody { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 }
             }
         })
         .collect();
 
     let speeds = v_free.par_iter().zip(w_free).with_min_len(PAR_MIN_LEN);
-    let speeds = speeds.map(|(v, w)| [(v - q_c.drift).norm(), w.norm()]).collect();
-    let is_sphere = scene.bodies.iter().map(Body::is_sphere).collect();
+    let speeds = speeds.map(|(v, w)| [(v - q_c.mean_velocity).norm(), w.norm()]).collect();
+    let is_sphere = scene.bodies.iter().map(RigidBody::is_sphere).collect();
     let setting = AssemblyContext {
         scene,
         state,
@@ -252,7 +252,7 @@ pub fn contact_problem(
             Some(_) => rows[k].normal.dot(&rows[k].warm_start),
             None => -rows[k].impulse_shift,
         };
-        let sticks = |k: usize| history[k].is_some_and(|old| state.contacts[old as usize].status == Status::Stick);
+        let sticks = |k: usize| history[k].is_some_and(|old| state.contacts[old as usize].status == ContactStatus::Stick);
         full.friction_offsets = friction_offsets(contacts, &rows, full, load, sticks);
         if has_joints(scene) {
             let joints = Joints { contacts, rows: &rows, records: &records, full, scene };
@@ -306,7 +306,7 @@ const RESTING: f64 = 0.05;
 pub(super) struct AssemblyContext<'a> {
     pub scene: &'a Scene,
     pub state: &'a State,
-    pub q_c: &'a Configuration,
+    pub q_c: &'a ContactConfiguration,
     v_free: &'a [Vec3],
     w_free: &'a [Vec3],
     /// |v_free| past what all have in common, m/s, and |w_free|, rad/s.
@@ -349,17 +349,17 @@ impl AssemblyContext<'_> {
         let AssemblyContext { q_c, v_free, w_free, .. } = self;
         let sides = [contact.candidate, contact.antagonist].map(|i| &self.scene.bodies[i as usize]);
         let free = sides.into_iter().filter(|body| !body.driven).map(|body| body.radius);
-        let is_near = contact.gap <= NEARBY * free.fold(f64::INFINITY, f64::min);
+        let is_near = contact.gap <= NEARBY_GAP * free.fold(f64::INFINITY, f64::min);
         let u = || relative_velocity(contact, &q_c.x, v_free, w_free);
-        is_near || contact.gap <= q_c.longest_reach(self.scene) * -contact.normal.dot(&u())
+        is_near || contact.gap <= q_c.longest_reach_time(self.scene) * -contact.normal.dot(&u())
     }
 
     /// How far the two bodies may come nearer in the step at the contact, m, past what all have in common, whichever way they go.
     fn max_approach(&self, contact: &Contact) -> f64 {
         let AssemblyContext { q_c, speeds, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| speeds[i as usize]);
-        let plate = if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.drift).norm() } else { 0.0 };
-        let reach = q_c.longest_reach(self.scene);
+        let plate = if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.mean_velocity).norm() } else { 0.0 };
+        let reach = q_c.longest_reach_time(self.scene);
         let mut travel = reach * (a[0] + plate.max(b[0]));
         if self.full {
             let [at_a, at_b] = contact_arms(contact, &q_c.x);
@@ -401,7 +401,7 @@ impl AssemblyContext<'_> {
         };
         let u_n = n.dot(&u_before) + curve;
         let bonded = hold.bond.is_some();
-        let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
+        let slid_before = previous.is_some_and(|old| old.status == ContactStatus::Slide);
         let at = LawInput { gap: contact.gap, h, closing_time: reach, gap_forecast: course, u_n, radius, slid_before, bonded };
         let shift = law.contact_shift(&at);
         let slides = |shift: &LawShift| {
@@ -418,8 +418,8 @@ impl AssemblyContext<'_> {
         let on_plate = self.on_plate(contact);
         // Arms that end in one point: where the radii divide the distance, on what is flat in the middle of the gap.
         let radii = [records[a].radius, records[b].radius];
-        let beyond = match scene.part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
-            Some(Geometry::Sphere { radius }) => *radius,
+        let beyond = match scene.find_part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
+            Some(ContactorShape::Sphere { radius }) => *radius,
             _ if on_plate => radii[0],
             _ => radii[1],
         };
@@ -476,7 +476,7 @@ impl AssemblyContext<'_> {
         if self.q_c.from_start.is_empty() {
             return self.q_c.h;
         }
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| self.q_c.reach(self.scene, i as usize));
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| self.q_c.reach_time(self.scene, i as usize));
         a.max(b)
     }
 
@@ -522,7 +522,7 @@ impl AssemblyContext<'_> {
         }
         let u = relative_velocity(contact, &q_c.x, v_free, w_free);
         if contact.gap + reach * contact.normal.dot(&u) >= 0.0 {
-            let depth = MAX_STEP_OVERLAP * scene.size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
+            let depth = MAX_STEP_OVERLAP * scene.pair_size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
             return GapForecast::Apart { depth };
         }
         if is_sphere[a] && is_sphere[b] {
@@ -579,8 +579,8 @@ impl AssemblyContext<'_> {
 
     /// Whether a contactor is a sphere.
     fn is_round(&self, body: u32, rank: u16) -> bool {
-        let part = || self.scene.part(body, rank);
-        self.is_sphere[body as usize] || part().is_some_and(|part| matches!(part.geometry, Geometry::Sphere { .. }))
+        let part = || self.scene.find_part(body, rank);
+        self.is_sphere[body as usize] || part().is_some_and(|part| matches!(part.geometry, ContactorShape::Sphere { .. }))
     }
 
     /// R of the two bodies, m, of which distances are parts.
@@ -596,8 +596,8 @@ impl AssemblyContext<'_> {
 }
 
 /// The bodies' part of [`BlockData`], where a scene needs it.
-fn block_data(scene: &Scene, q_c: &Configuration) -> Option<BlockData> {
-    let of = |(body, q): (&Body, &Quat)| {
+fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
+    let of = |(body, q): (&RigidBody, &Quat)| {
         if body.driven {
             return Matrix3::zeros();
         }
@@ -607,11 +607,11 @@ fn block_data(scene: &Scene, q_c: &Configuration) -> Option<BlockData> {
         let axes = q.to_rotation_matrix();
         axes * Matrix3::from_diagonal(&Vec3::from(body.inertia.map(|j| 1.0 / j))) * axes.transpose()
     };
-    let held = || scene.bodies.iter().map(Body::held).collect();
+    let held = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
     let full = || BlockData {
         arms: Vec::new(),
         friction_offsets: Vec::new(),
-        locked_axes: if scene.bodies.iter().any(Body::is_driven_in_part) { held() } else { Vec::new() },
+        locked_axes: if scene.bodies.iter().any(RigidBody::is_driven_in_part) { held() } else { Vec::new() },
         inverse_inertia: scene.bodies.iter().zip(&q_c.q).map(of).collect(),
     };
     scene.needs_blocks().then(full)

@@ -2,7 +2,7 @@
 
 use super::rows::{AssemblyContext, contact_arms};
 use crate::math::Vec3;
-use crate::scene::{Geometry, Part, Shape};
+use crate::scene::{ContactorShape, BodyPart, BodyShape};
 use crate::state::Contact;
 
 impl AssemblyContext<'_> {
@@ -42,9 +42,9 @@ impl AssemblyContext<'_> {
 
     /// 1/(1/R_a + 1/R_b) of a sphere and what it rolls upon, m; 0 of corners and edges, which stay where they are on their bodies.
     fn rolling_radius(&self, contact: &Contact) -> f64 {
-        let radius = |body: u32, rank: u16| match (self.scene.bodies[body as usize].shape, self.scene.part(body, rank))
+        let radius = |body: u32, rank: u16| match (self.scene.bodies[body as usize].shape, self.scene.find_part(body, rank))
         {
-            (Shape::Sphere { radius }, _) | (_, Some(&Part { geometry: Geometry::Sphere { radius }, .. })) => {
+            (BodyShape::Sphere { radius }, _) | (_, Some(&BodyPart { geometry: ContactorShape::Sphere { radius }, .. })) => {
                 Some(radius)
             }
             _ => None,
@@ -60,15 +60,15 @@ impl AssemblyContext<'_> {
     pub(super) fn curvature_velocity(&self, contact: &Contact) -> f64 {
         let &AssemblyContext { scene, state, q_c, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
-        let Some(drum) = scene.part(contact.antagonist, contact.ranks.1) else { return 0.0 };
-        let Geometry::Cylinder { hollow: true, .. } = drum.geometry else { return 0.0 };
+        let Some(drum) = scene.find_part(contact.antagonist, contact.ranks.1) else { return 0.0 };
+        let ContactorShape::Cylinder { hollow: true, .. } = drum.geometry else { return 0.0 };
         let axis = q_c.q[b] * drum.axes * Vec3::z();
         if contact.normal.dot(&axis).abs() > 0.5 {
             return 0.0; // an end, which is flat
         }
         // Of a sphere the centre, of a polyhedron the vertex.
-        let in_front = match scene.part(contact.candidate, contact.ranks.0).map(|part| &part.geometry) {
-            Some(Geometry::Sphere { radius }) => radius + 0.5 * contact.gap,
+        let in_front = match scene.find_part(contact.candidate, contact.ranks.0).map(|part| &part.geometry) {
+            Some(ContactorShape::Sphere { radius }) => radius + 0.5 * contact.gap,
             _ => 0.5 * contact.gap,
         };
         let [at_a, at_b] = contact_arms(contact, &q_c.x).map(|arm| arm + contact.normal * in_front);

@@ -200,7 +200,7 @@ fn iterate_sweeps(
     loop {
         let swept = problem.sweep_contacts(judge.width, momentum.beta);
         momentum.update_after_sweep(swept.needs_restart, swept.change);
-        activity::sweep();
+        activity::count_sweep();
         *sweeps += 1;
         patience += 1;
         if activity::is_stopped() {

@@ -66,7 +66,7 @@ pub fn close_bonds(scene: &Scene, state: &mut State, system: &ContactProblem) {
         }
     }
     // The angular momentum stays, so bodies of unequal moments turn otherwise.
-    for (&i, momentum) in scene.turning.iter().zip(&state.spin) {
+    for (&i, momentum) in scene.turning.iter().zip(&state.angular_momentum) {
         let i = i as usize;
         state.w[i] = angular_velocity(&state.q[i], &scene.bodies[i].inertia, momentum);
     }

@@ -7,11 +7,11 @@ use rayon::prelude::*;
 use super::ITEMS_PER_TASK;
 use super::motion::VelocityErrors;
 use crate::assemble::{self, FreeMotion, SolverBody, ContactProblem, relative_velocity};
-use crate::integrate::Configuration;
+use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::Scene;
 use crate::solve::ContactSolution;
-use crate::state::{Contact, Exchange, SolvedContact, State, Status};
+use crate::state::{Contact, ContactExchange, SolvedContact, State, ContactStatus};
 
 /// Velocities and contacts at the step's end, and what contacts have done.
 pub struct StepOutcome {
@@ -19,7 +19,7 @@ pub struct StepOutcome {
     pub w: Vec<Vec3>,
     pub contacts: Vec<SolvedContact>,
     pub totals: ContactTotals,
-    pub exchanges: Vec<Vec<Exchange>>,
+    pub exchanges: Vec<Vec<ContactExchange>>,
 }
 
 /// Velocities and angular velocities in the contact configuration with all impulses, m/s and rad/s.
@@ -37,7 +37,7 @@ pub fn solved_velocities(solution: &ContactSolution, free: &FreeMotion) -> (Vec<
 pub fn finish_contacts(
     scene: &Scene,
     state: &mut State,
-    q_c: &Configuration,
+    q_c: &ContactConfiguration,
     contacts: &[Contact],
     free: &FreeMotion,
     system: &ContactProblem,
@@ -52,7 +52,7 @@ pub fn finish_contacts(
     let end = PostSolve { scene, state, q_c, system, solution, motion, v: &v, w: &w, driven: &driven, warning_depth: deep };
     // In parts that the number of rows alone decides.
     let parts = ends.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
-    let parts: Vec<(ContactTotals, Vec<Exchange>)> =
+    let parts: Vec<(ContactTotals, Vec<ContactExchange>)> =
         parts.map(|(part, (ends, contacts))| end.finish_chunk(part * ITEMS_PER_TASK, contacts, ends)).collect();
     let given = parts.iter().fold(ContactTotals::default(), |sum, (given, _)| sum + *given);
     let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
@@ -63,7 +63,7 @@ pub fn finish_contacts(
 struct PostSolve<'a> {
     scene: &'a Scene,
     state: &'a State,
-    q_c: &'a Configuration,
+    q_c: &'a ContactConfiguration,
     system: &'a ContactProblem,
     solution: &'a ContactSolution,
     /// Where contacts lose something once they move.
@@ -115,7 +115,7 @@ pub fn deeper_overlap(a: Option<Overlap>, b: Overlap) -> Option<Overlap> {
 
 impl PostSolve<'_> {
     /// Fills `ends` with those of contacts of which the first has the number `first`; what they do in the step.
-    fn finish_chunk(&self, first: usize, contacts: &[Contact], ends: &mut [SolvedContact]) -> (ContactTotals, Vec<Exchange>) {
+    fn finish_chunk(&self, first: usize, contacts: &[Contact], ends: &mut [SolvedContact]) -> (ContactTotals, Vec<ContactExchange>) {
         let PostSolve { q_c, system, solution, .. } = self;
         let (mut given, mut exchanges) = (ContactTotals::default(), Vec::with_capacity(contacts.len()));
         let roll = system.rolling_constraints.partition_point(|roll| (roll.row as usize) < first);
@@ -137,7 +137,7 @@ impl PostSolve<'_> {
                 given.penetration_added += (-contact.gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
                 let virial = self.accumulate_totals(k, r, end, &mut given);
                 given.virial += virial;
-                exchanges.push(Exchange { bodies: row.bodies, virial });
+                exchanges.push(ContactExchange { bodies: row.bodies, virial });
             } else if end.moment != Vec3::zeros() {
                 // What holds two bodies presses them as it pulls: nothing is left but what resists rolling.
                 self.accumulate_totals(k, r, end, &mut given);
@@ -160,9 +160,9 @@ impl PostSolve<'_> {
         let bound = row.friction * local.x * (1.0 - 1e-12);
         let at_limit = if motion.is_some() && row.friction > 0.0 { slides } else { local.yz().norm() >= bound };
         let status = match local.x > 0.0 {
-            false => Status::NoContact,
-            true if at_limit => Status::Slide,
-            true => Status::Stick,
+            false => ContactStatus::NoContact,
+            true if at_limit => ContactStatus::Slide,
+            true => ContactStatus::Stick,
         };
         let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, opens, slides));
         let mut velocity = relative_velocity(contact, &q_c.x, v, w);

@@ -8,13 +8,13 @@ use super::ITEMS_PER_TASK;
 use super::ends::{Overlap, StepOutcome};
 use super::unforeseen::work_from_start;
 use crate::assemble::{FreeMotion, GravityReport, ContactProblem};
-use crate::detect::Missed;
-use crate::integrate::Configuration;
+use crate::detect::NarrowPhaseError;
+use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
 use crate::scene::Scene;
 use crate::solve::ContactSolution;
 use crate::solve::norms::{Lmgc90Norms, lmgc90_norms};
-use crate::state::{Interval, State};
+use crate::state::{OutputInterval, State};
 
 /// What a step did, for the log.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,7 +48,7 @@ pub struct StepReport {
     pub penetration_largest: f64,
     pub penetration_mean: f64,
     /// What the fast narrow phase missed, where it was looked at.
-    pub narrow_phase_error: Option<Missed>,
+    pub narrow_phase_error: Option<NarrowPhaseError>,
     /// Σ f·l, forces and branches of the contacts: pressure times three volumes, J.
     pub virial: f64,
     /// Σ ¼ m |h a|² over the bodies on which no contact acts, a the acceleration beyond uniform gravity: what a step that
@@ -75,7 +75,7 @@ pub struct WorstContact {
 pub fn update_ledger(
     scene: &Scene,
     state: &mut State,
-    q_c: &Configuration,
+    q_c: &ContactConfiguration,
     free: &FreeMotion,
     system: &ContactProblem,
     solution: &ContactSolution,
@@ -84,9 +84,9 @@ pub fn update_ledger(
     let h = q_c.h;
     let given = &solved.totals;
     if state.step.is_multiple_of(scene.options.output_every) {
-        state.interval = Interval { start: state.time, ..Interval::default() };
+        state.interval = OutputInterval { start: state.time, ..OutputInterval::default() };
     }
-    state.interval.add(solved.exchanges.iter().flatten());
+    state.interval.add_exchanges(solved.exchanges.iter().flatten());
     let from_start = work_from_start(scene, state, q_c, free, &solved.v);
     let ledger = &mut state.ledger;
     ledger.contact_work += given.contact_work;

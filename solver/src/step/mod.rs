@@ -14,16 +14,16 @@ pub use self::ledger::{MotionTotals, StepReport, WorstContact};
 use self::ends::finish_contacts;
 use self::ledger::update_ledger;
 use self::motion::refine_until_decided;
-use crate::activity::{self, Stage};
+use crate::activity::{self, StepStage};
 use crate::assemble;
-use crate::detect::{self, Missed};
-use crate::integrate::{self, Configuration};
+use crate::detect::{self, NarrowPhaseError};
+use crate::integrate::{self, ContactConfiguration};
 use crate::laws::ContactLaw;
 use crate::math::Vec3;
 use crate::math::lanes::SimdWidth;
 use crate::scene::Scene;
 use crate::solve::{self, SolveRequest, StoppingCriteria};
-use crate::state::{Before, Bonding, Contact, State};
+use crate::state::{StateBackup, BondingMode, Contact, State};
 
 /// Time spent in each room.
 #[derive(Debug, Clone, Copy, Default)]
@@ -50,10 +50,10 @@ impl StageTimes {
 /// Advances the state by one step; none if the program was requested to stop within it, and the state is as it was.
 pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<StepReport> {
     let lap = &mut Stopwatch::start();
-    let before = Before::of(scene, state);
-    activity::enter(Stage::Forces, 0);
+    let before = StateBackup::new(scene, state);
+    activity::begin_stage(StepStage::Forces, 0);
     let happened = assemble::apply_events(scene, state);
-    let units = integrate::units(scene, state, happened.any_event);
+    let units = integrate::choose_step_multiple(scene, state, happened.any_event);
     assemble::apply_torque_and_damping(scene, state, units);
     let anew = unforeseen::velocities_are_unbounded(scene, state, &happened);
     let q_c = contact_configuration(scene, state, units, anew); // M1  x_c = x + (1-θ) h V
@@ -61,8 +61,8 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     let mut free = assemble::free_velocity(scene, state, &q_c, &happened.shakes); // M2  V_free = V + h M⁻¹ F(x_c)
     state.attraction = free.attraction.take();
     lap.add_lap(&mut clock.gravity);
-    activity::enter(Stage::Detection, 0);
-    let mut contacts = detect::contacts(scene, &q_c, [&free.v, &free.w], &mut state.known); // M3  g, (n, t, s)
+    activity::begin_stage(StepStage::Detection, 0);
+    let mut contacts = detect::listed_contacts(scene, &q_c, [&free.v, &free.w], &mut state.detection_cache); // M3  g, (n, t, s)
     let missed = sample_narrow_phase_error(scene, state, &q_c, [&free.v, &free.w], &contacts);
     lap.add_lap(&mut clock.detection);
     let task = solve_request(scene, state, units);
@@ -70,16 +70,16 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     let (mut system, mut solution) = loop {
         let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
         lap.add_lap(&mut clock.assembly);
-        activity::enter(Stage::Solve, contacts.len());
+        activity::begin_stage(StepStage::Solve, contacts.len());
         let solution = solve::solve_contact_problem(&system, task, |s| assemble::stored_problem(s, &contacts)); // M5  r
         sweeps += solution.sweeps;
         lap.add_lap(&mut clock.solve);
         // What contacts have pushed may close pairs that nothing closed before: again with these.
         let (v, w) = ends::solved_velocities(&solution, &free);
-        let late = detect::late(scene, &q_c, [&free.v, &free.w], [&v, &w], &contacts);
+        let late = detect::late_contacts(scene, &q_c, [&free.v, &free.w], [&v, &w], &contacts);
         lap.add_lap(&mut clock.detection);
         if activity::is_stopped() {
-            before.put_back(state);
+            before.restore_to(state);
             return None;
         }
         if late.is_empty() {
@@ -98,34 +98,34 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     if !happened.shakes.is_empty() {
         report.flight_error = 0.0; // what shakes is an impulse, and exact
     }
-    integrate::advance(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
+    integrate::advance_state(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.order) = (solved.contacts, q_c.order);
     drift::close_bonds(scene, state, &system);
-    state.bonding = Bonding::No;
+    state.bonding = BondingMode::No;
     lap.add_lap(&mut clock.integration);
     Some(report)
 }
 
 /// Where contacts are looked for in a step of so many units of `dt`; `anew`: with velocities that no step has bounded.
-fn contact_configuration(scene: &Scene, state: &State, units: u64, anew: bool) -> Configuration {
+fn contact_configuration(scene: &Scene, state: &State, units: u64, anew: bool) -> ContactConfiguration {
     let from_start = unforeseen::from_start(scene, state, units, anew);
     let q_c = match from_start.is_empty() {
-        true => integrate::predict(scene, state, units),
+        true => integrate::predict_configuration(scene, state, units),
         false => integrate::predict_from_start(scene, state, units, from_start),
     };
-    Configuration { changed: anew, ..q_c }
+    ContactConfiguration { changed: anew, ..q_c }
 }
 
 /// What the fast narrow phase has missed of the contacts, in the steps in which that is looked at.
 fn sample_narrow_phase_error(
     scene: &Scene,
     state: &State,
-    q_c: &Configuration,
+    q_c: &ContactConfiguration,
     free: [&[Vec3]; 2],
     contacts: &[Contact],
-) -> Option<Missed> {
-    let looks = scene.narrow_phase_is_fast() && state.looks(q_c.units);
-    looks.then(|| detect::missed(scene, q_c, free, &state.known, contacts))
+) -> Option<NarrowPhaseError> {
+    let looks = scene.narrow_phase_is_fast() && state.is_diagnostic_step(q_c.step_multiple);
+    looks.then(|| detect::narrow_phase_error(scene, q_c, free, &state.detection_cache, contacts))
 }
 
 fn solve_request(scene: &Scene, state: &State, units: u64) -> SolveRequest {
@@ -167,11 +167,11 @@ fn tolerance_factor(penetration_tol: f64, left: f64) -> f64 {
 pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProblem) {
     let mut state = state.clone();
     let happened = assemble::apply_events(scene, &mut state);
-    let units = integrate::units(scene, &state, happened.any_event);
+    let units = integrate::choose_step_multiple(scene, &state, happened.any_event);
     assemble::apply_torque_and_damping(scene, &mut state, units);
     let q_c = contact_configuration(scene, &state, units, unforeseen::velocities_are_unbounded(scene, &state, &happened));
     let free = assemble::free_velocity(scene, &state, &q_c, &happened.shakes);
-    let contacts = detect::contacts(scene, &q_c, [&free.v, &free.w], &mut state.known);
+    let contacts = detect::listed_contacts(scene, &q_c, [&free.v, &free.w], &mut state.detection_cache);
     let system = assemble::contact_problem(scene, &state, &q_c, &contacts, &free.v, &free.w);
     (units, assemble::stored_problem(&system, &contacts))
 }

@@ -5,7 +5,7 @@
 
 use crate::assemble::{self, FreeMotion, AppliedEvents, relative_velocity};
 use crate::detect;
-use crate::integrate::{Configuration, GROWTH, predict};
+use crate::integrate::{ContactConfiguration, MAX_STEP_GROWTH, predict_configuration};
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{Contact, State};
@@ -25,18 +25,18 @@ pub fn velocities_are_unbounded(scene: &Scene, state: &State, happened: &Applied
 /// can meet would close a gap on the way to the contact configuration. Empty where none would.
 pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<bool> {
     let h = units as f64 * scene.options.dt;
-    let most = if scene.options.adaptive().is_on() { GROWTH as f64 } else { 1.0 };
+    let most = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 } else { 1.0 };
     let longer = h > most * state.h * (1.0 + SPEED_DIGITS);
-    let moving_walls = || scene.drives.iter().any(|drive| drive.moves());
+    let moving_walls = || scene.drives.iter().any(|drive| drive.ever_moves());
     // What is changed in every step moves free bodies alike; walls stay.
     let pushed = state.torque != Vec3::zeros() && !scene.drives.is_empty() || state.quench > 0.0 && moving_walls();
     let before = (1.0 - scene.options.theta) * h;
     if before == 0.0 || !(anew || longer || pushed) {
         return Vec::new();
     }
-    let start = predict(scene, state, 0);
-    let start = Configuration { ahead: h + before, ..start };
-    let contacts = detect::contacts(scene, &start, [&state.v, &state.w], &mut state.known.clone());
+    let start = predict_configuration(scene, state, 0);
+    let start = ContactConfiguration { lookahead: h + before, ..start };
+    let contacts = detect::listed_contacts(scene, &start, [&state.v, &state.w], &mut state.detection_cache.clone());
     let closes = |contact: &Contact| {
         let u = contact.normal.dot(&relative_velocity(contact, &start.x, &state.v, &start.w));
         let radius =
@@ -60,7 +60,7 @@ pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<b
 
 /// What the choice of θ gives the bodies of a step that they take with θ = 1, beyond what the scene's θ would, J: their way is
 /// longer by (1-θ) h (V⁺ - V), on which the forces that have a potential work.
-pub fn work_from_start(scene: &Scene, state: &State, q_c: &Configuration, free: &FreeMotion, v: &[Vec3]) -> f64 {
+pub fn work_from_start(scene: &Scene, state: &State, q_c: &ContactConfiguration, free: &FreeMotion, v: &[Vec3]) -> f64 {
     if q_c.from_start.is_empty() {
         return 0.0;
     }

@@ -11,7 +11,7 @@ use crate::scene::Scene;
 use crate::state::State;
 
 /// Refuses a step that a run from this state does not make, and contacts whose moments the document has no place for.
-pub fn expect(scene: &Scene, state: &State, step: u64) -> Result<(), Faults> {
+pub fn check_dump_step(scene: &Scene, state: &State, step: u64) -> Result<(), Faults> {
     let mut faults = Faults::default();
     let mut fault = |found: String, expected: String| {
         faults.push(Fault::new(Path::new("options"), None, "dump_problem", found, expected));
@@ -28,7 +28,7 @@ pub fn expect(scene: &Scene, state: &State, step: u64) -> Result<(), Faults> {
 }
 
 /// Writes `CASE/problem-NNNNNN.fc3d`, the problem that leads to step NNNNNN; returns its path.
-pub fn write(case: &Path, step: u64, problem: StoredProblem) -> Result<PathBuf, Faults> {
+pub fn write_problem(case: &Path, step: u64, problem: StoredProblem) -> Result<PathBuf, Faults> {
     let path = case.join(format!("problem-{step:06}.fc3d"));
     let blocks = problem.blocks.into_iter().map(|(row, column, w)| Fc3dBlock { row, column, w }).collect();
     let document = Fc3d {

@@ -10,26 +10,26 @@ use cd_formats::tact_behav::LAW_LABELS;
 
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::Vec3;
-use crate::scene::{Body, Part, Scene, Shape};
-use crate::state::{SolvedContact, State, Status};
+use crate::scene::{RigidBody, BodyPart, Scene, BodyShape};
+use crate::state::{SolvedContact, State, ContactStatus};
 
 /// All of the state, with what of the scene its reader needs.
-pub fn of(scene: &Scene, state: &State) -> Snapshot {
-    let memory = state.laws.iter().any(ContactLaw::has_memory).then(|| memory(state));
+pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
+    let memory = state.laws.iter().any(ContactLaw::has_memory).then(|| memory_arrays(state));
     Snapshot {
-        meta: meta(scene, state),
-        bodies: bodies(scene, state),
-        contacts: contacts(state),
+        meta: snapshot_meta(scene, state),
+        bodies: body_arrays(scene, state),
+        contacts: contact_arrays(state),
         memory,
-        gravity: gravity(scene, state),
-        shapes: scene.is_general().then(|| shapes(scene, state)),
-        interval: Some(interval(state)),
+        gravity: gravity_arrays(scene, state),
+        shapes: scene.is_general().then(|| shape_arrays(scene, state)),
+        interval: Some(interval_arrays(state)),
     }
 }
 
-fn meta(scene: &Scene, state: &State) -> SnapshotMeta {
+fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
     let options = &scene.options;
-    let laws: Vec<LawName> = scene.law_names.iter().zip(&state.laws).map(|(name, law)| in_force(name, law)).collect();
+    let laws: Vec<LawName> = scene.law_names.iter().zip(&state.laws).map(|(name, law)| current_law(name, law)).collect();
     let changed = laws != scene.law_names;
     SnapshotMeta {
         format: FORMAT_VERSION,
@@ -79,7 +79,7 @@ fn meta(scene: &Scene, state: &State) -> SnapshotMeta {
 }
 
 /// A law of TACT_BEHAV.DAT with the parameters that it now has.
-fn in_force(name: &LawName, law: &ContactLaw) -> LawName {
+fn current_law(name: &LawName, law: &ContactLaw) -> LawName {
     let mut now = name.clone();
     let labels = LAW_LABELS.iter().filter(|(kind, _)| *kind == name.kind).flat_map(|(_, lines)| lines.concat());
     for (label, parameter) in labels.zip(&mut now.parameters) {
@@ -95,7 +95,7 @@ fn in_force(name: &LawName, law: &ContactLaw) -> LawName {
     now
 }
 
-fn bodies(scene: &Scene, state: &State) -> BodyArrays {
+fn body_arrays(scene: &Scene, state: &State) -> BodyArrays {
     let of = |value: &dyn Fn(usize) -> Vec3| -> Vec<[f64; 3]> { (0..state.x.len()).map(|i| value(i).into()).collect() };
     let body = &scene.bodies;
     BodyArrays {
@@ -109,40 +109,40 @@ fn bodies(scene: &Scene, state: &State) -> BodyArrays {
         body_inertia: body.iter().map(|b| b.inertia).collect(),
         body_radius: body.iter().map(|b| b.radius).collect(),
         body_half_lengths: of(&|i| match body[i].shape {
-            Shape::Plane { half_lengths } => half_lengths,
-            Shape::Sphere { .. } | Shape::Parts => Vec3::repeat(body[i].radius),
+            BodyShape::Plane { half_lengths } => half_lengths,
+            BodyShape::Sphere { .. } | BodyShape::Parts => Vec3::repeat(body[i].radius),
         }),
         body_shape: (body.iter())
             .map(|b| match b.shape {
-                Shape::Sphere { .. } => SHAPE_SPHERE,
-                Shape::Plane { .. } => SHAPE_PLANE,
-                Shape::Parts => SHAPE_PARTS,
+                BodyShape::Sphere { .. } => SHAPE_SPHERE,
+                BodyShape::Plane { .. } => SHAPE_PLANE,
+                BodyShape::Parts => SHAPE_PARTS,
             })
             .collect(),
-        body_driven: body.iter().map(Body::imposed).collect(),
+        body_driven: body.iter().map(RigidBody::imposed_components).collect(),
         body_colour: body.iter().map(|b| b.colour).collect(),
         body_material: body.iter().map(|b| b.material).collect(),
     }
 }
 
-fn shapes(scene: &Scene, state: &State) -> ShapeArrays {
+fn shape_arrays(scene: &Scene, state: &State) -> ShapeArrays {
     let mut shapes = ShapeArrays::default();
     shapes.turning.turning_body = scene.turning.clone();
-    shapes.turning.turning_momentum = state.spin.iter().map(|&l| l.into()).collect();
+    shapes.turning.turning_momentum = state.angular_momentum.iter().map(|&l| l.into()).collect();
     shapes.contacts.contact_rank =
         state.contacts.iter().map(|c| [c.contact.ranks.0, c.contact.ranks.1].map(u32::from)).collect();
     shapes.contacts.contact_area = state.contacts.iter().map(|c| c.contact.area).collect();
-    let kept = state.known.kept();
-    let of_pairs = |value: fn(&Part) -> u32| -> Vec<[u32; 2]> {
+    let kept = state.detection_cache.cached_pairs();
+    let of_pairs = |value: fn(&BodyPart) -> u32| -> Vec<[u32; 2]> {
         kept.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part as usize]))).collect()
     };
     shapes.pairs.pair_body = of_pairs(|part| part.body);
     shapes.pairs.pair_rank = of_pairs(|part| part.rank.into());
-    shapes.pairs.pair_memory = kept.iter().map(|pair| pair.memory.words()).collect();
+    shapes.pairs.pair_memory = kept.iter().map(|pair| pair.memory.to_words()).collect();
     shapes
 }
 
-fn interval(state: &State) -> IntervalArrays {
+fn interval_arrays(state: &State) -> IntervalArrays {
     let exchanges = &state.interval.exchanges;
     IntervalArrays {
         interval_body: exchanges.iter().map(|exchange| exchange.bodies).collect(),
@@ -150,7 +150,7 @@ fn interval(state: &State) -> IntervalArrays {
     }
 }
 
-fn gravity(scene: &Scene, state: &State) -> Option<GravityArrays> {
+fn gravity_arrays(scene: &Scene, state: &State) -> Option<GravityArrays> {
     let attraction = state.attraction.as_ref()?;
     let of_all = |rows: &[Vec3]| {
         let mut all = vec![[0.0; 3]; scene.bodies.len()];
@@ -160,7 +160,7 @@ fn gravity(scene: &Scene, state: &State) -> Option<GravityArrays> {
     Some(GravityArrays { gravity_last: of_all(&attraction.last), gravity_before: of_all(&attraction.before) })
 }
 
-fn contacts(state: &State) -> ContactArrays {
+fn contact_arrays(state: &State) -> ContactArrays {
     let list = &state.contacts;
     let vectors =
         |value: &dyn Fn(&SolvedContact) -> Vec3| -> Vec<[f64; 3]> { list.iter().map(|c| value(c).into()).collect() };
@@ -176,16 +176,16 @@ fn contacts(state: &State) -> ContactArrays {
         contact_status: list
             .iter()
             .map(|c| match c.status {
-                Status::NoContact => STATUS_NO_CONTACT,
-                Status::Stick => STATUS_STICK,
-                Status::Slide => STATUS_SLIDE,
+                ContactStatus::NoContact => STATUS_NO_CONTACT,
+                ContactStatus::Stick => STATUS_STICK,
+                ContactStatus::Slide => STATUS_SLIDE,
             })
             .collect(),
         contact_law: list.iter().map(|c| c.contact.law).collect(),
     }
 }
 
-fn memory(state: &State) -> MemoryArrays {
+fn memory_arrays(state: &State) -> MemoryArrays {
     MemoryArrays {
         contact_bonded: state.contacts.iter().map(|c| c.bond.is_some().into()).collect(),
         contact_moment: state.contacts.iter().map(|c| c.moment.into()).collect(),

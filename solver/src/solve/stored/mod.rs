@@ -277,7 +277,7 @@ impl<'a> SolverRun<'a> {
 
     /// Enters a pass over the contacts and its cost.
     fn count_pass(&mut self, cost: f64) {
-        activity::sweep();
+        activity::count_sweep();
         self.sweeps += 1;
         self.cost += cost;
     }
