@@ -130,14 +130,14 @@ impl Bodies {
     }
 
     /// The text of the file, numbers with eight digits; of bodies with a polyhedron up to twelve, see
-    /// [`long14`]: neighbours in a broken solid share faces.
+    /// [`format_long14`]: neighbours in a broken solid share faces.
     ///
     /// Names must have at most five characters, numbers be finite and below 1e100.
     pub fn to_text(&self) -> String {
         self.text_with(format_e14)
     }
 
-    /// The same with as many digits as the columns hold, see [`long14`].
+    /// The same with as many digits as the columns hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
         self.text_with(format_long14)
     }

@@ -74,7 +74,7 @@ impl BulkBehav {
         self.text_with(format_e14)
     }
 
-    /// The same with as many digits as the columns hold, see [`long14`].
+    /// The same with as many digits as the columns hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
         self.text_with(format_long14)
     }

@@ -71,7 +71,7 @@ impl Dof {
         scan.finish(Dof { step, time, bodies })
     }
 
-    /// The text of the file as LMGC90 writes it, numbers with seven digits; of axes that need more, see [`long14`].
+    /// The text of the file as LMGC90 writes it, numbers with seven digits; of axes that need more, see [`format_long14`].
     ///
     /// Numbers must be finite and below 1e100; step and bodies have seven columns.
     pub fn to_text(&self) -> String {
@@ -92,7 +92,7 @@ impl Dof {
     }
 }
 
-/// [`d14`] where that is the number itself.
+/// [`format_d14`] where that is the number itself.
 fn format_axis(x: f64) -> String {
     let short = format_d14(x);
     if fortran_real(&short) == Ok(x) { short } else { format_long14(x) }

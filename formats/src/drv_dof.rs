@@ -101,8 +101,8 @@ impl Evolution {
     /// ```
     /// use cd_formats::drv_dof::Evolution;
     /// let table = Evolution::Table { name: "v.dat".into(), points: vec![[0.0, 1.0], [2.0, 5.0]] };
-    /// assert_eq!(table.at(1.0), 3.0);
-    /// assert_eq!(table.at(3.0), 7.0); // beyond the last point
+    /// assert_eq!(table.value_at(1.0), 3.0);
+    /// assert_eq!(table.value_at(3.0), 7.0); // beyond the last point
     /// ```
     pub fn value_at(&self, t: f64) -> f64 {
         match self {
@@ -160,7 +160,7 @@ impl DrvDof {
         self.text_with(format_e14)
     }
 
-    /// The same with as many digits as the columns hold, see [`long14`].
+    /// The same with as many digits as the columns hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
         self.text_with(format_long14)
     }

@@ -54,9 +54,9 @@ impl ConvexMesh {
     /// Errors: what is wrong with the surface, or why it is no convex polyhedron.
     ///
     /// ```
-    /// # use cd_formats::faces::Faces;
+    /// # use cd_formats::faces::ConvexMesh;
     /// let vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    /// let (faces, mass) = Faces::of_contactor(&vertices, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap();
+    /// let (faces, mass) = ConvexMesh::from_contactor(&vertices, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap();
     /// assert_eq!((faces.planes.len(), faces.edges.len(), mass.centre), (4, 6, [0.25; 3]));
     /// ```
     pub fn from_contactor(
@@ -72,7 +72,7 @@ impl ConvexMesh {
         Ok((attempt(FLATNESS_OF_FILES).or_else(finer)?, mass))
     }
 
-    /// Faces of a closed, outward triangulated surface about the body's centre of mass, m. Triangles whose vertices lie within
+    /// ConvexMesh of a closed, outward triangulated surface about the body's centre of mass, m. Triangles whose vertices lie within
     /// `flatness` times the size of a plane become one face, and vertices that are then no corners are left out.
     ///
     /// Errors: what makes it no convex polyhedron.

@@ -3,10 +3,10 @@
 /// Disjoint sets of the numbers 0, 1, ... with halving of paths.
 ///
 /// ```
-/// let mut groups = cd_formats::groups::Groups::new(4);
-/// groups.join(3, 1);
-/// groups.join(0, 3);
-/// assert_eq!([0, 1, 2, 3].map(|i| groups.root(i)), [0, 0, 2, 0]);
+/// let mut groups = cd_formats::groups::DisjointSets::new(4);
+/// groups.union(3, 1);
+/// groups.union(0, 3);
+/// assert_eq!([0, 1, 2, 3].map(|i| groups.find(i)), [0, 0, 2, 0]);
 /// ```
 #[derive(Debug, Clone)]
 pub struct DisjointSets(Vec<usize>);

@@ -21,7 +21,7 @@ impl<'a> FaultReport<'a> {
         FaultReport::with_settings(file, text, &[])
     }
 
-    /// Report on a text in which [`places::set`] has put other values: faults of these name the setting.
+    /// Report on a text in which [`places::apply_settings`] has put other values: faults of these name the setting.
     pub fn with_settings(file: &'a Path, text: &'a str, settings: &'a [String]) -> Self {
         FaultReport {
             file,
@@ -37,7 +37,7 @@ impl<'a> FaultReport<'a> {
         self.faults.push(self.fault_at(path, found.into(), format!("expected {}", expected.into())));
     }
 
-    /// As [`Report::fault`], with the whole phrase about what is expected, such as a question.
+    /// As [`FaultReport::add_fault`], with the whole phrase about what is expected, such as a question.
     pub fn fault_as(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
         self.faults.push(self.fault_at(path, found.into(), expected.into()));
     }

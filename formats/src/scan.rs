@@ -450,10 +450,10 @@ pub fn format_d14(x: f64) -> String {
 /// Nine digits from 1e-3 on, twelve from 1 to 1e11. Numbers that were read from such a field come out the same.
 ///
 /// ```
-/// use cd_formats::scan::long14;
-/// assert_eq!(long14(2.0 / 3.0), " 0.66666666667");
-/// assert_eq!(long14(-1234.56789012345), "-1234.56789012");
-/// assert_eq!(long14(0.25), " 2.5000000E-01");
+/// use cd_formats::scan::format_long14;
+/// assert_eq!(format_long14(2.0 / 3.0), " 0.66666666667");
+/// assert_eq!(format_long14(-1234.56789012345), "-1234.56789012");
+/// assert_eq!(format_long14(0.25), " 2.5000000E-01");
 /// ```
 pub fn format_long14(x: f64) -> String {
     let short = format_e14(x);

@@ -94,7 +94,7 @@ pub struct SnapshotMeta {
     /// If any step has failed.
     #[serde(default, skip_serializing_if = "FallbackState::is_new")]
     pub fallback: FallbackState,
-    /// The options of the run as COMPUTE.RON has them, flags included; see [`crate::compute::Compute::of_results`]. Empty in
+    /// The options of the run as COMPUTE.RON has them, flags included; see [`crate::compute::Compute::result_options`]. Empty in
     /// snapshots that were written before there were these.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub options: BTreeMap<String, String>,

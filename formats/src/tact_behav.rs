@@ -180,8 +180,8 @@ impl TactBehav {
     ///
     /// ```
     /// use cd_formats::tact_behav::TactBehav;
-    /// let text = format!("$behav\n{}", TactBehav::no_law("BLUEx", "BOULD"));
-    /// assert_eq!(TactBehav::without_law(&text), [["BLUEx", "BOULD"]]);
+    /// let text = format!("$behav\n{}", TactBehav::no_law_comment("BLUEx", "BOULD"));
+    /// assert_eq!(TactBehav::colour_pairs_without_law(&text), [["BLUEx", "BOULD"]]);
     /// ```
     pub fn colour_pairs_without_law(text: &str) -> Vec<[String; 2]> {
         let pair = |line: &str| {
@@ -191,7 +191,7 @@ impl TactBehav {
         text.lines().filter_map(pair).collect()
     }
 
-    /// The same with as many digits as the columns hold, see [`long14`].
+    /// The same with as many digits as the columns hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
         self.text_with(format_long14)
     }

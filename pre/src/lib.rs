@@ -157,7 +157,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
 }
 
 /// Reads the scene of the file `source`, with other values as `settings` say, and writes the files of the folder
-/// `datbox`; see [`places::set`].
+/// `datbox`; see [`places::apply_settings`].
 ///
 /// Returns a summary for people. Errors: all faults of the scene (nothing is written then), or a file
 /// that cannot be written.
@@ -231,7 +231,7 @@ pub fn read_scene(source: &Path, text: &str, settings: &[String]) -> Result<(Sce
     report.faults.into_result((scene, population))
 }
 
-/// Reads RON in which [`places::set`] has put other values.
+/// Reads RON in which [`places::apply_settings`] has put other values.
 fn parse_with_settings<T: DeserializeOwned>(
     file: &Path,
     text: &str,
@@ -322,8 +322,8 @@ fn vertex_count_text(grains: &[&population::Grain]) -> String {
 /// The nearest number that the files can hold: 8 digits, and no negative zero.
 ///
 /// ```
-/// assert_eq!(cd_pre::round8(2.0 / 3.0), 0.66666667);
-/// assert_eq!(cd_pre::round8(-123456789.0), -123456790.0);
+/// assert_eq!(cd_pre::round_8_digits(2.0 / 3.0), 0.66666667);
+/// assert_eq!(cd_pre::round_8_digits(-123456789.0), -123456790.0);
 /// ```
 pub fn round_8_digits(x: f64) -> f64 {
     format!("{x:.7e}").parse().unwrap_or(x) + 0.0

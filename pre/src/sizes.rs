@@ -43,9 +43,9 @@ impl SizeDistribution {
     /// Share of all grains that are smaller than `radius`, m, in the distribution: 0 to 1.
     ///
     /// ```
-    /// use cd_pre::scene::Sizes;
+    /// use cd_pre::scene::SizeDistribution;
     /// // The number larger than r falls as 1/r: (1 - 1/1.5) / (1 - 1/2) of it is gone at 1.5.
-    /// let sizes = Sizes::PowerLaw { min: 1.0, max: 2.0, exponent: 1.0 };
+    /// let sizes = SizeDistribution::PowerLaw { min: 1.0, max: 2.0, exponent: 1.0 };
     /// assert!((sizes.share_below(1.5) - 2.0 / 3.0).abs() < 1e-15);
     /// ```
     pub fn share_below(&self, radius: f64) -> f64 {
@@ -71,7 +71,7 @@ impl SizeDistribution {
         }
     }
 
-    /// The radius, m, that a share `u` in [0, 1) of the grains is smaller than: inverse of [`Sizes::share_below`].
+    /// The radius, m, that a share `u` in [0, 1) of the grains is smaller than: inverse of [`SizeDistribution::share_below`].
     fn quantile(&self, u: f64) -> f64 {
         let (min, max) = self.radius_range();
         match self {

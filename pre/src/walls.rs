@@ -21,7 +21,7 @@ pub struct WallBody {
     pub centre: Vector3<f64>,
     /// First and second axis and normal, or axis of the cylinder, as rows: orthonormal, right-handed.
     pub axes: Matrix3<f64>,
-    /// [`Shape::Plane`] or [`Shape::Cylinder`].
+    /// [`ShapeRecord::Plane`] or [`ShapeRecord::Cylinder`].
     pub shape: ShapeRecord,
     /// Along the fixed axes, m/s; about its own axes, rad/s.
     pub motion: [TimeFunction; 6],

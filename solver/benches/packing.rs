@@ -1,6 +1,6 @@
 //! Synthetic contact problems for benches and tests.
 
-use cd_solve::assemble::{BlockData, SolverBody, RollingConstraint, ContactConstraint, ContactProblem};
+use cd_solve::assemble::{BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody};
 use cd_solve::math::{Mat3, Vec3};
 use cd_solve::solve::full::local::{delassus_block_of_row, full_matrix};
 
@@ -10,7 +10,8 @@ pub fn blocks(side: usize, friction: f64) -> ContactProblem {
     let turned = |k: usize| 0.2 * ((k as f64 + 0.5) * 9.7).sin();
     let inverse_inertia = |k: usize| Mat3::from_diagonal(&Vec3::new(1.5, 1.2 + turned(k), 1.8));
     let inverse_inertia = (0..system.bodies.len()).map(inverse_inertia).collect();
-    let mut full = BlockData { arms: Vec::new(), friction_offsets: Vec::new(), locked_axes: Vec::new(), inverse_inertia };
+    let mut full =
+        BlockData { arms: Vec::new(), friction_offsets: Vec::new(), locked_axes: Vec::new(), inverse_inertia };
     let mut rows = Vec::new();
     for row in &system.rows {
         let (u, v) = (row.normal.cross(&Vec3::new(0.6, 0.8, 0.1)), row.normal.yzx());

@@ -4,7 +4,9 @@
 //!
 //! `items` are pairs: 2 Mitem/s are 500 ns per pair. Warm pairs have moved by 1e-3 of their size since the last time.
 
-use cd_solve::geometry::{CachedFeature, NarrowPhaseMode, Polyhedron, PosedPolyhedron, PairResult, PairBatch, polyhedron_polyhedron};
+use cd_solve::geometry::{
+    CachedFeature, NarrowPhaseMode, PairBatch, PairResult, Polyhedron, PosedPolyhedron, polyhedron_polyhedron,
+};
 use cd_solve::math::lanes::SimdWidth;
 use cd_solve::math::{Quat, Vec3};
 use divan::counter::ItemsCount;

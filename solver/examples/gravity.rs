@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use cd_solve::gravity::{GravitySolver, HIGHEST_ORDER, MIN_FMM_ERROR, LOWEST_ORDER, SummationMethod};
+use cd_solve::gravity::{GravitySolver, HIGHEST_ORDER, LOWEST_ORDER, MIN_FMM_ERROR, SummationMethod};
 use cd_solve::math::{Vec3, morton};
 use clap::Parser;
 

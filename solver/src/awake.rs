@@ -53,7 +53,8 @@ mod tests {
         for threads in 1..=3 {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             assert_eq!(pool.install(|| with_busy_waiting_workers(|| rayon::join(|| 1, || 2))), (1, 2));
-            let panicked = catch_unwind(AssertUnwindSafe(|| pool.install(|| with_busy_waiting_workers(|| panic!("as meant")))));
+            let panicked =
+                catch_unwind(AssertUnwindSafe(|| pool.install(|| with_busy_waiting_workers(|| panic!("as meant")))));
             assert!(panicked.is_err());
         }
     }

@@ -9,7 +9,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::tell::{print_error, print_line, usage};
 use clap::{CommandFactory, Parser};
 
-use crate::run::{RunFailure, check_run, run_case as run_case, account_changed_forces};
+use crate::run::{RunFailure, account_changed_forces, check_run, run_case};
 use crate::{awake, plan, read, write};
 
 const PROGRAM: &str = "cd-solve";
@@ -92,7 +92,8 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
         if let Some(before) = before {
             account_changed_forces(&scene, &before.parameters, &mut state);
             // The start stands in DATBOX.
-            let text = (state.step > 0).then(|| write::text::is_written(&write::outbox_path(case), &state)).transpose()?;
+            let text =
+                (state.step > 0).then(|| write::text::is_written(&write::outbox_path(case), &state)).transpose()?;
             let (warnings, notes) = before.option_changes(&scene, text, &arguments.flags.given_names());
             warnings.iter().for_each(warn);
             notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));

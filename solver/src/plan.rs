@@ -8,7 +8,7 @@ use cd_formats::compute::Accuracy;
 
 use crate::integrate::{fastest_turn, shortest_orbit};
 use crate::math::Vec3;
-use crate::scene::{RigidBody, ImposedVelocity, ContactorShape, BodyPart, Scene, BodyShape};
+use crate::scene::{BodyPart, BodyShape, ContactorShape, ImposedVelocity, RigidBody, Scene};
 use crate::solve::batches::ContactBatch;
 use crate::state::{Contact, ContactExchange, SolvedContact, State};
 use crate::step::{StageTimes, StepReport, step};
@@ -54,12 +54,17 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
         }
     };
     let travel = MAX_TRAVEL_RADII * smallest;
-    bound(travel / fastest, format!("bodies move at {fastest:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"));
+    bound(
+        travel / fastest,
+        format!("bodies move at {fastest:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"),
+    );
     if let Some((radius, surface)) = scene.surface_gravity() {
         let fall = (2.0 * surface * radius).sqrt();
         bound(
             travel / fall,
-            format!("fallen together they meet at up to {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"),
+            format!(
+                "fallen together they meet at up to {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"
+            ),
         );
         bound(
             (MAX_FALL_RADII * scene.mean_radius / surface).sqrt(),
@@ -76,7 +81,9 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
         let fall = (2.0 * g * height).sqrt();
         bound(
             travel / fall,
-            format!("through {height:.3e} m they fall to {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"),
+            format!(
+                "through {height:.3e} m they fall to {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"
+            ),
         );
         bound(
             (MAX_FALL_RADII * scene.mean_radius / g).sqrt(),
@@ -84,7 +91,10 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
         );
     }
     let turn = fastest_turn(scene, state);
-    bound(1.0 / (STEPS_PER_RADIAN * turn), format!("bodies turn at {turn:.3e} rad/s: {STEPS_PER_RADIAN} steps a radian"));
+    bound(
+        1.0 / (STEPS_PER_RADIAN * turn),
+        format!("bodies turn at {turn:.3e} rad/s: {STEPS_PER_RADIAN} steps a radian"),
+    );
     bounds.sort_by(|a, b| a.h.total_cmp(&b.h));
     bounds
 }
@@ -194,7 +204,8 @@ fn peak_memory() -> Option<u64> {
 
 /// Bytes that a contact takes, about: what is kept of it, and what a step makes of it.
 fn contact_size() -> usize {
-    let row = size_of::<crate::assemble::ContactConstraint>() + size_of::<ContactBatch<f64>>() / crate::solve::batches::BATCH_LANES;
+    let row = size_of::<crate::assemble::ContactConstraint>()
+        + size_of::<ContactBatch<f64>>() / crate::solve::batches::BATCH_LANES;
     size_of::<Contact>() + 2 * size_of::<SolvedContact>() + row + 8 * size_of::<Vec3>()
 }
 
@@ -210,7 +221,8 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
         let (listed, active) = (report.contacts_listed, report.contacts_active);
         lines.push(("contacts", format!("{listed} listed, {active} carry force, now")));
     }
-    let until_now = peak_memory().map_or(String::new(), |held| format!("{:.1} MB at most until now; ", held as f64 / 1e6));
+    let until_now =
+        peak_memory().map_or(String::new(), |held| format!("{:.1} MB at most until now; ", held as f64 / 1e6));
     lines.push((
         "memory",
         format!(
@@ -243,7 +255,8 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
             format!(" of dt, up to {most} of them at once{when}, now {:.1}", at_once(tried))
         }
     };
-    let seconds = |tried: &TrialRun| format!(" {:.3e} s as now;", left as f64 * tried.seconds_per_step() / at_once(tried));
+    let seconds =
+        |tried: &TrialRun| format!(" {:.3e} s as now;", left as f64 * tried.seconds_per_step() / at_once(tried));
     let seconds = tried.as_ref().map_or(String::new(), seconds);
     if let Some(tried) = &tried {
         lines.push(("disk", disk_estimate(scene, left, at_once(tried), tried.sizes)));

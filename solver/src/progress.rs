@@ -41,7 +41,15 @@ impl ProgressDisplay {
         bar.reset_eta();
         let heard = Arc::new(Mutex::new((Instant::now(), first)));
         let watch = bar.is_hidden().then(|| spawn_watcher(Arc::clone(&heard), last));
-        ProgressDisplay { bar, first, last, start: Instant::now(), heard, watch, replacement_reported: Cell::new(false) }
+        ProgressDisplay {
+            bar,
+            first,
+            last,
+            start: Instant::now(),
+            heard,
+            watch,
+            replacement_reported: Cell::new(false),
+        }
     }
 
     /// Reports that the step after `step` begins.
@@ -56,7 +64,9 @@ impl ProgressDisplay {
         if state.step.is_multiple_of(10) {
             self.bar.set_message(format!("{} contacts, {} sweeps", report.contacts_active, report.sweeps));
         }
-        self.first_replacement_message(state.step, report.replacement_reason).into_iter().for_each(|message| self.print_message(&message));
+        self.first_replacement_message(state.step, report.replacement_reason)
+            .into_iter()
+            .for_each(|message| self.print_message(&message));
     }
 
     /// What to tell the first time that sweeps take another solver's place.

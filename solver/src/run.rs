@@ -22,7 +22,7 @@ use crate::plan::{StepBound, roundoff_warning, step_bounds};
 use crate::progress::ProgressDisplay;
 use crate::scene::Scene;
 use crate::state::{Contact, DetectionCache, State};
-use crate::step::{StageTimes, OVERLAP_WARNING_SHARE, MotionTotals, Overlap, deeper_overlap, next_problem, step};
+use crate::step::{MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, deeper_overlap, next_problem, step};
 use crate::write::summary::{RunStatistics, summary_text};
 use crate::write::{ResultFiles, errors};
 
@@ -50,11 +50,22 @@ impl From<Faults> for RunFailure {
 /// Advances the state to the last step and writes the results; returns the summary.
 ///
 /// `dump`: the step whose contact problem is written out, too.
-pub fn run_case(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Option<u64>) -> Result<String, RunFailure> {
+pub fn run_case(
+    case: &Path,
+    scene: &Scene,
+    mut state: State,
+    resumed: bool,
+    dump: Option<u64>,
+) -> Result<String, RunFailure> {
     let start = Instant::now();
     let last = scene.last_step();
     let (mut results, tally) = ResultFiles::open(case, scene, &state)?;
-    let mut course = RunStatistics { threads: rayon::current_num_threads(), bonds: state.bond_count(), tally, ..RunStatistics::default() };
+    let mut course = RunStatistics {
+        threads: rayon::current_num_threads(),
+        bonds: state.bond_count(),
+        tally,
+        ..RunStatistics::default()
+    };
     let stop = &*STOP_FLAG;
     // The time that an output takes is entered with the step after it.
     let mut writing = Duration::ZERO;
@@ -72,7 +83,9 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, resumed: bool, dum
     let (at_start, message) = initial_overlap_warning(scene, &state, &mut known).unzip();
     message.filter(|_| !resumed).into_iter().for_each(|message| progress.warn(&message));
     // Overlaps beyond this share of the smaller radius are those that steps have made.
-    let deep = at_start.map_or(OVERLAP_WARNING_SHARE, |overlap: Overlap| OVERLAP_WARNING_SHARE.max(DEEPER_OVERLAP_FACTOR * overlap.share));
+    let deep = at_start.map_or(OVERLAP_WARNING_SHARE, |overlap: Overlap| {
+        OVERLAP_WARNING_SHARE.max(DEEPER_OVERLAP_FACTOR * overlap.share)
+    });
     course.overlap = at_start;
     // What a run goes on with it has from before, and that decides between equals; at its own start it has nothing.
     if state.step == scene.start.0 && state.detection_cache == DetectionCache::default() {
@@ -146,7 +159,8 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, resumed: bool, dum
     progress.finish();
     // What the last step has made no step has measured.
     if course.steps > 0
-        && let Some(overlap) = deepest_overlap(&current_contacts(scene, &state, &mut state.detection_cache.clone()), scene)
+        && let Some(overlap) =
+            deepest_overlap(&current_contacts(scene, &state, &mut state.detection_cache.clone()), scene)
     {
         course.penetration_end = overlap.depth;
         if overlap.share > deep && course.overlap.is_none_or(|before| before.share <= deep) {
@@ -239,7 +253,8 @@ fn current_contacts(scene: &Scene, state: &State, known: &mut DetectionCache) ->
 
 /// The deepest overlap by its share of the smaller radius.
 fn deepest_overlap(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
-    let overlaps = contacts.iter().filter(|contact| contact.gap < 0.0).map(|contact| Overlap::from_contact(scene, contact));
+    let overlaps =
+        contacts.iter().filter(|contact| contact.gap < 0.0).map(|contact| Overlap::from_contact(scene, contact));
     overlaps.fold(None, deeper_overlap)
 }
 
@@ -247,7 +262,9 @@ fn deepest_overlap(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
 fn initial_overlap_warning(scene: &Scene, state: &State, known: &mut DetectionCache) -> Option<(Overlap, String)> {
     let contacts = current_contacts(scene, state, known);
     let deepest = deepest_overlap(&contacts, scene).filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE)?;
-    let deep = contacts.iter().filter(|contact| contact.gap < 0.0 && Overlap::from_contact(scene, contact).share > OVERLAP_WARNING_SHARE);
+    let deep = contacts
+        .iter()
+        .filter(|contact| contact.gap < 0.0 && Overlap::from_contact(scene, contact).share > OVERLAP_WARNING_SHARE);
     let mut pairs: Vec<[u32; 2]> = deep.map(|contact| [contact.candidate, contact.antagonist]).collect();
     pairs.dedup();
     let count = match pairs.len() {

@@ -438,7 +438,8 @@ impl Scene {
     /// Most steps from one evaluation of self-gravity to the next. Few bodies may be on orbits, and cost little: where
     /// nothing else is asked for, they are evaluated at every step, and so are direct sums that were asked for by name.
     pub fn gravity_refresh(&self) -> u64 {
-        let exact = self.free.len() < MIN_BODIES_TO_EXTRAPOLATE || self.gravity_solver().method == SummationMethod::Direct;
+        let exact =
+            self.free.len() < MIN_BODIES_TO_EXTRAPOLATE || self.gravity_solver().method == SummationMethod::Direct;
         let set = self.options.gravity_refresh.is_some();
         if !self.has_self_gravity() || (exact && !set) { 1 } else { self.options.gravity_refresh() }
     }

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame};
-use crate::scene::{Scene, InteractionRule};
+use crate::scene::{InteractionRule, Scene};
 
 /// First feature of a contact of polyhedra that a text file tells without its features; the second is a running number.
 /// In the next step it is the nearest contact of the same contactors.
@@ -288,7 +288,8 @@ impl State {
 
     /// Whether every number of the bodies and of the ledger is finite.
     pub fn is_finite(&self) -> bool {
-        let finite = |vectors: &[Vec3]| vectors.par_iter().with_min_len(PAR_MIN_LEN).all(|v| v.iter().all(|x| x.is_finite()));
+        let finite =
+            |vectors: &[Vec3]| vectors.par_iter().with_min_len(PAR_MIN_LEN).all(|v| v.iter().all(|x| x.is_finite()));
         let Ledger { energy_start, contact_work, friction_work, outside_work, momentum_scale, .. } = self.ledger;
         let sums = [energy_start, contact_work, friction_work, outside_work, momentum_scale];
         let momenta = [self.ledger.momentum_expected, self.ledger.angular_momentum_expected];

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use cd_formats::fc3d::Fc3d;
-use cd_solve::solve::stored::{MatrixBlock, SolverLimits, MatrixProblem, MatrixSolution, MatrixSolver, LocalVector, residual, solve};
+use cd_solve::solve::stored::{
+    LocalVector, MatrixBlock, MatrixProblem, MatrixSolution, MatrixSolver, SolverLimits, residual, solve,
+};
 use proptest::prelude::*;
 
 const TOL: f64 = 1e-8;
@@ -64,7 +66,8 @@ fn what_is_not_reached_is_told_with_the_best_found() {
     assert!(!few.converged && few.sweeps == 300 && few.residual < 0.1, "{}", few.residual);
     let none = solve(&problem, MatrixSolver::Auto, &[], SolverLimits { tol: 0.0, ..limits(3000) });
     assert!(!none.converged && none.residual < TOL, "{}", none.residual);
-    let at_once = solve(&problem, MatrixSolver::Auto, &[], SolverLimits { max_time: Some(Default::default()), ..limits(9) });
+    let at_once =
+        solve(&problem, MatrixSolver::Auto, &[], SolverLimits { max_time: Some(Default::default()), ..limits(9) });
     assert!(!at_once.converged && at_once.sweeps == 0);
 }
 
@@ -133,7 +136,8 @@ fn the_residual_is_that_of_the_definition() {
     assert_eq!(residual(&problem, &[[1.0, 0.0, 0.0]]), 0.0);
     assert_eq!(residual(&problem, &[[3.0, 0.0, 0.0]]), 2.0);
     // The same in other units.
-    let scaled = MatrixProblem::new(vec![0.5], vec![[-6.0, 0.0, 0.0]], [(0, 0, ONE.map(|w| w.map(|x| 2.0 * x)))]).unwrap();
+    let scaled =
+        MatrixProblem::new(vec![0.5], vec![[-6.0, 0.0, 0.0]], [(0, 0, ONE.map(|w| w.map(|x| 2.0 * x)))]).unwrap();
     assert_eq!(residual(&scaled, &[[9.0, 0.0, 0.0]]), 2.0);
 }
 

@@ -4,7 +4,7 @@
 mod packing;
 
 use cd_formats::compute::SweepPrecision;
-use cd_solve::assemble::{SolverBody, ContactProblem};
+use cd_solve::assemble::{ContactProblem, SolverBody};
 use cd_solve::math::Vec3;
 use cd_solve::math::lanes::SimdWidth;
 use cd_solve::solve::{ContactSolution, StoppingCriteria, solve_nlgs};

@@ -149,7 +149,7 @@ pub enum MotionRemoval {
 type File = (String, Vec<u8>);
 
 /// Makes `dir/DATBOX` from a snapshot of `case`, with the changes of a file, and other values in these as `settings`
-/// say, see [`places::set`]; returns a summary for people.
+/// say, see [`places::apply_settings`]; returns a summary for people.
 ///
 /// Errors: all faults of the file and of the cases that it names; nothing is written then.
 pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], dir: &Path) -> Result<String, Faults> {

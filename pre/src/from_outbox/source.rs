@@ -38,7 +38,7 @@ pub struct SourceCase {
     pub bulk: BulkBehav,
     pub tact: TactBehav,
     pub driven: DrvDof,
-    /// Those of the run, see [`of_run`].
+    /// Those of the run, see [`run_options`].
     pub options: Compute,
     pub snapshot: Snapshot,
     /// Facts of the run that are not in the files: name, and in words.

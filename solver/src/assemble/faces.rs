@@ -31,9 +31,9 @@ use cd_formats::compute::FaceFriction;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use super::rows::{BlockData, SolverBody, ContactConstraint};
+use super::rows::{BlockData, ContactConstraint, SolverBody};
 use crate::math::{Vec3, to_world};
-use crate::scene::{ContactorShape, BodyPart, Scene};
+use crate::scene::{BodyPart, ContactorShape, Scene};
 use crate::state::Contact;
 
 /// Gap over the size of a face up to which corners that carried nothing belong to what is pressed: vertices read from text
@@ -256,7 +256,8 @@ fn face_offsets(
     let mut loads: SmallVec<[f64; 8]> = acting.iter().map(|&k| load(k).max(0.0)).collect();
     let gap = |k: &usize| contacts[*k].gap;
     let area = of.iter().map(|&k| contacts[k].area).sum();
-    let outline = if joined { FaceOutline::of_hull(&points, size, area)? } else { FaceOutline::new(&points, size, area) };
+    let outline =
+        if joined { FaceOutline::of_hull(&points, size, area)? } else { FaceOutline::new(&points, size, area) };
     let deepest = acting.iter().map(gap).fold(f64::INFINITY, f64::min);
     let mut pressed_to = deepest + FLUSH_GAP * size;
     if loads.iter().all(|load| *load == 0.0) {
@@ -274,7 +275,8 @@ fn face_offsets(
     let total: f64 = loads.iter().sum();
     let centre =
         points.iter().zip(&loads).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w / total, c[1] + p[1] * w / total]);
-    let distance = points.iter().zip(&loads).map(|(p, w)| vector_length(difference_of(*p, centre)) * w / total).sum::<f64>();
+    let distance =
+        points.iter().zip(&loads).map(|(p, w)| vector_length(difference_of(*p, centre)) * w / total).sum::<f64>();
     if distance.is_nan() || distance <= SINGLE_CORNER_DISTANCE * size {
         return Some(SmallVec::new());
     }
@@ -314,7 +316,12 @@ fn face_offsets(
 /// |u|²/(|u|² + (ω τ)²).
 ///
 /// * `velocities`: of the points, m/s; `centre`: where u is taken; `pressed`: τ, m.
-fn across_sliding(points: &[TangentVector], velocities: &[TangentVector], centre: TangentVector, pressed: f64) -> TangentVector {
+fn across_sliding(
+    points: &[TangentVector],
+    velocities: &[TangentVector],
+    centre: TangentVector,
+    pressed: f64,
+) -> TangentVector {
     let mean = |values: &[TangentVector]| {
         let sum = values.iter().fold([0.0; 2], |sum, v| [sum[0] + v[0], sum[1] + v[1]]);
         sum.map(|sum| sum / values.len() as f64)
@@ -338,7 +345,12 @@ fn across_sliding(points: &[TangentVector], velocities: &[TangentVector], centre
 /// bodies least, of a body on a wall the foot of its centre of mass; none where nothing turns.
 ///
 /// * `centres`: of candidate and antagonist.
-fn steady_centre(row: &ContactConstraint, full: &BlockData, centres: [TangentVector; 2], [_, t, s]: &[Vec3; 3]) -> Option<TangentVector> {
+fn steady_centre(
+    row: &ContactConstraint,
+    full: &BlockData,
+    centres: [TangentVector; 2],
+    [_, t, s]: &[Vec3; 3],
+) -> Option<TangentVector> {
     // Of both bodies, the moment x×n of a unit impulse along n at x turns the point back by -m (x - centre).
     let (mut m, mut right) = ([0.0; 3], [0.0; 2]);
     for (body, [x, y]) in row.bodies.into_iter().zip(centres) {
@@ -373,7 +385,9 @@ fn vector_length(a: TangentVector) -> f64 {
 
 /// Least sum of the weighted distances of points from one point, by Weiszfeld's iteration from `start`.
 fn least_distance(points: &[TangentVector], weights: &[f64], start: TangentVector) -> f64 {
-    let sum = |c: TangentVector| points.iter().zip(weights).map(|(p, w)| vector_length(difference_of(*p, c)) * w).sum::<f64>();
+    let sum = |c: TangentVector| {
+        points.iter().zip(weights).map(|(p, w)| vector_length(difference_of(*p, c)) * w).sum::<f64>()
+    };
     let (mut centre, mut least) = (start, sum(start));
     for _ in 0..WEISZFELD_ITERATIONS {
         let (mut pull, mut all) = ([0.0; 2], 0.0);
@@ -417,7 +431,9 @@ impl FaceOutline {
         let corners: SmallVec<[TangentVector; 8]> = order.iter().map(|&k| points[k]).collect();
         // Twice the areas of the triangles between a point and the sides.
         let triangles = |tip: TangentVector| -> SmallVec<[f64; 8]> {
-            polygon_sides(&corners).map(|[a, b]| cross_product(difference_of(a, tip), difference_of(b, tip)).max(0.0)).collect()
+            polygon_sides(&corners)
+                .map(|[a, b]| cross_product(difference_of(a, tip), difference_of(b, tip)).max(0.0))
+                .collect()
         };
         let doubled = triangles(mean);
         let whole: f64 = doubled.iter().sum();
@@ -435,7 +451,8 @@ impl FaceOutline {
             let before = if at == 0 { order.len() - 1 } else { at - 1 };
             weights[k] = 0.5 * (doubled[before] + doubled[at]) / whole;
         }
-        let sum: f64 = polygon_sides(&corners).zip(&doubled).map(|([a, b], d)| d * mean_side_distance(a, b, centroid)).sum();
+        let sum: f64 =
+            polygon_sides(&corners).zip(&doubled).map(|([a, b], d)| d * mean_side_distance(a, b, centroid)).sum();
         // Corners that hardly stand out are left out, and round outlines have corners of what they enclose.
         // Shares of the area are rounded: single precision is the same for any number of them.
         let ratio = f64::from((2.0 * area / whole) as f32);
@@ -451,7 +468,8 @@ impl FaceOutline {
             let mut chain: SmallVec<[usize; 16]> = SmallVec::new();
             for k in order {
                 while let [.., a, b] = chain[..]
-                    && cross_product(difference_of(points[b], points[a]), difference_of(points[k], points[a])) <= ON_LINE * size * size
+                    && cross_product(difference_of(points[b], points[a]), difference_of(points[k], points[a]))
+                        <= ON_LINE * size * size
                 {
                     chain.pop();
                 }
@@ -463,7 +481,10 @@ impl FaceOutline {
         let mut hull = half(&mut order.iter().copied());
         hull.extend(half(&mut order.iter().rev().copied()));
         let corners: SmallVec<[TangentVector; 16]> = hull.iter().map(|&k| points[k]).collect();
-        let enclosed = 0.5 * polygon_sides(&corners).map(|[a, b]| cross_product(difference_of(a, corners[0]), difference_of(b, corners[0]))).sum::<f64>();
+        let enclosed = 0.5
+            * polygon_sides(&corners)
+                .map(|[a, b]| cross_product(difference_of(a, corners[0]), difference_of(b, corners[0])))
+                .sum::<f64>();
         if corners.len() < 3 || area < WHOLE * enclosed {
             return None;
         }
@@ -477,7 +498,9 @@ impl FaceOutline {
     /// The edge between the two points that are farthest apart.
     fn from_edge(points: &[TangentVector], first: TangentVector) -> Self {
         let farthest = |from: TangentVector| {
-            let far = |a: &TangentVector, b: &TangentVector| if vector_length(difference_of(*b, from)) > vector_length(difference_of(*a, from)) { *b } else { *a };
+            let far = |a: &TangentVector, b: &TangentVector| {
+                if vector_length(difference_of(*b, from)) > vector_length(difference_of(*a, from)) { *b } else { *a }
+            };
             points.iter().fold(from, |a, b| far(&a, b))
         };
         let one = farthest(first);
@@ -511,7 +534,8 @@ impl FaceOutline {
     /// τ of a pressure with its centre at `p`, m.
     fn mean_distance(&self, p: TangentVector) -> f64 {
         // Of an edge of length L, at the distances x and L - x from its ends: uniform on both sides of the point.
-        let of_edge = |[a, b]: [TangentVector; 2], share: f64| share * (1.0 - share) * vector_length(difference_of(b, a));
+        let of_edge =
+            |[a, b]: [TangentVector; 2], share: f64| share * (1.0 - share) * vector_length(difference_of(b, a));
         if let &[a, b] = self.corners.as_slice() {
             let (along, from) = (difference_of(b, a), difference_of(p, a));
             let share = (from[0] * along[0] + from[1] * along[1]) / (along[0] * along[0] + along[1] * along[1]);
@@ -621,11 +645,16 @@ mod tests {
             );
             let centre =
                 corners.iter().zip(&found.weights).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w, c[1] + p[1] * w]);
-            assert!(vector_length(difference_of(centre, found.centroid)) < 1e-14 && found.weights.iter().all(|w| *w > 0.0));
+            assert!(
+                vector_length(difference_of(centre, found.centroid)) < 1e-14 && found.weights.iter().all(|w| *w > 0.0)
+            );
             for p in [[0.0, 0.3], [-1.0, 0.1], [0.5, -0.2]] {
                 let shares = found.load_shares(p);
                 let centre = corners.iter().zip(&shares).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w, c[1] + p[1] * w]);
-                assert!(vector_length(difference_of(centre, p)) < 1e-14 && shares.iter().all(|w| *w > 0.0), "{centre:?}");
+                assert!(
+                    vector_length(difference_of(centre, p)) < 1e-14 && shares.iter().all(|w| *w > 0.0),
+                    "{centre:?}"
+                );
             }
         }
     }

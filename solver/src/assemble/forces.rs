@@ -14,7 +14,7 @@ use crate::integrate::ContactConfiguration;
 use crate::math::random::{point_in_ball, splitmix64};
 use crate::math::{Mat3, Quat, Vec3, to_world};
 use crate::scene::{EVENT_SLACK, Scene};
-use crate::state::{GravityHistory, BondingMode, State};
+use crate::state::{BondingMode, GravityHistory, State};
 
 /// Velocities at the step's end if nothing touched, and what the forces bring into the ledger.
 pub struct FreeMotion {
@@ -120,10 +120,15 @@ fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
 ///
 /// They act in the contact configuration, as all forces do: velocities that changed before it would carry grains into
 /// their neighbours.
-fn shake_loads(scene: &Scene, q_c: &ContactConfiguration, &ShakeEvent { speed, seed }: &ShakeEvent) -> Vec<(usize, Vec3, Vec3)> {
+fn shake_loads(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    &ShakeEvent { speed, seed }: &ShakeEvent,
+) -> Vec<(usize, Vec3, Vec3)> {
     // The mean square of the distance from the middle of a ball is 3/5 of its radius'.
     let radius = speed * (5.0f64 / 3.0).sqrt();
-    let added: Vec<Vec3> = (0..scene.bodies.len() as u64).map(|i| point_in_ball(splitmix64(seed ^ i)) * radius).collect();
+    let added: Vec<Vec3> =
+        (0..scene.bodies.len() as u64).map(|i| point_in_ball(splitmix64(seed ^ i)) * radius).collect();
     let shared = centre_of_mass(scene, &added);
     let (x, centre) = (&q_c.x, centre_of_mass(scene, &q_c.x));
     let turn = if scene.options.xperiode.is_some() || scene.options.yperiode.is_some() {
@@ -295,7 +300,10 @@ fn apply_coriolis(scene: &Scene, state: &State, q_c: &ContactConfiguration, free
         let known = state.v[i] * (1.0 - theta) + pushed[i] * theta;
         let v = solve_rotation_equation(&(free.v[i] - rate.cross(&known) * (2.0 * h)), &(rate * (2.0 * theta * h)));
         let w = match body.is_isotropic() {
-            true => solve_rotation_equation(&(free.w[i] - rate.cross(&state.w[i]) * ((1.0 - theta) * h)), &(rate * (theta * h))),
+            true => solve_rotation_equation(
+                &(free.w[i] - rate.cross(&state.w[i]) * ((1.0 - theta) * h)),
+                &(rate * (theta * h)),
+            ),
             false => free.w[i],
         };
         let (impulse, turn) = ((v - free.v[i]) * body.mass, (w - free.w[i]) * body.inertia[0]);
@@ -356,10 +364,12 @@ fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Sel
     } else {
         extrapolate_self_gravity(scene, state, q_c, &positions, &masses)
     };
-    let approximate = scene.gravity_refresh() > 1 || scene.gravity_solver().method_for(masses.len()) == SummationMethod::Fmm;
+    let approximate =
+        scene.gravity_refresh() > 1 || scene.gravity_solver().method_for(masses.len()) == SummationMethod::Fmm;
     if approximate && state.is_diagnostic_step(q_c.step_multiple) {
         let constant = scene.options.gravity_constant;
-        pull.report.sampled = Some(sample::sampled_error(&positions, &masses, constant, &pull.acceleration, state.step));
+        pull.report.sampled =
+            Some(sample::sampled_error(&positions, &masses, constant, &pull.acceleration, state.step));
     }
     pull
 }
@@ -429,7 +439,13 @@ fn evaluate_self_gravity(scene: &Scene, order: &[u32], positions: &[Vec3], masse
 /// Self-gravity from its last two evaluations, or evaluated again. In between the error goes as the square of the time
 /// since: that is at most twice the time between the two, and less where their error says so. Forces and torques sum to zero
 /// all the same.
-fn extrapolate_self_gravity(scene: &Scene, state: &State, q_c: &ContactConfiguration, positions: &[Vec3], masses: &[f64]) -> SelfGravity {
+fn extrapolate_self_gravity(
+    scene: &Scene,
+    state: &State,
+    q_c: &ContactConfiguration,
+    positions: &[Vec3],
+    masses: &[f64],
+) -> SelfGravity {
     let options = &scene.options;
     let now = state.time + (1.0 - options.theta) * q_c.h;
     let mass: f64 = masses.iter().sum();

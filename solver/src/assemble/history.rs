@@ -142,8 +142,10 @@ impl AssemblyContext<'_> {
         let pair = contactor_pair(&contacts[new[0]]);
         let now = &contacts[pair_range(contacts, pair, |contact| contact)];
         let old = pair_range(before, pair, |old| &old.contact);
-        let ways = |old: usize| new.iter().map(move |&k| (self.displacement_from(&before[old].contact, &contacts[k]), old, k));
-        let mut ways: Vec<(f64, usize, usize)> = old.clone().filter(|&k| was_loaded(&before[k])).flat_map(ways).collect();
+        let ways =
+            |old: usize| new.iter().map(move |&k| (self.displacement_from(&before[old].contact, &contacts[k]), old, k));
+        let mut ways: Vec<(f64, usize, usize)> =
+            old.clone().filter(|&k| was_loaded(&before[k])).flat_map(ways).collect();
         ways.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut free: Vec<usize> = old.clone().filter(|&k| gone[k]).collect();
         let mut left = new.to_vec();
@@ -155,7 +157,8 @@ impl AssemblyContext<'_> {
             }
         }
         let area = before[old].iter().map(|old| old.contact.area).sum::<f64>();
-        let is_same = area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + MAX_TOUCHING_GAP);
+        let is_same =
+            area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + MAX_TOUCHING_GAP);
         for (_, old, k) in ways.into_iter().filter(|way| is_same && before[way.1].bond.is_some()) {
             if left.contains(&k) {
                 found[k] = Some(old as u32);

@@ -11,11 +11,11 @@ use rayon::prelude::*;
 use super::faces::{Joints, friction_offsets, has_joints};
 use super::history::{BondState, warm_start};
 use crate::integrate::ContactConfiguration;
-use crate::laws::{LawInput, GapForecast, MAX_STEP_OVERLAP, ContactLaw, RollingFriction, LawShift};
+use crate::laws::{ContactLaw, GapForecast, LawInput, LawShift, MAX_STEP_OVERLAP, RollingFriction};
 use crate::math::lanes::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
-use crate::scene::{RigidBody, ContactorShape, NEARBY_GAP, Scene, BodyShape};
-use crate::state::{Contact, SolvedContact, State, ContactStatus};
+use crate::scene::{BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
+use crate::state::{Contact, ContactStatus, SolvedContact, State};
 
 /// Sliding of a contact that begins counts from this multiple of `tol` times the change of velocity that loads it: an unfinished
 /// solution of what sticks leaves less.
@@ -233,11 +233,14 @@ pub fn contact_problem(
         setting.prefetch(contacts.get(k + PREFETCH_CONTACTS));
         setting.contact_constraint(&contacts[k], before(old), *hold)
     };
-    let mut rows: Vec<ContactConstraint> = history.par_iter().zip(&holds).enumerate().with_min_len(256).map(of_contact).collect();
+    let mut rows: Vec<ContactConstraint> =
+        history.par_iter().zip(&holds).enumerate().with_min_len(256).map(of_contact).collect();
     let mut rolls: Vec<RollingConstraint> = if state.laws.iter().any(|law| law.rolling_friction().is_some()) {
         let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
         listed
-            .filter_map(|((k, contact), old)| setting.rolling_constraint(k, contact, old.map(|k| &state.contacts[k as usize])))
+            .filter_map(|((k, contact), old)| {
+                setting.rolling_constraint(k, contact, old.map(|k| &state.contacts[k as usize]))
+            })
             .collect()
     } else {
         Vec::new()
@@ -252,7 +255,8 @@ pub fn contact_problem(
             Some(_) => rows[k].normal.dot(&rows[k].warm_start),
             None => -rows[k].impulse_shift,
         };
-        let sticks = |k: usize| history[k].is_some_and(|old| state.contacts[old as usize].status == ContactStatus::Stick);
+        let sticks =
+            |k: usize| history[k].is_some_and(|old| state.contacts[old as usize].status == ContactStatus::Stick);
         full.friction_offsets = friction_offsets(contacts, &rows, full, load, sticks);
         if has_joints(scene) {
             let joints = Joints { contacts, rows: &rows, records: &records, full, scene };
@@ -266,8 +270,14 @@ pub fn contact_problem(
         rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
             (row.w_n, row.w_t) = full.delassus_diagonal(k, row, &records);
             if !full.can_move_a_body(row, &scene.bodies) {
-                *row =
-                    ContactConstraint { acts: false, can_close: false, impulse_shift: 0.0, warm_start: Vec3::zeros(), bond: None, ..*row };
+                *row = ContactConstraint {
+                    acts: false,
+                    can_close: false,
+                    impulse_shift: 0.0,
+                    warm_start: Vec3::zeros(),
+                    bond: None,
+                    ..*row
+                };
             }
         });
         for roll in &mut rolls {
@@ -275,7 +285,13 @@ pub fn contact_problem(
             roll.inverse_w = 1.0 / (a + b).symmetric_eigenvalues().max();
         }
     }
-    let mut system = ContactProblem { rows, rolling_constraints: rolls, block_data: full, bodies: records, order: q_c.order.clone() };
+    let mut system = ContactProblem {
+        rows,
+        rolling_constraints: rolls,
+        block_data: full,
+        bodies: records,
+        order: q_c.order.clone(),
+    };
     if state.laws.iter().any(|law| law.cohesion().is_some()) {
         apply_cohesion(&mut system, &history);
     }
@@ -358,7 +374,8 @@ impl AssemblyContext<'_> {
     fn max_approach(&self, contact: &Contact) -> f64 {
         let AssemblyContext { q_c, speeds, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| speeds[i as usize]);
-        let plate = if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.mean_velocity).norm() } else { 0.0 };
+        let plate =
+            if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.mean_velocity).norm() } else { 0.0 };
         let reach = q_c.longest_reach_time(self.scene);
         let mut travel = reach * (a[0] + plate.max(b[0]));
         if self.full {
@@ -375,7 +392,12 @@ impl AssemblyContext<'_> {
     }
 
     /// The row of a contact, with what the last step had of it and what holds its bodies together.
-    fn contact_constraint(&self, contact: &Contact, previous: Option<&SolvedContact>, hold: BondState) -> ContactConstraint {
+    fn contact_constraint(
+        &self,
+        contact: &Contact,
+        previous: Option<&SolvedContact>,
+        hold: BondState,
+    ) -> ContactConstraint {
         let &AssemblyContext { scene, state, q_c, records, full, .. } = self;
         let h = q_c.h;
         let frame = contact.frame();
@@ -402,15 +424,23 @@ impl AssemblyContext<'_> {
         let u_n = n.dot(&u_before) + curve;
         let bonded = hold.bond.is_some();
         let slid_before = previous.is_some_and(|old| old.status == ContactStatus::Slide);
-        let at = LawInput { gap: contact.gap, h, closing_time: reach, gap_forecast: course, u_n, radius, slid_before, bonded };
+        let at = LawInput {
+            gap: contact.gap,
+            h,
+            closing_time: reach,
+            gap_forecast: course,
+            u_n,
+            radius,
+            slid_before,
+            bonded,
+        };
         let shift = law.contact_shift(&at);
         let slides = |shift: &LawShift| {
             law.has_two_frictions() && !slid_before && self.is_sliding(contact, previous, &u_before, shift, w_n)
         };
-        let shift =
-            shift.map(
-                |shift| if slides(&shift) { law.contact_shift(&LawInput { slid_before: true, ..at }).unwrap() } else { shift },
-            );
+        let shift = shift.map(|shift| {
+            if slides(&shift) { law.contact_shift(&LawInput { slid_before: true, ..at }).unwrap() } else { shift }
+        });
         let acts = shift.is_some();
         let shift = shift.unwrap_or_default();
         let shift = LawShift { normal: shift.normal - curve, ..shift };
@@ -522,7 +552,8 @@ impl AssemblyContext<'_> {
         }
         let u = relative_velocity(contact, &q_c.x, v_free, w_free);
         if contact.gap + reach * contact.normal.dot(&u) >= 0.0 {
-            let depth = MAX_STEP_OVERLAP * scene.pair_size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
+            let depth = MAX_STEP_OVERLAP
+                * scene.pair_size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
             return GapForecast::Apart { depth };
         }
         if is_sphere[a] && is_sphere[b] {
@@ -538,7 +569,12 @@ impl AssemblyContext<'_> {
     }
 
     /// Resistance to rolling and spinning at row `k`, if its law has one.
-    fn rolling_constraint(&self, k: usize, contact: &Contact, previous: Option<&SolvedContact>) -> Option<RollingConstraint> {
+    fn rolling_constraint(
+        &self,
+        k: usize,
+        contact: &Contact,
+        previous: Option<&SolvedContact>,
+    ) -> Option<RollingConstraint> {
         let RollingFriction { rolling, spinning } = self.state.laws[contact.law as usize].rolling_friction()?;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
         if self.scene.bodies[a].driven && self.scene.bodies[b].driven {
@@ -580,7 +616,8 @@ impl AssemblyContext<'_> {
     /// Whether a contactor is a sphere.
     fn is_round(&self, body: u32, rank: u16) -> bool {
         let part = || self.scene.find_part(body, rank);
-        self.is_sphere[body as usize] || part().is_some_and(|part| matches!(part.geometry, ContactorShape::Sphere { .. }))
+        self.is_sphere[body as usize]
+            || part().is_some_and(|part| matches!(part.geometry, ContactorShape::Sphere { .. }))
     }
 
     /// R of the two bodies, m, of which distances are parts.
@@ -706,7 +743,10 @@ impl ContactProblem {
         }
         for (side, r) in [(0, *r), (1, -r)] {
             let body = self.rows[k].bodies[side];
-            let (push, turn) = (self.velocity_change(body, &r), self.angular_velocity_change(body, &self.angular_impulse(k, side, &r)));
+            let (push, turn) = (
+                self.velocity_change(body, &r),
+                self.angular_velocity_change(body, &self.angular_impulse(k, side, &r)),
+            );
             let record = &mut self.bodies[body as usize];
             record.v += push;
             record.w += turn;

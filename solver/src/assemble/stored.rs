@@ -56,7 +56,8 @@ fn velocity_response(system: &ContactProblem, here: usize, there: usize, r: &Vec
         for by in sides.into_iter().filter(|by| body(there, by.0) == body(here, at.0)) {
             let impulse = r * by.1;
             let spin = system.angular_velocity_change(body(here, at.0), &system.angular_impulse(there, by.0, &impulse));
-            change += (system.velocity_change(body(here, at.0), &impulse) + system.turning_velocity(here, at.0, &spin)) * at.1;
+            change += (system.velocity_change(body(here, at.0), &impulse) + system.turning_velocity(here, at.0, &spin))
+                * at.1;
         }
     }
     change
@@ -65,7 +66,7 @@ fn velocity_response(system: &ContactProblem, here: usize, there: usize, r: &Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assemble::{SolverBody, ContactConstraint};
+    use crate::assemble::{ContactConstraint, SolverBody};
     use crate::math::local_frame;
 
     /// W r + q is what the bodies' velocities say, for a chain of three spheres on the ground.
@@ -110,8 +111,13 @@ mod tests {
             bond: None,
         };
         let contacts: Vec<Contact> = (0..4).map(contact).collect();
-        let system =
-            ContactProblem { rows: (0..4).map(row).collect(), rolling_constraints: vec![], block_data: None, bodies: records, order: vec![0, 1, 2, 3] };
+        let system = ContactProblem {
+            rows: (0..4).map(row).collect(),
+            rolling_constraints: vec![],
+            block_data: None,
+            bodies: records,
+            order: vec![0, 1, 2, 3],
+        };
         let problem = stored_problem(&system, &contacts);
 
         let local = |k: usize| Vec3::new(1.0 + k as f64, -0.5, 0.3 * k as f64);

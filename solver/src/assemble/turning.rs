@@ -2,7 +2,7 @@
 
 use super::rows::{AssemblyContext, contact_arms};
 use crate::math::Vec3;
-use crate::scene::{ContactorShape, BodyPart, BodyShape};
+use crate::scene::{BodyPart, BodyShape, ContactorShape};
 use crate::state::Contact;
 
 impl AssemblyContext<'_> {
@@ -42,13 +42,12 @@ impl AssemblyContext<'_> {
 
     /// 1/(1/R_a + 1/R_b) of a sphere and what it rolls upon, m; 0 of corners and edges, which stay where they are on their bodies.
     fn rolling_radius(&self, contact: &Contact) -> f64 {
-        let radius = |body: u32, rank: u16| match (self.scene.bodies[body as usize].shape, self.scene.find_part(body, rank))
-        {
-            (BodyShape::Sphere { radius }, _) | (_, Some(&BodyPart { geometry: ContactorShape::Sphere { radius }, .. })) => {
-                Some(radius)
-            }
-            _ => None,
-        };
+        let radius =
+            |body: u32, rank: u16| match (self.scene.bodies[body as usize].shape, self.scene.find_part(body, rank)) {
+                (BodyShape::Sphere { radius }, _)
+                | (_, Some(&BodyPart { geometry: ContactorShape::Sphere { radius }, .. })) => Some(radius),
+                _ => None,
+            };
         let of_antagonist = radius(contact.antagonist, contact.ranks.1);
         let sum = |own: f64| 1.0 / (1.0 / own + of_antagonist.map_or(0.0, f64::recip));
         radius(contact.candidate, contact.ranks.0).map_or(0.0, sum)

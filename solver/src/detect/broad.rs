@@ -35,8 +35,11 @@ impl GridLevel {
         let bits = ((8 * members.len()).ilog2() / 3).clamp(2, 8);
         let mut level =
             GridLevel { inverse_width: 1.0 / width, bits, order: Vec::new(), starts: Vec::new(), spheres: Vec::new() };
-        let cells: Vec<u32> =
-            members.par_iter().with_min_len(SPHERES_PER_TASK).map(|&i| level.cell_slot(level.cell_coordinates(&x[i as usize]))).collect();
+        let cells: Vec<u32> = members
+            .par_iter()
+            .with_min_len(SPHERES_PER_TASK)
+            .map(|&i| level.cell_slot(level.cell_coordinates(&x[i as usize])))
+            .collect();
         (level.order, level.starts) = group_by_key(&cells, 1 << (3 * bits));
         level.order.iter_mut().for_each(|place| *place = members[*place as usize]);
         let sphere = |i: &u32| [x[*i as usize].x, x[*i as usize].y, x[*i as usize].z, reach[*i as usize]];
@@ -103,7 +106,9 @@ pub fn near_pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
                 among(level, place + 1..level.starts[slot + 1] as usize);
                 let next = level.cell_slot([home[0], home[1], home[2].wrapping_add(1)]) as usize;
                 among(level, level.starts[next] as usize..level.starts[next + 1] as usize);
-                FORWARD_COLUMNS.iter().for_each(|step| level.visit_column(&home, *step, &mut |places| among(level, places)));
+                FORWARD_COLUMNS
+                    .iter()
+                    .for_each(|step| level.visit_column(&home, *step, &mut |places| among(level, places)));
                 for coarser in &levels[l + 1..] {
                     let home = coarser.cell_coordinates(&centre);
                     (0..9).for_each(|k| {

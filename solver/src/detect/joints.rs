@@ -20,7 +20,7 @@ use crate::detect::{ListedPair, TravelBounds, contact_geometry};
 use crate::geometry::{PosedPolyhedron, polyhedra_along};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Quat, Vec3, group_by_key};
-use crate::scene::{Scene, BodyShape as BodyShape};
+use crate::scene::{BodyShape, Scene};
 use crate::state::Contact;
 
 /// Height over the radius of A's ball up to which surfaces are flush: above the overlaps that a sound solution leaves, and
@@ -161,11 +161,22 @@ impl UpperContactor<'_> {
         let height = n.dot(&c.centre) + face;
         let digits = self.height_uncertainty(&n, c, face);
         let below = height + self.solid.support_height(&-n);
-        (below <= (-gap).max(0.0) + 2.0 * (FLUSH_TOLERANCE * self.radius + digits)).then_some(FacePlane { n, height, digits })
+        (below <= (-gap).max(0.0) + 2.0 * (FLUSH_TOLERANCE * self.radius + digits)).then_some(FacePlane {
+            n,
+            height,
+            digits,
+        })
     }
 
     /// Whether a contact with B in direction `normal`, at points `at`, is an inner one below the plane of C.
-    fn is_inner(&self, plane: &FacePlane, c: &NearbyContactor, b: &NearbyContactor, normal: &Vec3, at: impl Iterator<Item = Vec3>) -> bool {
+    fn is_inner(
+        &self,
+        plane: &FacePlane,
+        c: &NearbyContactor,
+        b: &NearbyContactor,
+        normal: &Vec3,
+        at: impl Iterator<Item = Vec3>,
+    ) -> bool {
         let FacePlane { n, height, digits } = plane;
         if normal.dot(n) >= 1.0 - SAME_DIRECTION_TOLERANCE {
             return false;
@@ -330,7 +341,12 @@ impl JointScratch {
 }
 
 /// Contacts of spheres with plates, without those with rims between flush plates.
-pub(super) fn without_inner_rims(scene: &Scene, q_c: &ContactConfiguration, ways: &TravelBounds, listed: Vec<ListedPair>) -> Vec<ListedPair> {
+pub(super) fn without_inner_rims(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    ways: &TravelBounds,
+    listed: Vec<ListedPair>,
+) -> Vec<ListedPair> {
     if scene.planes.len() < 2 {
         return listed;
     }
@@ -343,8 +359,13 @@ pub(super) fn without_inner_rims(scene: &Scene, q_c: &ContactConfiguration, ways
     for of_one in listed.chunk_by(|(a, _), (b, _)| a[0] == b[0]) {
         let sphere = of_one[0].0[0] as usize;
         let (x, radius) = (q_c.x[sphere], scene.bodies[sphere].radius);
-        let over =
-            UpperContactor { solid: ConvexSolid::Sphere { radius }, centre: x, radius, travel: ways.travel[sphere], lookahead: ways.lookahead };
+        let over = UpperContactor {
+            solid: ConvexSolid::Sphere { radius },
+            centre: x,
+            radius,
+            travel: ways.travel[sphere],
+            lookahead: ways.lookahead,
+        };
         let seen: SmallVec<[_; 8]> = of_one.iter().map(|(pair, _)| contact_geometry(scene, q_c, *pair)).collect();
         let touch = |k: usize| {
             let found = &seen[k];
@@ -354,7 +375,14 @@ pub(super) fn without_inner_rims(scene: &Scene, q_c: &ContactConfiguration, ways
             let at = found.point - x - found.normal * (0.5 * found.gap);
             let plate = of_one[k].0[1] as usize;
             let centre = q_c.x[plate] + scene.nearest_image_shift(&x, &q_c.x[plate]) - x;
-            SurfaceContact { of: k as u32, turned: false, normal: found.normal, at, centre, reach: 2.0 * half_lengths.norm() }
+            SurfaceContact {
+                of: k as u32,
+                turned: false,
+                normal: found.normal,
+                at,
+                centre,
+                reach: 2.0 * half_lengths.norm(),
+            }
         };
         let near = |touch: &SurfaceContact| {
             let plate = of_one[touch.of as usize].0[1] as usize;
@@ -400,9 +428,11 @@ pub(super) fn remove_inner_edges(
         PosedShape::Sphere { .. } | PosedShape::Cylinder { .. } => None,
     };
     let solid = |part: u32| match &places[part as usize].shape {
-        PosedShape::Cylinder { half_height, radius, hollow: false } => {
-            Some(ConvexSolid::Cylinder { axes: &places[part as usize].axes, half_height: *half_height, radius: *radius })
-        }
+        PosedShape::Cylinder { half_height, radius, hollow: false } => Some(ConvexSolid::Cylinder {
+            axes: &places[part as usize].axes,
+            half_height: *half_height,
+            radius: *radius,
+        }),
         _ => posed(part).map(ConvexSolid::Polyhedron),
     };
     let all = 0..places.len() as u32;
@@ -443,20 +473,39 @@ pub(super) fn remove_inner_edges(
             };
             let normal = contact.normal * sign;
             let at = point - a.centre - normal * (0.5 * contact.gap);
-            SurfaceContact { of, turned, normal, at, centre: other.centre + image - a.centre, reach: 2.0 * other.radius }
+            SurfaceContact {
+                of,
+                turned,
+                normal,
+                at,
+                centre: other.centre + image - a.centre,
+                reach: 2.0 * other.radius,
+            }
         };
         let own = match &a.shape {
             PosedShape::Sphere { radius } => ConvexSolid::Sphere { radius: *radius },
             PosedShape::Polyhedron(posed) | PosedShape::Plane { cuboid: posed, .. } => ConvexSolid::Polyhedron(posed),
             PosedShape::Cylinder { .. } => return scratch.near = near,
         };
-        let over = UpperContactor { solid: own, centre: a.centre, radius: a.radius, travel: a.travel, lookahead: ways.lookahead };
+        let over = UpperContactor {
+            solid: own,
+            centre: a.centre,
+            radius: a.radius,
+            travel: a.travel,
+            lookahead: ways.lookahead,
+        };
         let contactor = |touch: &SurfaceContact| {
             let other = runs[touch.of as usize].parts[usize::from(!touch.turned)];
             let (b, centre) = (&places[other as usize], touch.centre);
             let i = b.body as usize;
             let solid = solid(other)?;
-            Some(NearbyContactor { solid, centre, v: ways.v_free[i], w: ways.w_free[i], body: centre + q_c.x[i] - b.centre })
+            Some(NearbyContactor {
+                solid,
+                centre,
+                v: ways.v_free[i],
+                w: ways.w_free[i],
+                body: centre + q_c.x[i] - b.centre,
+            })
         };
         let points = |touch: &SurfaceContact| {
             let run = &runs[touch.of as usize];

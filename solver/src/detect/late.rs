@@ -5,11 +5,11 @@ use std::collections::HashSet;
 use rayon::prelude::*;
 
 use super::swept::{SweptBall, least_distance};
-use super::{LISTING_MARGIN, TravelBounds, contact_geometry, joints, visible_pair, parts, periodic};
+use super::{LISTING_MARGIN, TravelBounds, contact_geometry, joints, parts, periodic, visible_pair};
 use crate::geometry::NarrowPhaseMode;
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::scene::{Scene, BodyShape};
+use crate::scene::{BodyShape, Scene};
 use crate::state::Contact;
 
 /// Contacts of pairs that are not among `listed` and that the `solved` velocities close in the step, in the order of their keys.
@@ -42,9 +42,11 @@ pub fn late_contacts(
     let known: HashSet<_> = listed.iter().map(contactor_pair).collect();
     let ways = TravelBounds { nearby: 0.0, ..TravelBounds::new(scene, q_c, solved, span) };
     if scene.is_general() {
-        let mut found = parts::swept_contacts(scene, q_c, &ways, NarrowPhaseMode::Accurate, |body| searched[body as usize]);
+        let mut found =
+            parts::swept_contacts(scene, q_c, &ways, NarrowPhaseMode::Accurate, |body| searched[body as usize]);
         // All points of a pair of which one closes.
-        let closing: HashSet<_> = found.iter().filter(|contact| gap_closes(contact, q_c, solved, span)).map(contactor_pair).collect();
+        let closing: HashSet<_> =
+            found.iter().filter(|contact| gap_closes(contact, q_c, solved, span)).map(contactor_pair).collect();
         found.retain(|contact| closing.contains(&contactor_pair(contact)) && !known.contains(&contactor_pair(contact)));
         if found.is_empty() {
             return found;

@@ -15,7 +15,7 @@ mod parts;
 mod periodic;
 pub mod swept;
 
-pub use late::{late_contacts};
+pub use late::late_contacts;
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ use cd_formats::compute::NarrowPhase;
 use rayon::prelude::*;
 
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::scene::{NEARBY_GAP, Scene, InteractionRule, BodyShape};
+use crate::scene::{BodyShape, InteractionRule, NEARBY_GAP, Scene};
 use crate::state::{Contact, DetectionCache};
 
 use self::neighbours::BoundingBalls;
@@ -34,7 +34,12 @@ use crate::integrate::ContactConfiguration;
 ///
 /// `free`: velocities (m/s) and angular velocities (rad/s) after the step if nothing touched.
 /// `known`: of the last step, then of this one.
-pub fn listed_contacts(scene: &Scene, q_c: &ContactConfiguration, free: [&[Vec3]; 2], known: &mut DetectionCache) -> Vec<Contact> {
+pub fn listed_contacts(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    free: [&[Vec3]; 2],
+    known: &mut DetectionCache,
+) -> Vec<Contact> {
     let ways = TravelBounds::new(scene, q_c, free, q_c.lookahead);
     if scene.is_general() {
         return parts::listed_contacts(scene, q_c, &ways, scene.options.narrow_phase(), known);
@@ -97,9 +102,20 @@ pub struct NarrowPhaseError {
 
 /// Compares `contacts` with what the accurate narrow phase finds; the other arguments are those of [`listed_contacts`] that made
 /// them. A pair that only one of them lists counts with its overlap.
-pub fn narrow_phase_error(scene: &Scene, q_c: &ContactConfiguration, free: [&[Vec3]; 2], known: &DetectionCache, contacts: &[Contact]) -> NarrowPhaseError {
-    let exact =
-        parts::listed_contacts(scene, q_c, &TravelBounds::new(scene, q_c, free, q_c.lookahead), NarrowPhase::Accurate, &mut known.clone());
+pub fn narrow_phase_error(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    free: [&[Vec3]; 2],
+    known: &DetectionCache,
+    contacts: &[Contact],
+) -> NarrowPhaseError {
+    let exact = parts::listed_contacts(
+        scene,
+        q_c,
+        &TravelBounds::new(scene, q_c, free, q_c.lookahead),
+        NarrowPhase::Accurate,
+        &mut known.clone(),
+    );
     let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
     let gaps = |contacts: &[Contact]| {
         let mut gaps = BTreeMap::new();
@@ -123,7 +139,12 @@ pub fn narrow_phase_error(scene: &Scene, q_c: &ContactConfiguration, free: [&[Ve
 type ListedPair = ([u32; 2], u8);
 
 /// In the order of candidates, then of antagonists.
-fn sphere_sphere_pairs(scene: &Scene, q_c: &ContactConfiguration, ways: &TravelBounds, known: &mut DetectionCache) -> Vec<ListedPair> {
+fn sphere_sphere_pairs(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    ways: &TravelBounds,
+    known: &mut DetectionCache,
+) -> Vec<ListedPair> {
     let bodies = scene.spheres.par_iter().with_min_len(PAR_MIN_LEN);
     let centres: Vec<Vec3> = bodies.clone().map(|&i| q_c.x[i as usize]).collect();
     let travel: Vec<f64> = bodies.clone().map(|&i| ways.travel[i as usize]).collect();
@@ -189,7 +210,11 @@ fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, ways: &TravelBo
 
 /// Geometry of a sphere against a sphere or plate.
 #[inline]
-fn contact_geometry(scene: &Scene, q_c: &ContactConfiguration, [candidate, antagonist]: [u32; 2]) -> narrow::ContactGeometry {
+fn contact_geometry(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    [candidate, antagonist]: [u32; 2],
+) -> narrow::ContactGeometry {
     let [a, b] = [candidate, antagonist].map(|i| (&scene.bodies[i as usize], q_c.x[i as usize]));
     let (a, b) = ((a.0, &a.1), (b.0, &(b.1 + scene.nearest_image_shift(&a.1, &b.1))));
     match &b.0.shape {

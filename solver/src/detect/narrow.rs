@@ -36,7 +36,13 @@ pub fn sphere_sphere(a: &Vec3, radius_a: f64, b: &Vec3, radius_b: f64) -> Contac
 }
 
 /// A sphere against a plate: the nearest point of the plate; from within, the nearer contact face.
-pub fn sphere_plane(centre: &Vec3, radius: f64, plate: &Vec3, orientation: &Quat, half_lengths: &Vec3) -> ContactGeometry {
+pub fn sphere_plane(
+    centre: &Vec3,
+    radius: f64,
+    plate: &Vec3,
+    orientation: &Quat,
+    half_lengths: &Vec3,
+) -> ContactGeometry {
     let local = orientation.inverse_transform_vector(&(centre - plate));
     let nearest = Vec3::from_fn(|k, _| local[k].clamp(-half_lengths[k], half_lengths[k]));
     let away = local - nearest;

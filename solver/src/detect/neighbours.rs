@@ -53,7 +53,8 @@ impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
             let reach = self.reach[k] - self.travel[k];
             SweptBall { centre: self.centres[k], path: (self.path)(k), reach, searched: true }
         };
-        let balls: Vec<SweptBall> = (0..self.centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(ball).collect();
+        let balls: Vec<SweptBall> =
+            (0..self.centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(ball).collect();
         periodic::periodic_swept_pairs(&balls, self.reach, periods)
     }
 }
@@ -152,7 +153,8 @@ mod tests {
         let things = BoundingBalls { centres: &x, reach: &reach, path, travel: &travel };
         assert!(neighbours.rebuild_if_stale(&things, [None; 2], 1.0));
         let rest: Vec<f64> = reach.iter().map(|reach| reach - 500.0).collect();
-        let apart = |range: std::ops::Range<usize>| periodic::periodic_pairs(&x[range.clone()], &rest[range], [None; 2]).len();
+        let apart =
+            |range: std::ops::Range<usize>| periodic::periodic_pairs(&x[range.clone()], &rest[range], [None; 2]).len();
         assert_eq!(neighbours.pairs.len(), apart(0..300) + apart(300..600));
     }
 

@@ -10,13 +10,13 @@ use crate::detect::neighbours::BoundingBalls;
 use crate::detect::swept::SweptBall;
 use crate::detect::{LISTING_MARGIN, TravelBounds, joints, narrow, periodic, swept};
 use crate::geometry::{
-    Separated, Manifold, CachedFeature, NarrowPhaseMode, ContactPoint, PosedPolyhedron, ListingRange, PairResult, PairBatch, polyhedron_cylinder,
-    polyhedron_hollow_cylinder, polyhedron_sphere,
+    CachedFeature, ContactPoint, ListingRange, Manifold, NarrowPhaseMode, PairBatch, PairResult, PosedPolyhedron,
+    Separated, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_sphere,
 };
 use crate::integrate::ContactConfiguration;
 use crate::math::lanes::SimdWidth;
 use crate::math::{Quat, Vec3, group_by_key};
-use crate::scene::{ContactorShape, BodyPart, Scene, InteractionRule};
+use crate::scene::{BodyPart, ContactorShape, InteractionRule, Scene};
 use crate::state::{Contact, DetectionCache, SeparatingAxis};
 
 /// Where a contactor is, and what of the scene each pair asks for: so that a pair reads little memory.
@@ -61,7 +61,11 @@ impl DetectionCache {
     /// `bodies`: in an order in which near ones follow each other.
     fn rebuild_if_stale(&mut self, scene: &Scene, places: &mut [PosedContactor], bodies: &[u32]) {
         if self.last.len() != places.len() {
-            *self = DetectionCache { accumulated_travel: vec![0.0; places.len()], restored_pairs: self.cached_pairs(), ..DetectionCache::default() };
+            *self = DetectionCache {
+                accumulated_travel: vec![0.0; places.len()],
+                restored_pairs: self.cached_pairs(),
+                ..DetectionCache::default()
+            };
             self.last = places.iter().map(|place| (place.centre, place.axes)).collect();
         }
         let known = self.last.iter_mut().zip(&mut self.accumulated_travel);
@@ -132,11 +136,15 @@ pub fn listed_contacts(
         NarrowPhase::Accurate => NarrowPhaseMode::Accurate,
     };
     let width = SimdWidth::detect();
-    let chunks = pairs.par_chunks(PAIRS_PER_TASK).zip(memories.par_chunks_mut(PAIRS_PER_TASK)).zip(separations.par_chunks_mut(PAIRS_PER_TASK));
+    let chunks = pairs
+        .par_chunks(PAIRS_PER_TASK)
+        .zip(memories.par_chunks_mut(PAIRS_PER_TASK))
+        .zip(separations.par_chunks_mut(PAIRS_PER_TASK));
     let chunks = chunks.map(|((pairs, memories), separations)| PairChunk { pairs, memories, separations });
     let hands = || NarrowPhaseScratch { polyhedra: PairBatch::new(width), prefetcher: Prefetcher::new(&places, width) };
-    let found: Vec<ListedContacts> =
-        chunks.map_init(hands, |hands, chunk| narrow_phase_chunk(scene, &places, nearby, narrow, hands, chunk)).collect();
+    let found: Vec<ListedContacts> = chunks
+        .map_init(hands, |hands, chunk| narrow_phase_chunk(scene, &places, nearby, narrow, hands, chunk))
+        .collect();
     let mut contacts = contacts_by_key(&found, scene.bodies.len(), width);
     let inner = joints::remove_inner_edges(scene, q_c, ways, &places, &mut contacts);
     inner.iter().for_each(|parts| known.forget_feature(parts));
@@ -162,12 +170,15 @@ pub fn swept_contacts(
     let balls: Vec<SweptBall> = places.iter().map(ball).collect();
     let reach: Vec<f64> = places.iter().map(|place| place.reach).collect();
     let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
-    let mut pairs: Vec<([u32; 2], InteractionRule)> = near.into_iter().filter_map(|ij| visible_pair(scene, &places, ij)).collect();
+    let mut pairs: Vec<([u32; 2], InteractionRule)> =
+        near.into_iter().filter_map(|ij| visible_pair(scene, &places, ij)).collect();
     pairs.sort_unstable_by_key(|(parts, _)| *parts);
     let width = SimdWidth::detect();
-    let mut hands = NarrowPhaseScratch { polyhedra: PairBatch::new(width), prefetcher: Prefetcher::new(&places, width) };
+    let mut hands =
+        NarrowPhaseScratch { polyhedra: PairBatch::new(width), prefetcher: Prefetcher::new(&places, width) };
     let look_at = |pairs: &[([u32; 2], InteractionRule)]| {
-        let (mut memories, mut separations) = ([CachedFeature::default(); PAIRS_PER_TASK], [SeparatingAxis::default(); PAIRS_PER_TASK]);
+        let (mut memories, mut separations) =
+            ([CachedFeature::default(); PAIRS_PER_TASK], [SeparatingAxis::default(); PAIRS_PER_TASK]);
         let (memories, separations) = (&mut memories[..pairs.len()], &mut separations[..pairs.len()]);
         narrow_phase_chunk(scene, &places, ways.nearby, narrow, &mut hands, PairChunk { pairs, memories, separations })
     };
@@ -260,7 +271,12 @@ impl<'a> CandidatePair<'a> {
     /// How far the surfaces of two contactors have moved together, and the largest range that they may have, m: less than a
     /// meeting takes to make.
     #[inline(always)]
-    fn listing_reach(scene: &Scene, places: &[PosedContactor], nearby: f64, (parts, see): &([u32; 2], InteractionRule)) -> f64 {
+    fn listing_reach(
+        scene: &Scene,
+        places: &[PosedContactor],
+        nearby: f64,
+        (parts, see): &([u32; 2], InteractionRule),
+    ) -> f64 {
         let [a, b] = parts.map(|k| &places[k as usize]);
         let held = scene.laws[see.law as usize].interaction_range(1.0 / (a.curvature + b.curvature));
         let smaller = a.radius.min(b.radius);
@@ -371,7 +387,13 @@ impl ListedContacts {
     }
 
     /// Adds what is seen of a pair: points up to its range, of which those on its area share it; keeps what is known of it.
-    fn record_result(&mut self, meeting: &CandidatePair, sight: PairResult, memories: &mut [CachedFeature], separations: &mut [SeparatingAxis]) {
+    fn record_result(
+        &mut self,
+        meeting: &CandidatePair,
+        sight: PairResult,
+        memories: &mut [CachedFeature],
+        separations: &mut [SeparatingAxis],
+    ) {
         let CandidatePair { pair, a, b, c, .. } = meeting;
         let manifold = match sight {
             Ok((memory, manifold)) => {
@@ -382,7 +404,8 @@ impl ListedContacts {
                 // Of another image, nearest from half a period on, nothing is known.
                 let of_image =
                     self.periods.iter().zip(c.as_slice()).filter_map(|(period, c)| Some((*period)? / 2.0 - c.abs()));
-                let until = of_image.fold(s, f64::min) + meeting.accumulated_travel() - ROUNDING_MARGIN * (a.reach + b.reach);
+                let until =
+                    of_image.fold(s, f64::min) + meeting.accumulated_travel() - ROUNDING_MARGIN * (a.reach + b.reach);
                 separations[*pair] = SeparatingAxis { n: Some([n.x, n.y, n.z].map(|x| x as f32)), valid_travel: until };
                 return;
             }
@@ -459,7 +482,12 @@ impl<'a> Prefetcher<'a> {
     }
 }
 
-fn posed_contactor<'a>(scene: &Scene, part: &'a BodyPart, q_c: &ContactConfiguration, ways: &TravelBounds) -> PosedContactor<'a> {
+fn posed_contactor<'a>(
+    scene: &Scene,
+    part: &'a BodyPart,
+    q_c: &ContactConfiguration,
+    ways: &TravelBounds,
+) -> PosedContactor<'a> {
     let i = part.body as usize;
     let q = &q_c.q[i];
     let arm = q * part.offset;
@@ -507,7 +535,11 @@ fn visible_pair(scene: &Scene, places: &[PosedContactor], [i, j]: [u32; 2]) -> O
 }
 
 /// The pairs by candidates, in the order of the bodies, then by antagonists.
-fn pairs_by_candidate(pairs: &[([u32; 2], InteractionRule)], scene: &Scene, bodies: &[u32]) -> Vec<([u32; 2], InteractionRule)> {
+fn pairs_by_candidate(
+    pairs: &[([u32; 2], InteractionRule)],
+    scene: &Scene,
+    bodies: &[u32],
+) -> Vec<([u32; 2], InteractionRule)> {
     let mut place = vec![0; bodies.len()];
     bodies.iter().zip(0..).for_each(|(&i, k)| place[i as usize] = k);
     let of_pairs: Vec<u32> =

@@ -7,9 +7,11 @@
 
 use smallvec::SmallVec;
 
-use super::patch::{PatchCorner, MIN_FACE_COSINE, ON_SIDE_DISTANCE, ContactPatch, Polygon, clipped_to_gap, share_at_tilt};
+use super::patch::{
+    ContactPatch, MIN_FACE_COSINE, ON_SIDE_DISTANCE, PatchCorner, Polygon, clipped_to_gap, share_at_tilt,
+};
 use super::search::{aligned_face, edge_ends, support_face};
-use super::{Manifold, ContactPoint, PosedPolyhedron, ListingRange, edge_feature, face_feature, vertex_feature};
+use super::{ContactPoint, ListingRange, Manifold, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::lanes::Scalar;
 use crate::math::{Quat, Vec3};
 
@@ -240,7 +242,13 @@ impl CylinderPair<'_> {
         let on_end = |x: f64, y: f64| Vec3::new(x, y, height);
         for (k, [x, y, gap]) in outline.iter().enumerate() {
             if x.hypot(*y) <= self.radius + tiny {
-                patch.corners.push(self.corner_at(on_end(*x, *y), m, *gap, [*x, *y], (vertex_feature(corners[k].into()), end)));
+                patch.corners.push(self.corner_at(
+                    on_end(*x, *y),
+                    m,
+                    *gap,
+                    [*x, *y],
+                    (vertex_feature(corners[k].into()), end),
+                ));
             }
         }
         let of_vertices = patch.corners.len();
@@ -373,7 +381,11 @@ impl CylinderPair<'_> {
             CylinderFeature::Face(f) => (self.vertices[lowest], face_feature(f)),
             CylinderFeature::Vertex => (self.vertices[lowest], vertex_feature(lowest as u32)),
         };
-        ContactPoint { position: self.to_world(&(on_a - m * (0.5 * axis.s))), gap: axis.s, features: (feature, CYLINDER_RIM) }
+        ContactPoint {
+            position: self.to_world(&(on_a - m * (0.5 * axis.s))),
+            gap: axis.s,
+            features: (feature, CYLINDER_RIM),
+        }
     }
 }
 

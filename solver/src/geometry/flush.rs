@@ -1,8 +1,8 @@
 //! What the test for flush joints needs of polyhedra: heights along a direction, and contact along a given direction.
 
 use super::patch::ContactPatch;
-use super::search::{SearchAxis, SearchFeature, PolyhedronPair, support_face, support_vertex};
-use super::{Manifold, PosedPolyhedron, ListingRange};
+use super::search::{PolyhedronPair, SearchAxis, SearchFeature, support_face, support_vertex};
+use super::{ListingRange, Manifold, PosedPolyhedron};
 use crate::math::Vec3;
 use crate::math::lanes::{Scalar, SimdWidth};
 
@@ -37,7 +37,13 @@ impl PosedPolyhedron<'_> {
 /// the faces that look at each other share; `None` where these share nothing within the range.
 ///
 /// No search: the caller knows that a plane across `n` parts the two.
-pub fn polyhedra_along(a: &PosedPolyhedron, b: &PosedPolyhedron, c: &Vec3, n: &Vec3, range: ListingRange) -> Option<Manifold> {
+pub fn polyhedra_along(
+    a: &PosedPolyhedron,
+    b: &PosedPolyhedron,
+    c: &Vec3,
+    n: &Vec3,
+    range: ListingRange,
+) -> Option<Manifold> {
     let pair = PolyhedronPair::new(a, b, *c, SimdWidth::detect());
     let from_a = -n;
     let axis = SearchAxis { n: from_a, s: pair.separation_along(&from_a).0, feature: SearchFeature::None };

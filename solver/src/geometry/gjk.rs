@@ -8,8 +8,8 @@ use smallvec::SmallVec;
 
 use super::patch::SAME_CORNER_DISTANCE;
 use super::polyhedron::{FeatureIndex, HalfEdge};
-use super::search::{RIDGE_ANGLE, PolyhedronPair, lowest_vertex, support_vertex};
-use super::{Manifold, ContactPoint, Polyhedron, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
+use super::search::{PolyhedronPair, RIDGE_ANGLE, lowest_vertex, support_vertex};
+use super::{ContactPoint, Manifold, Polyhedron, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
 use crate::math::{Vec3, vector_length};
 
@@ -135,8 +135,12 @@ impl GjkSimplex {
                 let point = p * (1.0 - share) + first.w * share;
                 if point.norm_squared() < least {
                     least = point.norm_squared();
-                    best =
-                        GjkSimplex { corners: [next, first, first], weights: [1.0 - share, share, 0.0], count: 2, point };
+                    best = GjkSimplex {
+                        corners: [next, first, first],
+                        weights: [1.0 - share, share, 0.0],
+                        count: 2,
+                        point,
+                    };
                 }
             }
             for k in i + 1..self.count {
@@ -168,7 +172,10 @@ impl GjkSimplex {
             on_a += pair.pa.vertex(p.a) * *weight;
             on_b += (pair.pb.vertex(p.b) + pair.c) * *weight;
         }
-        let features = (spanned_feature(pair.a, corners.iter().map(|p| p.a)), spanned_feature(pair.b, corners.iter().map(|p| p.b)));
+        let features = (
+            spanned_feature(pair.a, corners.iter().map(|p| p.a)),
+            spanned_feature(pair.b, corners.iter().map(|p| p.b)),
+        );
         let kind = |feature: u32| feature >> 30;
         let on_faces =
             kind(features.0) == 2 || kind(features.1) == 2 || (kind(features.0) == 1 && kind(features.1) == 1);
@@ -220,12 +227,16 @@ pub(super) fn ridge_manifold(pair: &PolyhedronPair, n: &Vec3, distance: f64) -> 
             let between = pair.pb.vertex(ends_b[0]) + pair.c - base;
             let across = between - along * between.dot(&along);
             let gap = across.norm();
-            if along.cross(&other).norm() > RIDGE_ANGLE || gap <= 1e-15 * pair.sum || gap > distance + pair.tie_tolerance() {
+            if along.cross(&other).norm() > RIDGE_ANGLE
+                || gap <= 1e-15 * pair.sum
+                || gap > distance + pair.tie_tolerance()
+            {
                 continue;
             }
             // Places along the edge, each with the feature that ends there.
             let of_a = ends_a.map(|v| (pair.pa.vertex(v).dot(&along), (vertex_feature(v), edge_feature(eb))));
-            let mut of_b = ends_b.map(|v| ((pair.pb.vertex(v) + pair.c).dot(&along), (edge_feature(ea), vertex_feature(v))));
+            let mut of_b =
+                ends_b.map(|v| ((pair.pb.vertex(v) + pair.c).dot(&along), (edge_feature(ea), vertex_feature(v))));
             of_b.sort_by(|p, q| p.0.total_cmp(&q.0));
             let inner = |k: usize, of_a_is_inner: bool| {
                 if (of_a[k].0 - of_b[k].0).abs() <= SAME_CORNER_DISTANCE * pair.small {

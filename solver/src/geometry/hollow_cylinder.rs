@@ -1,6 +1,6 @@
 //! A polyhedron inside a hollow cylinder, as in a drum.
 
-use super::{Manifold, ContactPoint, PosedPolyhedron, vertex_feature};
+use super::{ContactPoint, Manifold, PosedPolyhedron, vertex_feature};
 use crate::math::{Quat, Vec3};
 
 /// Polyhedron A in a hollow cylinder at `c` = x_B - x_A (m) with the orientation `q`, its axis the third, of

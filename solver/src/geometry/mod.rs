@@ -38,7 +38,7 @@ use smallvec::SmallVec;
 use crate::math::Vec3;
 use crate::math::lanes::SimdWidth;
 use patch::ContactPatch;
-use search::{SearchAxis, SearchFeature, SearchResult, PolyhedronPair, SearchStart};
+use search::{PolyhedronPair, SearchAxis, SearchFeature, SearchResult, SearchStart};
 use triangles::{BATCH_PAIRS, TriangleBatch};
 
 /// A point of contact.
@@ -191,7 +191,9 @@ fn pair_manifold(asked: PairQuery) -> (CachedFeature, Option<Manifold>) {
     let mut take = |(), sight: PairResult| {
         found = match sight {
             Ok((memory, manifold)) => (memory, Some(manifold.clone())),
-            Err(Separated { n, s }) => (CachedFeature::from_axis(&SearchAxis { n, s, feature: SearchFeature::None }), None),
+            Err(Separated { n, s }) => {
+                (CachedFeature::from_axis(&SearchAxis { n, s, feature: SearchFeature::None }), None)
+            }
         };
     };
     let mut together = PairBatch::new(asked.pair.width);
@@ -315,14 +317,25 @@ impl<'a, T: Copy> PairBatch<'a, T> {
 }
 
 /// The points of a patch that are within the range.
-fn patch_result<'m>(asked: &PairQuery, axis: &SearchAxis, patch: &mut ContactPatch, manifold: &'m mut Manifold) -> PairResult<'m> {
+fn patch_result<'m>(
+    asked: &PairQuery,
+    axis: &SearchAxis,
+    patch: &mut ContactPatch,
+    manifold: &'m mut Manifold,
+) -> PairResult<'m> {
     patch.write_manifold(asked.range, asked.pair.tie_tolerance(), manifold);
     // Within rounding there may be none.
     if manifold.points.is_empty() { Err(axis.as_separated()) } else { Ok((CachedFeature::from_axis(axis), manifold)) }
 }
 
 /// A pair whose direction is known, by itself.
-fn manifold_scalar(asked: &PairQuery, found: &SearchResult, patch: &mut ContactPatch, manifold: &mut Manifold, take: &mut impl FnMut(PairResult)) {
+fn manifold_scalar(
+    asked: &PairQuery,
+    found: &SearchResult,
+    patch: &mut ContactPatch,
+    manifold: &mut Manifold,
+    take: &mut impl FnMut(PairResult),
+) {
     let PairQuery { pair, start, narrow, range, .. } = asked;
     let SearchResult { axis, faces, met, .. } = found;
     let kept = CachedFeature::from_axis(axis);
@@ -387,7 +400,11 @@ pub(super) mod tests {
 
     /// Calls `take` with pairs of rocks that have a feature for their direction and are within `range` (m) of each other or
     /// overlap, and with the number of each.
-    pub(in crate::geometry) fn each_pair(count: u32, range: f64, mut take: impl FnMut(u32, &PolyhedronPair, &SearchResult)) {
+    pub(in crate::geometry) fn each_pair(
+        count: u32,
+        range: f64,
+        mut take: impl FnMut(u32, &PolyhedronPair, &SearchResult),
+    ) {
         let (a, b) = (rock(0.0), rock(1.0));
         for number in 0..count {
             let k = f64::from(number);
@@ -395,7 +412,8 @@ pub(super) mod tests {
             let pb = b.posed_by(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
             let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.6;
             let pair = PolyhedronPair::new(&pa, &pb, c, SimdWidth::detect());
-            let found = search::separating_axis(&pair, SearchStart::Nothing, None, NarrowPhaseMode::Accurate, range.into());
+            let found =
+                search::separating_axis(&pair, SearchStart::Nothing, None, NarrowPhaseMode::Accurate, range.into());
             if found.axis.feature != SearchFeature::None && found.axis.s <= range {
                 take(number, &pair, &found);
             }
@@ -411,10 +429,20 @@ pub(super) mod tests {
             let pa = a.posed_by(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
             let pb = b.posed_by(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
             let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * (1.2 + 0.002 * k);
-            for start in [SearchStart::Nothing, SearchStart::Feature(SearchFeature::FaceOfA(3)), SearchStart::Direction(Vec3::x())] {
+            for start in [
+                SearchStart::Nothing,
+                SearchStart::Feature(SearchFeature::FaceOfA(3)),
+                SearchStart::Direction(Vec3::x()),
+            ] {
                 let of = |width| {
                     let pair = PolyhedronPair::new(&pa, &pb, c, width);
-                    pair_manifold(PairQuery { pair, start, hint: None, narrow: NarrowPhaseMode::Accurate, range: 0.05.into() })
+                    pair_manifold(PairQuery {
+                        pair,
+                        start,
+                        hint: None,
+                        narrow: NarrowPhaseMode::Accurate,
+                        range: 0.05.into(),
+                    })
                 };
                 let found: Vec<_> = SimdWidth::all_widths().into_iter().map(of).collect();
                 assert!(found.iter().all(|one| *one == found[0]), "{k}: {found:?}");
@@ -434,7 +462,9 @@ pub(super) mod tests {
             let pb = b.posed_by(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
             let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.8;
             let mut memory = CachedFeature::default();
-            let mut run = |range: ListingRange| polyhedron_polyhedron(&pa, &pb, &c, range, NarrowPhaseMode::Accurate, &mut memory);
+            let mut run = |range: ListingRange| {
+                polyhedron_polyhedron(&pa, &pb, &c, range, NarrowPhaseMode::Accurate, &mut memory)
+            };
             let Some(all) = run(0.5.into()) else { continue };
             let found = run(ListingRange { patch: 0.1, ..0.5.into() }).unwrap();
             let is_far = all.gap() > 0.1;
@@ -456,7 +486,9 @@ pub(super) mod tests {
     fn memory_goes_through_a_snapshot_and_foreign_words_do_no_harm() {
         let (a, b) = (rock(0.0), Polyhedron::cuboid(&Vec3::new(1.0, 0.6, 0.4)));
         let (pa, pb) = (a.posed_by(&Quat::identity()), b.posed_by(&Quat::from_euler_angles(0.1, 0.2, 0.3)));
-        let run = |c: Vec3, memory: &mut CachedFeature| polyhedron_polyhedron(&pa, &pb, &c, 0.5, NarrowPhaseMode::Accurate, memory);
+        let run = |c: Vec3, memory: &mut CachedFeature| {
+            polyhedron_polyhedron(&pa, &pb, &c, 0.5, NarrowPhaseMode::Accurate, memory)
+        };
         for far in [1.2, 1.6, 2.0, 4.0] {
             let mut memory = CachedFeature::default();
             let first = run(Vec3::new(far, 0.1, 0.2), &mut memory);

@@ -5,8 +5,8 @@
 
 use pulp::NullaryFnOnce;
 
-use super::patch::{PatchCorner, MIN_FACE_COSINE};
-use super::polyhedron::{FeatureIndex, COLUMN_PAD};
+use super::patch::{MIN_FACE_COSINE, PatchCorner};
+use super::polyhedron::{COLUMN_PAD, FeatureIndex};
 use super::search::PolyhedronPair;
 use super::{PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
@@ -18,7 +18,13 @@ const OUTLINE_COLUMNS: usize = 5;
 /// Adds the corners of the common part of two faces, those of `faces`, seen along `n` from A to B.
 ///
 /// `tiny`: distance up to which a corner is on a side, m.
-pub(super) fn collect_common_corners(pair: &PolyhedronPair, n: &Vec3, faces: (u32, u32), tiny: f64, take: &mut PatchCorners) {
+pub(super) fn collect_common_corners(
+    pair: &PolyhedronPair,
+    n: &Vec3,
+    faces: (u32, u32),
+    tiny: f64,
+    take: &mut PatchCorners,
+) {
     let counts = [pair.a.face_corners(faces.0 as usize).len(), pair.b.face_corners(faces.1 as usize).len()];
     // The first corner comes again after the last; vectors begun at the last may read beyond.
     let strides = counts.map(|count| count.next_multiple_of(COLUMN_PAD) + COLUMN_PAD);
@@ -65,7 +71,14 @@ struct FaceOutline<'a> {
 
 impl<'a> FaceOutline<'a> {
     #[inline(always)]
-    fn new(posed: &'a PosedPolyhedron, of: u32, moved: Vec3, turned: bool, stride: usize, storage: &'a mut [f64]) -> Self {
+    fn new(
+        posed: &'a PosedPolyhedron,
+        of: u32,
+        moved: Vec3,
+        turned: bool,
+        stride: usize,
+        storage: &'a mut [f64],
+    ) -> Self {
         let (corners, sides) = (posed.shape.face_corners(of as usize), posed.shape.face_edges(of as usize));
         let (x, rest) = storage.split_at_mut(stride);
         let (y, rest) = rest.split_at_mut(stride);
@@ -221,7 +234,8 @@ impl<L: F64Arithmetic> NullaryFnOnce for CommonCorners<'_, L> {
         let frame = local_frame(*n);
         let (of_a, of_b) = storage.split_at_mut(OUTLINE_COLUMNS * strides[0]);
         let mut a = FaceOutline::new(pair.pa, faces.0, Vec3::zeros(), false, strides[0], of_a);
-        let mut b = FaceOutline::new(pair.pb, faces.1, pair.c, true, strides[1], &mut of_b[..OUTLINE_COLUMNS * strides[1]]);
+        let mut b =
+            FaceOutline::new(pair.pb, faces.1, pair.c, true, strides[1], &mut of_b[..OUTLINE_COLUMNS * strides[1]]);
         a.project_corners(faces.0, &frame);
         b.project_corners(faces.1, &frame);
         a.compute_side_directions(l, tiny);

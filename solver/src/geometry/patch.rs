@@ -5,8 +5,8 @@
 use smallvec::SmallVec;
 
 use super::outline::{PatchCorners, collect_common_corners};
-use super::search::{SearchAxis, PolyhedronPair};
-use super::{Manifold, ContactPoint, ListingRange};
+use super::search::{PolyhedronPair, SearchAxis};
+use super::{ContactPoint, ListingRange, Manifold};
 use crate::math::Vec3;
 
 /// Distance from a side, over the smaller circumradius, up to which a vertex is on it: so that aligned faces keep
@@ -74,8 +74,11 @@ impl ContactPatch {
             self.corners.retain(|corner| corner.gap <= range.alert);
         }
         let key = |corner: &PatchCorner| u64::from(corner.features.0) << 32 | u64::from(corner.features.1);
-        let point =
-            |corner: &PatchCorner| ContactPoint { position: corner.point.into(), gap: corner.gap, features: corner.features };
+        let point = |corner: &PatchCorner| ContactPoint {
+            position: corner.point.into(),
+            gap: corner.gap,
+            features: corner.features,
+        };
         (to.normal, to.area) = (-self.normal, self.area);
         to.points.clear();
         let count = self.corners.len();
@@ -304,7 +307,11 @@ mod tests {
             let gap = |k: usize| (left[(k + 1) % left.len()] - left[k]).rem_euclid(std::f64::consts::TAU);
             let widest = (0..left.len()).map(gap).fold(0.0, f64::max);
             // A chord under an angle α is 1 - cos α/2 from its arc; the size of the patch is 2.
-            assert!(1.0 - (widest / 2.0).cos() <= 2.0 * FLAT_CORNER_HEIGHT || left.len() == count, "{count}: {}", left.len());
+            assert!(
+                1.0 - (widest / 2.0).cos() <= 2.0 * FLAT_CORNER_HEIGHT || left.len() == count,
+                "{count}: {}",
+                left.len()
+            );
             assert!(left.len() <= 24, "{count}: {}", left.len());
         }
     }

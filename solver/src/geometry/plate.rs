@@ -1,7 +1,7 @@
 //! A polyhedron against a rectangular plate, which is a cuboid.
 
 use super::search::support_vertex;
-use super::{Manifold, CachedFeature, NarrowPhaseMode, Polyhedron, PosedPolyhedron, polyhedron_polyhedron};
+use super::{CachedFeature, Manifold, NarrowPhaseMode, Polyhedron, PosedPolyhedron, polyhedron_polyhedron};
 use crate::math::{Quat, Vec3};
 
 /// Polyhedron A against a plate at `c` = x_B - x_A (m) with the orientation `q`; `None` where they are more than

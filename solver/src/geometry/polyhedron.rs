@@ -76,7 +76,16 @@ impl PackedTopology {
         let loops = append_rows(&mut bytes, &faces.loops);
         let mut lines = vec![CacheLine::zeroed(); bytes.len().div_ceil(size_of::<CacheLine>())];
         bytemuck::cast_slice_mut(&mut lines)[..bytes.len()].copy_from_slice(&bytes);
-        PackedTopology { lines, column, planes, edges, starts, half_edge_starts: spoke_starts, half_edges: spokes, loops }
+        PackedTopology {
+            lines,
+            column,
+            planes,
+            edges,
+            starts,
+            half_edge_starts: spoke_starts,
+            half_edges: spokes,
+            loops,
+        }
     }
 
     #[inline(always)]

@@ -13,7 +13,10 @@ use smallvec::{Array, SmallVec};
 
 use super::patch::PatchCorner;
 use super::polyhedron::FeatureIndex;
-use super::{NarrowPhaseMode, ContactPoint, Polyhedron, PosedPolyhedron, ListingRange, edge_feature, face_feature, vertex_feature};
+use super::{
+    ContactPoint, ListingRange, NarrowPhaseMode, Polyhedron, PosedPolyhedron, edge_feature, face_feature,
+    vertex_feature,
+};
 use crate::math::lanes::{Arithmetic, F64Arithmetic, Scalar, SimdWidth};
 use crate::math::{Vec3, vector_length};
 
@@ -119,7 +122,13 @@ pub(super) fn support_vertex(posed: &PosedPolyhedron, n: &Vec3) -> (u32, f64) {
 }
 
 /// The best direction, or the first found along which A and B are farther apart than `range`; `hint` may be one.
-pub(super) fn separating_axis(pair: &PolyhedronPair, start: SearchStart, hint: Option<Vec3>, narrow: NarrowPhaseMode, range: ListingRange) -> SearchResult {
+pub(super) fn separating_axis(
+    pair: &PolyhedronPair,
+    start: SearchStart,
+    hint: Option<Vec3>,
+    narrow: NarrowPhaseMode,
+    range: ListingRange,
+) -> SearchResult {
     let found = match pair.width {
         SimdWidth::One(l) => l.run(AxisSearch { l, pair, start, hint, narrow, range }),
         #[cfg(target_arch = "x86_64")]
@@ -260,7 +269,10 @@ fn add_face_witnesses<L: F64Arithmetic>(
     let corners = own.shape.face_corners(f as usize);
     let along = own.vertex(corners[1]) - own.vertex(corners[0]);
     for direction in [along, n.cross(&along), -along, -n.cross(&along)] {
-        let (on_own, on_other) = (own.vertex(face_support_vertex(own, f, &direction)), other.vertex(face_support_vertex(other, g, &-direction)));
+        let (on_own, on_other) = (
+            own.vertex(face_support_vertex(own, f, &direction)),
+            other.vertex(face_support_vertex(other, g, &-direction)),
+        );
         witnesses.add((on_other - on_own) * sign + pair.c);
     }
 }
@@ -294,7 +306,12 @@ fn push_mask_lanes(kept: &mut SmallVec<impl Array<Item = u32>>, mut mask: u32, k
 
 /// What is remembered, at the new poses, with the vertex that a face meets; or the direction between the centres.
 #[inline(always)]
-fn starting_axis<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, start: SearchStart, witnesses: &mut WitnessPoints) -> (SearchAxis, Option<u32>) {
+fn starting_axis<L: F64Arithmetic>(
+    l: L,
+    pair: &PolyhedronPair,
+    start: SearchStart,
+    witnesses: &mut WitnessPoints,
+) -> (SearchAxis, Option<u32>) {
     let n = match start {
         SearchStart::Feature(SearchFeature::FaceOfA(f)) => {
             let n = pair.pa.face_normal(f);
@@ -381,7 +398,13 @@ fn true_separation<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3, s: f
 /// worse; when that reaches beyond the cone of directions that the inner balls leave, n is the best of all. Apart, a
 /// foot within the facet is enough: there are points at that distance.
 #[inline(always)]
-fn is_best<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, axis: &SearchAxis, x: &Vec3, narrow: NarrowPhaseMode) -> bool {
+fn is_best<L: F64Arithmetic>(
+    l: L,
+    pair: &PolyhedronPair,
+    axis: &SearchAxis,
+    x: &Vec3,
+    narrow: NarrowPhaseMode,
+) -> bool {
     let rho = match axis.feature {
         SearchFeature::FaceOfA(f) => inside_distance(pair.a, f, &pair.pa.to_local(x)),
         SearchFeature::FaceOfB(f) => inside_distance(pair.b, f, &pair.pb.to_local(&-x)),
@@ -567,12 +590,22 @@ fn separation_to_beat(best: &SearchAxis, tie: f64) -> f64 {
 /// How far below the best s the bounds must still let directions through, m.
 #[inline(always)]
 fn bound_slack(pair: &PolyhedronPair, best: &SearchAxis) -> f64 {
-    if best.feature == SearchFeature::None { pair.tie_tolerance() + pair.rounding_bound() } else { pair.rounding_bound() }
+    if best.feature == SearchFeature::None {
+        pair.tie_tolerance() + pair.rounding_bound()
+    } else {
+        pair.rounding_bound()
+    }
 }
 
 /// Pairs of edges whose arcs on the Gauss map cross.
 #[inline(always)]
-fn search_edges<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, best: &mut SearchAxis, witnesses: &WitnessPoints, enough: f64) {
+fn search_edges<L: F64Arithmetic>(
+    l: L,
+    pair: &PolyhedronPair,
+    best: &mut SearchAxis,
+    witnesses: &WitnessPoints,
+    enough: f64,
+) {
     let tie = pair.tie_tolerance();
     let (mut of_a, mut of_b): (SmallVec<[u32; 64]>, SmallVec<[u32; 64]>) = (SmallVec::new(), SmallVec::new());
     collect_arcs(l, pair, pair.pa, 1.0, best, witnesses, &mut of_a);
@@ -608,7 +641,8 @@ fn search_edges<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, best: &mut Search
             let (along, n0, n1) = (a1 - a0, pair.pa.face_normal(edge.faces[0]), pair.pa.face_normal(edge.faces[1]));
             let mut k = 0;
             while k < count {
-                let (mask, s) = crossing_arcs(l, &block, k, &a0, &along, &n0, &n1, PARALLEL_EDGE_PRODUCT * along.norm_squared());
+                let (mask, s) =
+                    crossing_arcs(l, &block, k, &a0, &along, &n0, &n1, PARALLEL_EDGE_PRODUCT * along.norm_squared());
                 let mut mask = mask & l.mask_greater(s, l.splat(separation_to_beat(best, tie)));
                 if mask != 0 {
                     let mut values = [0.0; 8];
@@ -786,8 +820,9 @@ fn edge_axis(pair: &PolyhedronPair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     let (nb0, nb1) = (pair.pb.face_normal(b.faces[0]), pair.pb.face_normal(b.faces[1]));
     let (p0, p1) = (nb0.dot(&along_a), nb1.dot(&along_a));
     let (q0, q1) = (na0.dot(&along_b), na1.dot(&along_b));
-    let crossed =
-        p0 * p1 < -PARALLEL_EDGE_PRODUCT * along_a.norm_squared() && q0 * q1 < -PARALLEL_EDGE_PRODUCT * along_b.norm_squared() && p0 * q0 > 0.0;
+    let crossed = p0 * p1 < -PARALLEL_EDGE_PRODUCT * along_a.norm_squared()
+        && q0 * q1 < -PARALLEL_EDGE_PRODUCT * along_b.norm_squared()
+        && p0 * q0 > 0.0;
     let n = na0 * q1.abs() + na1 * q0.abs();
     let length = vector_length(&n);
     let n = if length > 0.0 { n / length } else { na0 };

@@ -1,6 +1,6 @@
 //! A polyhedron against a sphere: the point of the polyhedron that is nearest to the centre.
 
-use super::{Manifold, ContactPoint, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
+use super::{ContactPoint, Manifold, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::Vec3;
 
 /// Polyhedron A against a sphere of `radius` (m) at `c` = x_B - x_A, m; `None` where they are more than `alert` apart.

@@ -6,8 +6,8 @@
 
 use pulp::NullaryFnOnce;
 
-use super::patch::{PatchCorner, MIN_FACE_COSINE, ContactPatch, SAME_CORNER_DISTANCE};
-use super::search::{SearchAxis, PolyhedronPair};
+use super::patch::{ContactPatch, MIN_FACE_COSINE, PatchCorner, SAME_CORNER_DISTANCE};
+use super::search::{PolyhedronPair, SearchAxis};
 use super::{PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
@@ -77,7 +77,8 @@ impl TriangleBatch {
     pub fn push_faces(&mut self, pair: &PolyhedronPair, axis: &SearchAxis, faces: (u32, u32)) -> Option<usize> {
         let (of_a, of_b) = (pair.a.face_corners(faces.0 as usize), pair.b.face_corners(faces.1 as usize));
         let (&[a0, a1, a2], &[b0, b1, b2]) = (of_a, of_b) else { return None };
-        let (&[u0, u1, u2], &[v0, v1, v2]) = (pair.a.face_edges(faces.0 as usize), pair.b.face_edges(faces.1 as usize)) else {
+        let (&[u0, u1, u2], &[v0, v1, v2]) = (pair.a.face_edges(faces.0 as usize), pair.b.face_edges(faces.1 as usize))
+        else {
             return None;
         };
         let k = self.count;
@@ -187,7 +188,12 @@ impl<L: F64Arithmetic> NullaryFnOnce for ClipKernel<'_, L> {
 type Vec3Lanes<L> = [<L as Arithmetic>::V; 3];
 
 #[inline(always)]
-fn load_vector<L: F64Arithmetic>(l: L, given: &[[f64; BATCH_PAIRS]; INPUT_ROWS], at: usize, from: usize) -> Vec3Lanes<L> {
+fn load_vector<L: F64Arithmetic>(
+    l: L,
+    given: &[[f64; BATCH_PAIRS]; INPUT_ROWS],
+    at: usize,
+    from: usize,
+) -> Vec3Lanes<L> {
     [l.load(&given[at][from..]), l.load(&given[at + 1][from..]), l.load(&given[at + 2][from..])]
 }
 
@@ -227,7 +233,11 @@ fn projected_face<L: F64Arithmetic>(
         load_vector(l, given, TURN_ROWS[side] + turn[2], from),
     ];
     // The frame seen from the shape.
-    let axes = [components_along(l, &columns, frame[0]), components_along(l, &columns, frame[1]), components_along(l, &columns, frame[2])];
+    let axes = [
+        components_along(l, &columns, frame[0]),
+        components_along(l, &columns, frame[1]),
+        components_along(l, &columns, frame[2]),
+    ];
     let mut corners = [moved; 3];
     let mut k = 0;
     while k < 3 {
@@ -244,7 +254,12 @@ fn projected_face<L: F64Arithmetic>(
 
 /// Distances of the corners of `of` from the sides of `by`, > 0 inside, times the lengths of the sides: [corner][side].
 #[inline(always)]
-fn side_distances<L: F64Arithmetic>(l: L, by: &[Vec3Lanes<L>; 3], of: &[Vec3Lanes<L>; 3], near: L::V) -> ([[L::V; 3]; 3], L::V) {
+fn side_distances<L: F64Arithmetic>(
+    l: L,
+    by: &[Vec3Lanes<L>; 3],
+    of: &[Vec3Lanes<L>; 3],
+    near: L::V,
+) -> ([[L::V; 3]; 3], L::V) {
     let zero = l.splat(0.0);
     let mut found = [[zero; 3]; 3];
     // The least square of a distance over `near`, as a difference; a side no longer than that counts too.
@@ -300,7 +315,8 @@ fn clip_faces<L: F64Arithmetic>(l: L, of: &mut TriangleBatch, from: usize) {
     let s = [q, l.mul_add(l.mul(n[1], n[1]), p, sign), l.sub(zero, n[1])];
     let frame = [t, s, n];
     let a = projected_face(l, given, 0, &frame, [zero; 3], from);
-    let b = projected_face(l, given, 1, &frame, components_along(l, &frame, load_vector(l, given, CENTRE_ROW, from)), from);
+    let b =
+        projected_face(l, given, 1, &frame, components_along(l, &frame, load_vector(l, given, CENTRE_ROW, from)), from);
     let (separation, near) = (l.load(&given[SEPARATION_ROW][from..]), l.load(&given[NEAR_ROW][from..]));
     let (of_a, least_a) = side_distances(l, &b.corners, &a.corners, near);
     let (of_b, least_b) = side_distances(l, &a.corners, &b.corners, near);
@@ -395,7 +411,7 @@ fn clip_faces<L: F64Arithmetic>(l: L, of: &mut TriangleBatch, from: usize) {
 mod tests {
     use super::*;
     use crate::geometry::search::{SearchResult, SearchStart, separating_axis};
-    use crate::geometry::{NarrowPhaseMode, ContactPoint, ListingRange, tests::each_pair};
+    use crate::geometry::{ContactPoint, ListingRange, NarrowPhaseMode, tests::each_pair};
     use crate::math::Quat;
 
     fn points(patch: &mut ContactPatch, tie: f64) -> (Vec<ContactPoint>, f64) {

@@ -12,9 +12,13 @@ const BODIES_PER_SUM: usize = 4096;
 /// of mass, with F = sum m a, T = sum x x m a. Returns the RMS of what was removed over that of `a`, by mass.
 pub fn balance_accelerations(positions: &[Vec3], masses: &[f64], acceleration: &mut [Vec3]) -> f64 {
     let Some(origin) = positions.first() else { return 0.0 };
-    let parts = positions.par_chunks(BODIES_PER_SUM).zip(masses.par_chunks(BODIES_PER_SUM)).zip(acceleration.par_chunks(BODIES_PER_SUM));
+    let parts = positions
+        .par_chunks(BODIES_PER_SUM)
+        .zip(masses.par_chunks(BODIES_PER_SUM))
+        .zip(acceleration.par_chunks(BODIES_PER_SUM));
     let parts: Vec<ForceSums> = parts.map(|((x, m), a)| ForceSums::new(origin, x, m, a)).collect();
-    let ForceSums { second, mass, force, torque, square } = parts.into_iter().fold(ForceSums::default(), ForceSums::add);
+    let ForceSums { second, mass, force, torque, square } =
+        parts.into_iter().fold(ForceSums::default(), ForceSums::add);
     if mass <= 0.0 {
         return 0.0;
     }

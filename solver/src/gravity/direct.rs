@@ -58,7 +58,12 @@ pub fn field_at(places: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f
     places.par_iter().with_min_len(16).map(pull).map(|(a, phi)| (a * constant, phi * constant)).unzip()
 }
 
-fn accelerations_at_width(positions: &[Vec3], masses: &[f64], constant: f64, width: SimdWidth) -> (Vec<Vec3>, Vec<f64>) {
+fn accelerations_at_width(
+    positions: &[Vec3],
+    masses: &[f64],
+    constant: f64,
+    width: SimdWidth,
+) -> (Vec<Vec3>, Vec<f64>) {
     // In units of about the largest, so that no product of two is too large or too small; a power of two rounds nothing.
     let largest = masses.iter().fold(0.0, |a: f64, m| a.max(*m));
     let unit = if largest > 0.0 { 2f64.powi(largest.log2().clamp(-1000.0, 1000.0) as i32) } else { 1.0 };
@@ -174,7 +179,9 @@ mod tests {
     fn two_bodies_pull_each_other_alike_to_the_last_bit() {
         let (x, m) = cloud(61);
         for (i, j) in (0..61).flat_map(|i| (0..i).map(move |j| (i, j))) {
-            let on = |i: usize, j: usize| source_pull(SimdWidth::detect(), &SourceColumns::new(&x[j..=j], &m[j..=j]), &x[i], m[i]);
+            let on = |i: usize, j: usize| {
+                source_pull(SimdWidth::detect(), &SourceColumns::new(&x[j..=j], &m[j..=j]), &x[i], m[i])
+            };
             let ((force, energy), (reaction, same)) = (on(i, j), on(j, i));
             assert_eq!((force, energy), (-reaction, same));
         }

@@ -180,7 +180,8 @@ fn derivatives_degree<L: F64Arithmetic, const Q: usize, const C: usize>(
 fn close_degree<L: F64Arithmetic, const Q: usize>(l: L, out: &mut WideRow<L::V>) {
     let mut j = 0;
     while j + 2 <= Q {
-        out[wide_index(Q, 2) + j] = l.sub(l.splat(0.0), l.add(out[wide_index(Q, 0) + j], out[wide_index(Q, 0) + j + 2]));
+        out[wide_index(Q, 2) + j] =
+            l.sub(l.splat(0.0), l.add(out[wide_index(Q, 0) + j], out[wide_index(Q, 0) + j + 2]));
         j += 1;
     }
 }
@@ -307,7 +308,11 @@ fn shift_degrees<L: F64Arithmetic, const Q: usize, const N: usize>(
 
 /// Potential and its gradient, with the sign of attraction's pull, of the wide row L at b: E = E(b).
 #[inline(always)]
-pub fn evaluate_expansion<L: F64Arithmetic, const P: usize>(l: L, e: &NarrowRow<L::V>, field: &WideRow<L::V>) -> [L::V; 4] {
+pub fn evaluate_expansion<L: F64Arithmetic, const P: usize>(
+    l: L,
+    e: &NarrowRow<L::V>,
+    field: &WideRow<L::V>,
+) -> [L::V; 4] {
     let mut sums = [l.splat(0.0); 4];
     for_degrees!(Q <= P, {
         evaluate_degree::<L, P, Q, 0>(l, e, field, &mut sums);

@@ -12,14 +12,17 @@
 use pulp::NullaryFnOnce;
 
 use super::expansion::{
-    NARROW_LEN, NarrowRow, WideRow, contract_moments, kernel_derivatives, evaluate_expansion, exponential_terms, for_degrees, for_lines, narrow_index, narrow_len,
-    widen_row,
+    NARROW_LEN, NarrowRow, WideRow, contract_moments, evaluate_expansion, exponential_terms, for_degrees, for_lines,
+    kernel_derivatives, narrow_index, narrow_len, widen_row,
 };
-use super::pairs::{CoarseKernel, FineKernel, WithKernel, PackF32, PackF64, PackedBodies, BodyPull, PullF32, PullF64, RoughKernel, SourceLeaf, TARGETS_AT_ONCE};
+use super::pairs::{
+    BodyPull, CoarseKernel, FineKernel, PackF32, PackF64, PackedBodies, PullF32, PullF64, RoughKernel, SourceLeaf,
+    TARGETS_AT_ONCE, WithKernel,
+};
 use super::settings::{ExpansionSettings, PairPrecision};
-use super::tree::{TreeCell, MAX_BODIES_PER_TASK, CellSummary, MassTree};
+use super::tree::{CellSummary, MAX_BODIES_PER_TASK, MassTree, TreeCell};
 use super::upward::load_part;
-use crate::math::lanes::{Scalar, F32Arithmetic};
+use crate::math::lanes::{F32Arithmetic, Scalar};
 
 /// Sources of an expansion, or cells looked at, taken at once.
 const BATCH_CELLS: usize = 8;
@@ -104,7 +107,14 @@ impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
     }
 
     /// Evaluates the subtree of cell `a`, with the local expansion about its centre from the cells that it is in.
-    fn visit_subtree(&self, a: usize, local: &mut NarrowRow<f64>, above: AncestorPull, work: &mut WalkScratch, out: &mut [BodyPull]) {
+    fn visit_subtree(
+        &self,
+        a: usize,
+        local: &mut NarrowRow<f64>,
+        above: AncestorPull,
+        work: &mut WalkScratch,
+        out: &mut [BodyPull],
+    ) {
         let cell = &self.tree.cells[a];
         let outline = &CellSummary::from_line(&self.tree.outlines[a]);
         let below = work.open.len();
@@ -119,7 +129,8 @@ impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         }
         let halves = [a + 1, a + cell.second as usize];
         let [mut one, mut two]: [NarrowRow<f64>; 2] = [[0.0; _]; 2];
-        let [to_one, to_two] = halves.map(|half| centre_offset(&CellSummary::from_line(&self.tree.outlines[half]), outline));
+        let [to_one, to_two] =
+            halves.map(|half| centre_offset(&CellSummary::from_line(&self.tree.outlines[half]), outline));
         self.lanes.run(ShiftExpansion::<P> { shift: to_one, local, out: &mut one });
         self.lanes.run(ShiftExpansion::<P> { shift: to_two, local, out: &mut two });
         let (out_one, out_two) = out.split_at_mut(self.tree.cells[halves[0]].count as usize);
@@ -166,7 +177,8 @@ impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         // The leaf itself first, so that a body's place among the sources is its place among the targets.
         sources.push((cell.body_range(), [0.0; 3]));
         for &b in near.iter() {
-            let (source, other) = (&self.tree.cells[b as usize], CellSummary::from_line(&self.tree.outlines[b as usize]));
+            let (source, other) =
+                (&self.tree.cells[b as usize], CellSummary::from_line(&self.tree.outlines[b as usize]));
             if source.first != cell.first {
                 let [x, y, z] = centre_offset(&other, outline);
                 sources.push((source.body_range(), [(x * scale) as f32, (y * scale) as f32, (z * scale) as f32]));
@@ -192,7 +204,9 @@ impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         let limit = ((close * (outline.radius + largest) / length).max(1e-6) as f32).powi(2);
         let mut packed = false;
         let groups = targets.chunks(TARGETS_AT_ONCE).zip(nearest.chunks(TARGETS_AT_ONCE));
-        for ((targets, nearest), (out, pulls)) in groups.zip(out.chunks_mut(TARGETS_AT_ONCE).zip(pulls.chunks(TARGETS_AT_ONCE))) {
+        for ((targets, nearest), (out, pulls)) in
+            groups.zip(out.chunks_mut(TARGETS_AT_ONCE).zip(pulls.chunks(TARGETS_AT_ONCE)))
+        {
             if nearest[0] < limit {
                 if !packed {
                     l.run(PackF64 { to: doubles, bodies, sources });
@@ -307,8 +321,10 @@ impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, 
             far.reserve(BATCH_CELLS);
             near.reserve(BATCH_CELLS);
             open.reserve(BATCH_CELLS);
-            let (to_do, to_far) = (&mut todo.items[todo.count..][..2 * BATCH_CELLS], &mut far.items[far.count..][..BATCH_CELLS]);
-            let (to_near, to_open) = (&mut near.items[near.count..][..BATCH_CELLS], &mut open.items[open.count..][..BATCH_CELLS]);
+            let (to_do, to_far) =
+                (&mut todo.items[todo.count..][..2 * BATCH_CELLS], &mut far.items[far.count..][..BATCH_CELLS]);
+            let (to_near, to_open) =
+                (&mut near.items[near.count..][..BATCH_CELLS], &mut open.items[open.count..][..BATCH_CELLS]);
             let [mut n_do, mut n_far, mut n_near, mut n_open] = [0; 4];
             for lane in 0..here {
                 let b = index[lane];

@@ -18,13 +18,13 @@ mod tree;
 #[allow(clippy::needless_range_loop)]
 mod upward;
 
-pub use balance::{balance_accelerations};
+pub use balance::balance_accelerations;
 
 use crate::math::Vec3;
 use crate::math::lanes::{F32Arithmetic, SimdWidth};
 use fmm::TreeWalk;
 use settings::{ExpansionSettings, crossover_bodies};
-pub use settings::{HIGHEST_ORDER, MIN_FMM_ERROR, LOWEST_ORDER};
+pub use settings::{HIGHEST_ORDER, LOWEST_ORDER, MIN_FMM_ERROR};
 use tree::MassTree;
 
 /// How attraction is summed.
@@ -122,7 +122,14 @@ impl GravitySolver {
         self.field_at_width(positions, masses, constant, FieldRequest { potential: false, about }, SimdWidth::detect())
     }
 
-    fn field_at_width(&self, positions: &[Vec3], masses: &[f64], constant: f64, asked: FieldRequest, width: SimdWidth) -> GravityField {
+    fn field_at_width(
+        &self,
+        positions: &[Vec3],
+        masses: &[f64],
+        constant: f64,
+        asked: FieldRequest,
+        width: SimdWidth,
+    ) -> GravityField {
         if positions.len() < 2 || self.method_for(positions.len()) == SummationMethod::Direct {
             let (acceleration, mut potential) = direct::accelerations(positions, masses, constant);
             if !asked.potential {
@@ -141,7 +148,14 @@ impl GravitySolver {
         field
     }
 
-    fn multipole_field<L: F32Arithmetic>(&self, lanes: L, positions: &[Vec3], masses: &[f64], constant: f64, asked: FieldRequest) -> GravityField {
+    fn multipole_field<L: F32Arithmetic>(
+        &self,
+        lanes: L,
+        positions: &[Vec3],
+        masses: &[f64],
+        constant: f64,
+        asked: FieldRequest,
+    ) -> GravityField {
         let settings = self.expansion_settings(positions.len());
         match settings.order {
             2 => self.multipole_field_of_order::<L, 2>(lanes, settings, positions, masses, constant, asked),
@@ -329,7 +343,10 @@ mod tests {
             }
             for threads in 1..4 {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                assert_eq!(pool.install(|| fmm(error).field_at_width(&x, &m, 1.5, asked, SimdWidth::detect())), expected);
+                assert_eq!(
+                    pool.install(|| fmm(error).field_at_width(&x, &m, 1.5, asked, SimdWidth::detect())),
+                    expected
+                );
             }
         }
     }

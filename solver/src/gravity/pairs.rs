@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{F64Arithmetic, F32Arithmetic};
+use crate::math::lanes::{F32Arithmetic, F64Arithmetic};
 
 /// Targets side by side, so that a source is loaded once for all of them.
 pub const TARGETS_AT_ONCE: usize = 4;
@@ -242,7 +242,8 @@ impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_
             let mut least = [0.0f32; PARTIAL_SUMS_F32];
             let mut from = 0;
             while from < PARTIAL_SUMS_F32 {
-                let mut sums = PullSums { pulls: [[l.splat_f32(0.0); 4]; TARGETS_AT_ONCE], near: l.splat_f32(f32::MAX) };
+                let mut sums =
+                    PullSums { pulls: [[l.splat_f32(0.0); 4]; TARGETS_AT_ONCE], near: l.splat_f32(f32::MAX) };
                 let mut k = from;
                 while k < own {
                     let source = [l.load_f32(&x[k..]), l.load_f32(&y[k..]), l.load_f32(&z[k..]), l.load_f32(&m[k..])];

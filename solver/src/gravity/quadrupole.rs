@@ -37,7 +37,12 @@ const FADE_START: f64 = 0.5;
 /// times a factor of d that falls from 1 at half of `reach` to 0 at `reach`, 1 everywhere if that is infinite. F stems from U with that factor, and
 /// T_1 + T_2 + r x F = 0: energy, momentum and angular momentum are kept.
 /// Source: J. MacCullagh (1844), see C.D. Murray and S.F. Dermott, Solar System Dynamics (1999), ch. 5.
-pub fn quadrupole_correction(r: &Vec3, [one, two]: [&BodyInertia; 2], reach: f64, constant: f64) -> QuadrupoleCorrection {
+pub fn quadrupole_correction(
+    r: &Vec3,
+    [one, two]: [&BodyInertia; 2],
+    reach: f64,
+    constant: f64,
+) -> QuadrupoleCorrection {
     let d2 = r.norm_squared();
     let d = d2.sqrt();
     let [of_one, of_two] = [one.inertia * r * two.mass, two.inertia * r * one.mass];

@@ -19,7 +19,13 @@ pub struct SampledError {
 }
 
 /// Compares accelerations with the direct sum on bodies that `seed` picks, the same ones on every machine.
-pub fn sampled_error(positions: &[Vec3], masses: &[f64], constant: f64, acceleration: &[Vec3], seed: u64) -> SampledError {
+pub fn sampled_error(
+    positions: &[Vec3],
+    masses: &[f64],
+    constant: f64,
+    acceleration: &[Vec3],
+    seed: u64,
+) -> SampledError {
     if positions.is_empty() {
         return SampledError { rms: 0.0, largest: 0.0, virial: 0.0 };
     }
@@ -62,7 +68,10 @@ mod tests {
             let found = sampled_error(&positions, &masses, 2.0, &wrong, seed);
             assert!((found.virial + 1e-3).abs() < 1e-12, "{found:?}"); // pulls inwards
             assert!((found.rms - 1e-3).abs() < 1e-12 && (found.largest - 1e-3).abs() < 1e-12, "{found:?}");
-            assert_eq!(sampled_error(&positions, &masses, 2.0, &exact, seed), SampledError { rms: 0.0, largest: 0.0, virial: 0.0 });
+            assert_eq!(
+                sampled_error(&positions, &masses, 2.0, &exact, seed),
+                SampledError { rms: 0.0, largest: 0.0, virial: 0.0 }
+            );
         }
     }
 }

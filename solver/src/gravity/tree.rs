@@ -6,7 +6,7 @@ use super::expansion::narrow_len;
 use super::upward::{SubtreeOutput, UpwardPass, axis_derivatives};
 use crate::math::Vec3;
 use crate::math::lanes::F64Arithmetic;
-use crate::math::morton::{self, POINTS_PER_TASK, MortonKey};
+use crate::math::morton::{self, MortonKey, POINTS_PER_TASK};
 
 pub type CellLine = [f64; 8];
 
@@ -89,7 +89,14 @@ fn power_of_two(x: f64) -> f64 {
 }
 
 /// Divides `keys` by the first bit in which they differ, down to leaves.
-fn divide_cell(cells: &mut Vec<TreeCell>, keys: &mut [MortonKey], positions: &[Vec3], leaf: usize, first: usize, depth: usize) {
+fn divide_cell(
+    cells: &mut Vec<TreeCell>,
+    keys: &mut [MortonKey],
+    positions: &[Vec3],
+    leaf: usize,
+    first: usize,
+    depth: usize,
+) {
     let me = cells.len();
     cells.push(TreeCell { first: first as u32, count: keys.len() as u32, second: 0 });
     let ends = |keys: &[MortonKey]| (keys[0].key, keys[keys.len() - 1].key);

@@ -3,9 +3,10 @@
 use pulp::NullaryFnOnce;
 
 use super::expansion::{
-    NARROW_LEN, NarrowRow, WideRow, kernel_derivatives, exponential_terms, for_degrees, narrow_index, narrow_len, shift_moments, wide_index,
+    NARROW_LEN, NarrowRow, WideRow, exponential_terms, for_degrees, kernel_derivatives, narrow_index, narrow_len,
+    shift_moments, wide_index,
 };
-use super::tree::{TreeCell, MAX_BODIES_PER_TASK, CellLine, CellSummary};
+use super::tree::{CellLine, CellSummary, MAX_BODIES_PER_TASK, TreeCell};
 use crate::math::lanes::{F64Arithmetic, Scalar};
 use crate::math::{Vec3, vector_length};
 
@@ -92,7 +93,11 @@ impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
     #[inline(always)]
     fn cell_radius(&self, cell: &TreeCell, centre: [f64; 3]) -> f64 {
         let l = self.lanes;
-        let columns = [&self.bodies[0][cell.body_range()], &self.bodies[1][cell.body_range()], &self.bodies[2][cell.body_range()]];
+        let columns = [
+            &self.bodies[0][cell.body_range()],
+            &self.bodies[1][cell.body_range()],
+            &self.bodies[2][cell.body_range()],
+        ];
         let centre = [l.splat(centre[0]), l.splat(centre[1]), l.splat(centre[2])];
         let mut largest = l.splat(0.0);
         let mut first = 0;

@@ -9,7 +9,7 @@
 
 mod length;
 
-pub use length::{MAX_STEP_GROWTH, fastest_turn, shortest_orbit, choose_step_multiple};
+pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_turn, shortest_orbit};
 
 use rayon::prelude::*;
 
@@ -67,7 +67,8 @@ const MIN_TURNING_PER_TASK: usize = 64;
 pub fn predict_configuration(scene: &Scene, state: &State, units: u64) -> ContactConfiguration {
     let h = units as f64 * scene.options.dt;
     let before = h * (1.0 - scene.options.theta);
-    let x: Vec<Vec3> = state.x.par_iter().zip(&state.v).with_min_len(PAR_MIN_LEN).map(|(x, v)| x + v * before).collect();
+    let x: Vec<Vec3> =
+        state.x.par_iter().zip(&state.v).with_min_len(PAR_MIN_LEN).map(|(x, v)| x + v * before).collect();
     let (mut q, mut w) = (state.q.clone(), state.w.clone());
     for (i, _) in scene.oriented.iter().enumerate().filter(|(_, oriented)| **oriented) {
         q[i] = rotate_by_vector(&q[i], &(state.w[i] * before));
@@ -78,7 +79,8 @@ pub fn predict_configuration(scene: &Scene, state: &State, units: u64) -> Contac
         let q = turn_in_axes(&state.q[i], momentum, inertia, &rate, before);
         (q, angular_velocity(&q, inertia, momentum))
     };
-    let carried: Vec<_> = scene.turning.par_iter().zip(&mut spin).with_min_len(MIN_TURNING_PER_TASK).map(carry).collect();
+    let carried: Vec<_> =
+        scene.turning.par_iter().zip(&mut spin).with_min_len(MIN_TURNING_PER_TASK).map(carry).collect();
     for (&i, carried) in scene.turning.iter().zip(carried) {
         (q[i as usize], w[i as usize]) = carried;
     }
@@ -86,7 +88,19 @@ pub fn predict_configuration(scene: &Scene, state: &State, units: u64) -> Contac
     let order = morton::morton_order(&x, &state.order);
     let sum: Vec3 = scene.free.iter().map(|&i| state.v[i as usize]).sum();
     let drift = sum / scene.free.len().max(1) as f64;
-    ContactConfiguration { x, q, w, angular_momentum: spin, mean_velocity: drift, order, step_multiple: units, h, lookahead: ahead, changed: false, from_start: Vec::new() }
+    ContactConfiguration {
+        x,
+        q,
+        w,
+        angular_momentum: spin,
+        mean_velocity: drift,
+        order,
+        step_multiple: units,
+        h,
+        lookahead: ahead,
+        changed: false,
+        from_start: Vec::new(),
+    }
 }
 
 /// The same, with the bodies of `from_start` where they are at the step's start.
@@ -174,7 +188,8 @@ impl StartsOfDriven {
     fn new(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Self {
         let before = q_c.h * (1.0 - scene.options.theta);
         let driven = (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && scene.bodies[i].driven);
-        let start = |i: usize| (i, state.x[i] + state.v[i] * before, rotate_by_vector(&state.q[i], &(state.w[i] * before)));
+        let start =
+            |i: usize| (i, state.x[i] + state.v[i] * before, rotate_by_vector(&state.q[i], &(state.w[i] * before)));
         StartsOfDriven(driven.map(start).collect())
     }
 

@@ -217,7 +217,8 @@ impl ContactLaw {
             None => [("", 0.0); 2],
         };
         let friction = [("static friction", self.friction_static), ("dynamic friction", self.friction_dynamic)];
-        let RollingFriction { rolling, spinning } = self.rolling.unwrap_or(RollingFriction { rolling: 0.0, spinning: 0.0 });
+        let RollingFriction { rolling, spinning } =
+            self.rolling.unwrap_or(RollingFriction { rolling: 0.0, spinning: 0.0 });
         let moments = [("rolling friction", rolling), ("spinning friction", spinning)];
         let mut least_zero = friction.into_iter().chain(cohesion).chain(moments);
         let outside = restitution.into_iter().find(|(_, e)| !(0.0..=1.0).contains(e));
@@ -318,7 +319,9 @@ impl ContactLaw {
     pub fn bond_gap(&self, gap: f64, radius: f64) -> Option<f64> {
         match self.cohesion() {
             Some(Cohesion::Wet { range, remembers: true, .. }) if gap <= range => Some(self.bonded_at(gap)),
-            Some(Cohesion::Bond { now, .. }) if now > 0.0 && gap <= MAX_TOUCHING_GAP * radius => Some(self.bonded_at(gap)),
+            Some(Cohesion::Bond { now, .. }) if now > 0.0 && gap <= MAX_TOUCHING_GAP * radius => {
+                Some(self.bonded_at(gap))
+            }
             _ => None,
         }
     }
@@ -401,10 +404,19 @@ mod tests {
     fn shifts_follow_the_table() {
         let h = 0.5;
         let course = GapForecast::Apart { depth: 0.25 };
-        let at =
-            |gap, u_n, slid_before| LawInput { gap, h, closing_time: h, gap_forecast: course, u_n, radius: 2.0, slid_before, bonded: false };
-        let shift =
-            |kind, parameters: &[f64], gap, u_n, slid| ContactLaw::new(kind, parameters).unwrap().contact_shift(&at(gap, u_n, slid));
+        let at = |gap, u_n, slid_before| LawInput {
+            gap,
+            h,
+            closing_time: h,
+            gap_forecast: course,
+            u_n,
+            radius: 2.0,
+            slid_before,
+            bonded: false,
+        };
+        let shift = |kind, parameters: &[f64], gap, u_n, slid| {
+            ContactLaw::new(kind, parameters).unwrap().contact_shift(&at(gap, u_n, slid))
+        };
         let plain = |normal, friction| Some(LawShift { normal, tangential: 0.0, impulse: 0.0, friction, solved: true });
         let waiting = |normal| Some(LawShift { normal, tangential: 0.0, impulse: 0.0, friction: 0.4, solved: false });
         assert_eq!(shift("IQS_CLB", &[0.4], 0.1, -1.0, false), plain(0.2, 0.4));
@@ -430,7 +442,16 @@ mod tests {
 
     fn touching() -> LawInput {
         let course = GapForecast::Apart { depth: 0.0 };
-        LawInput { gap: 0.0, h: 0.5, closing_time: 0.5, gap_forecast: course, u_n: 0.0, radius: 2.0, slid_before: false, bonded: false }
+        LawInput {
+            gap: 0.0,
+            h: 0.5,
+            closing_time: 0.5,
+            gap_forecast: course,
+            u_n: 0.0,
+            radius: 2.0,
+            slid_before: false,
+            bonded: false,
+        }
     }
 
     fn acting() -> LawShift {
@@ -498,12 +519,17 @@ mod tests {
     fn unknown_names_and_values_out_of_range_are_told() {
         assert_eq!(ContactLaw::new("IQS_MAP", &[0.1]), None);
         assert_eq!(ContactLaw::new("IQS_CLB", &[]), None);
-        assert_eq!(ContactLaw::new("RST_CLB", &[1.5, 0.0, 0.3]).unwrap().invalid_parameter(), Some(("normal restitution", 1.5)));
+        assert_eq!(
+            ContactLaw::new("RST_CLB", &[1.5, 0.0, 0.3]).unwrap().invalid_parameter(),
+            Some(("normal restitution", 1.5))
+        );
         assert_eq!(ContactLaw::new("IQS_CLB", &[-0.1]).unwrap().invalid_parameter(), Some(("static friction", -0.1)));
         assert_eq!(ContactLaw::new("IQS_CLB", &[0.0]).unwrap().invalid_parameter(), None);
         let sliding = ContactLaw::new("IQS_DS_CLB", &[0.5, 0.3]).unwrap().invalid_parameter();
         assert_eq!(sliding, Some(("dynamic friction", 0.5)));
-        let bond = |normal, tangential| ContactLaw::new("IQS_MOHR_DS_CLB", &[normal, tangential, 0.2, 0.3]).unwrap().invalid_parameter();
+        let bond = |normal, tangential| {
+            ContactLaw::new("IQS_MOHR_DS_CLB", &[normal, tangential, 0.2, 0.3]).unwrap().invalid_parameter()
+        };
         assert!(bond(0.0, 1.0).is_some() && bond(1.0, -1.0).is_some());
         assert_eq!((bond(0.0, 0.0), bond(1.0, 0.0)), (None, None));
     }

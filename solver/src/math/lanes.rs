@@ -134,7 +134,14 @@ pub trait Arithmetic: Copy + Send + Sync {
     /// Of pairs of lines, the difference a - b of the first three components and the sums of the others.
     fn relative_velocity(self, lines: &[<Self::T as LaneFloat>::Line], a: &[u32], b: &[u32]) -> [Self::V; 8];
     /// With lines (v, p, w, q): adds p f to v of a and takes it from v of b; adds q g to w of both.
-    fn apply_impulse(self, lines: &mut [<Self::T as LaneFloat>::Line], a: &[u32], b: &[u32], f: [Self::V; 3], g: [Self::V; 3]);
+    fn apply_impulse(
+        self,
+        lines: &mut [<Self::T as LaneFloat>::Line],
+        a: &[u32],
+        b: &[u32],
+        f: [Self::V; 3],
+        g: [Self::V; 3],
+    );
     /// `relative` of halves: the first four components.
     fn relative_half_velocity(self, halves: &[<Self::T as LaneFloat>::Half], a: &[u32], b: &[u32]) -> [Self::V; 4];
     /// `push` on halves (v, p).
@@ -365,7 +372,14 @@ impl<L: Arithmetic> Arithmetic for DoubleWidth<L> {
         zip_halves(self.0.relative_velocity(lines, a, b), self.0.relative_velocity(lines, &a[w..], &b[w..]))
     }
     #[inline(always)]
-    fn apply_impulse(self, lines: &mut [<L::T as LaneFloat>::Line], a: &[u32], b: &[u32], f: [Self::V; 3], g: [Self::V; 3]) {
+    fn apply_impulse(
+        self,
+        lines: &mut [<L::T as LaneFloat>::Line],
+        a: &[u32],
+        b: &[u32],
+        f: [Self::V; 3],
+        g: [Self::V; 3],
+    ) {
         let (w, [f0, f1], [g0, g1]) = (L::WIDTH, unzip_halves(f), unzip_halves(g));
         self.0.apply_impulse(lines, a, b, f0, g0);
         self.0.apply_impulse(lines, &a[w..], &b[w..], f1, g1);
@@ -426,7 +440,9 @@ impl SimdWidth {
     /// The widest that this machine has.
     pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
-        if let Some(wide) = pulp::x86::V4::try_new().map(SimdWidth::Eight).or(pulp::x86::V3::try_new().map(SimdWidth::Four)) {
+        if let Some(wide) =
+            pulp::x86::V4::try_new().map(SimdWidth::Eight).or(pulp::x86::V3::try_new().map(SimdWidth::Four))
+        {
             return wide;
         }
         SimdWidth::One(Scalar)
@@ -567,7 +583,15 @@ impl Arithmetic for Scalar {
     fn scatter_lines(self, lines: &mut [[f64; 8]], index: &[u32], columns: [f64; 8]) {
         lines[index[0] as usize] = columns;
     }
-    one_pair!(f64, BodyLine, BodyHalfLine, relative_velocity, apply_impulse, relative_half_velocity, apply_half_impulse);
+    one_pair!(
+        f64,
+        BodyLine,
+        BodyHalfLine,
+        relative_velocity,
+        apply_impulse,
+        relative_half_velocity,
+        apply_half_impulse
+    );
 }
 
 impl F64Arithmetic for Scalar {
@@ -645,7 +669,15 @@ impl F32Arithmetic for Scalar {
     fn scatter_f32(self, lines: &mut [[f32; 8]], index: &[u32], columns: [f32; 8]) {
         lines[index[0] as usize] = columns;
     }
-    one_pair!(f32, BodyLineF32, BodyHalfLineF32, relative_velocity_f32, apply_impulse_f32, relative_half_velocity_f32, apply_half_impulse_f32);
+    one_pair!(
+        f32,
+        BodyLineF32,
+        BodyHalfLineF32,
+        relative_velocity_f32,
+        apply_impulse_f32,
+        relative_half_velocity_f32,
+        apply_half_impulse_f32
+    );
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -656,7 +688,7 @@ mod x86 {
     use pulp::x86::{V3, V4};
     use pulp::{NullaryFnOnce, cast};
 
-    use super::{Arithmetic, BodyHalfLine, F64Arithmetic, BodyLine, BodyHalfLineF32, BodyLineF32, F32Arithmetic};
+    use super::{Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, F32Arithmetic, F64Arithmetic};
 
     /// Predicate of a comparison: greater than, ordered, quiet.
     const GREATER: i32 = 30;
@@ -1463,7 +1495,9 @@ mod tests {
         let sample = || -> Vec<BodyLine> {
             (0..19).map(|i| BodyLine(std::array::from_fn(|k| ((i * 8 + k) as f64 * 0.7).sin() + 0.01))).collect()
         };
-        let halves = || -> Vec<BodyHalfLine> { sample().iter().map(|line| BodyHalfLine([0, 6, 2, 5].map(|k| line.0[k]))).collect() };
+        let halves = || -> Vec<BodyHalfLine> {
+            sample().iter().map(|line| BodyHalfLine([0, 6, 2, 5].map(|k| line.0[k]))).collect()
+        };
         let (mut expected, mut got) = ((sample(), halves()), (sample(), halves()));
         Scalar.run(Op { lanes: Scalar, lines: &mut expected.0, halves: &mut expected.1 });
         lanes.run(Op { lanes, lines: &mut got.0, halves: &mut got.1 });
@@ -1473,7 +1507,8 @@ mod tests {
     /// What is read of a pair of lines, and what is written, in numbers.
     #[test]
     fn pairs_of_lines() {
-        let mut lines = [[1.0, 2.0, 3.0, 0.5, 4.0, 5.0, 6.0, 2.0], [7.0, 9.0, 2.0, 1.0, 1.0, 2.0, 3.0, 4.0]].map(BodyLine);
+        let mut lines =
+            [[1.0, 2.0, 3.0, 0.5, 4.0, 5.0, 6.0, 2.0], [7.0, 9.0, 2.0, 1.0, 1.0, 2.0, 3.0, 4.0]].map(BodyLine);
         assert_eq!(Scalar.relative_velocity(&lines, &[0], &[1]), [-6.0, -7.0, 1.0, 1.5, 5.0, 7.0, 9.0, 6.0]);
         Scalar.apply_impulse(&mut lines, &[0], &[1], [2.0, 4.0, 6.0], [1.0, 0.0, -1.0]);
         assert_eq!(lines[0].0, [2.0, 4.0, 6.0, 0.5, 6.0, 5.0, 4.0, 2.0]);

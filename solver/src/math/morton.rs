@@ -119,7 +119,10 @@ fn merge_runs(one: &[MortonKey], two: &[MortonKey], out: &mut [MortonKey]) {
         let half = long.len() / 2;
         let cut = short.partition_point(|k| sort_key(k) < sort_key(&long[half]));
         let (low, high) = out.split_at_mut(half + cut);
-        rayon::join(|| merge_runs(&long[..half], &short[..cut], low), || merge_runs(&long[half..], &short[cut..], high));
+        rayon::join(
+            || merge_runs(&long[..half], &short[..cut], low),
+            || merge_runs(&long[half..], &short[cut..], high),
+        );
         return;
     }
     let (mut i, mut j) = (0, 0);

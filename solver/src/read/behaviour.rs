@@ -13,10 +13,12 @@ use cd_formats::tact_behav::{TactBehav, VisibilitySide, parameter_labels};
 use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 
 use crate::gravity::SummationMethod;
-use crate::laws::{Cohesion, LAW_KINDS, ContactLaw};
+use crate::laws::{Cohesion, ContactLaw, LAW_KINDS};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
-use crate::scene::{RigidBody, EVENT_SLACK, ContactorShape, BodyPart, Scene, InteractionRule, BodyShape, VisibilityTable};
-use crate::state::{Contact, SolvedContact, ContactStatus, UNKNOWN_FEATURE};
+use crate::scene::{
+    BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, VisibilityTable,
+};
+use crate::state::{Contact, ContactStatus, SolvedContact, UNKNOWN_FEATURE};
 
 /// Names of the contactors that are told apart by the visibility table.
 const CONTACTOR_NAMES: [[&str; 2]; 5] = [["SPHER", "SPHEb"], ["PLANx"; 2], ["POLYR"; 2], ["CYLND"; 2], ["DNLYC"; 2]];
@@ -246,7 +248,9 @@ pub fn check_text(scene: &mut Scene) {
     let polyhedra = scene.parts.iter().filter(|part| matches!(part.geometry, ContactorShape::Polyhedron(_)));
     let of_polyhedra: Vec<u16> = polyhedra.map(|part| part.class).collect();
     let cylinders = scene.parts.iter().filter(|part| matches!(part.geometry, ContactorShape::Cylinder { .. }));
-    let sees = |part: &BodyPart| of_polyhedra.iter().any(|&class| scene.visibility.interaction_rule(class, part.class).is_some());
+    let sees = |part: &BodyPart| {
+        of_polyhedra.iter().any(|&class| scene.visibility.interaction_rule(class, part.class).is_some())
+    };
     if scene.options.text && cylinders.into_iter().any(sees) {
         let note = "Vloc_Rloc.OUT.k: contacts of polyhedra with cylinders are written as PRPRx: LMGC90 has none such";
         scene.notes.push(note.into());

@@ -13,7 +13,9 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use crate::math::{Quat, Vec3};
 use crate::read::parts::{PreparedBody, body_from_record};
-use crate::scene::{RigidBody, ImposedVelocity, ContactorShape, ImposedLoad, BodyPart, Scene, BodyShape, VisibilityTable};
+use crate::scene::{
+    BodyPart, BodyShape, ContactorShape, ImposedLoad, ImposedVelocity, RigidBody, Scene, VisibilityTable,
+};
 
 /// The scene without its laws.
 pub fn scene_without_laws(
@@ -217,7 +219,12 @@ pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], 
     }
 }
 
-fn imposed_motion(datbox: &Path, driven: &DrvDof, bodies: &mut [RigidBody], faults: &mut Faults) -> (Vec<ImposedVelocity>, Vec<ImposedLoad>) {
+fn imposed_motion(
+    datbox: &Path,
+    driven: &DrvDof,
+    bodies: &mut [RigidBody],
+    faults: &mut Faults,
+) -> (Vec<ImposedVelocity>, Vec<ImposedLoad>) {
     let file = datbox.join("DRV_DOF.DAT");
     let mut velocities: Vec<(usize, usize, [Option<Evolution>; 6])> = Vec::new();
     let mut loads = Vec::new();

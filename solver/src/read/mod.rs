@@ -24,7 +24,7 @@ use cd_formats::vloc_rloc::VlocRloc;
 use crate::BARE;
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{BondingMode, OutputInterval, DetectionCache, State};
+use crate::state::{BondingMode, DetectionCache, OutputInterval, State};
 
 /// Name of the options' file in DATBOX.
 pub const COMPUTE_FILE: &str = "COMPUTE.RON";

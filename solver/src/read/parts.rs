@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use crate::geometry::Polyhedron;
 use crate::math::{Quat, Vec3};
-use crate::scene::{RigidBody, ContactorShape, BodyPart, BodyShape};
+use crate::scene::{BodyPart, BodyShape, ContactorShape, RigidBody};
 
 /// A body as it is computed, and where it stands in the frame of the file.
 pub struct PreparedBody {
@@ -36,7 +36,11 @@ struct ContactorPiece {
     colour: u16,
 }
 
-pub fn body_from_record(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) -> Result<PreparedBody, RecordFault> {
+pub fn body_from_record(
+    record: &bodies::Body,
+    bulk: &BulkBehav,
+    colours: &mut Vec<String>,
+) -> Result<PreparedBody, RecordFault> {
     let Some(material) = bulk.materials.iter().position(|m| m.name == record.material) else {
         let names: Vec<&str> = bulk.materials.iter().map(|m| m.name.as_str()).collect();
         return Err((
@@ -104,7 +108,12 @@ pub fn body_from_record(record: &bodies::Body, bulk: &BulkBehav, colours: &mut V
 }
 
 /// `faces` are those of a polyhedron, `mass` that at density 1 in the frame of the file.
-fn contactor_piece(contactor: &Contactor, faces: Option<ConvexMesh>, mass: MassProperties, colours: &mut Vec<String>) -> ContactorPiece {
+fn contactor_piece(
+    contactor: &Contactor,
+    faces: Option<ConvexMesh>,
+    mass: MassProperties,
+    colours: &mut Vec<String>,
+) -> ContactorPiece {
     let colour = colours.iter().position(|c| *c == contactor.colour).unwrap_or_else(|| {
         colours.push(contactor.colour.clone());
         colours.len() - 1

@@ -12,7 +12,8 @@ use crate::geometry::CachedFeature;
 use crate::math::{Vec3, to_local, to_world};
 use crate::scene::{EVENT_SLACK, Scene};
 use crate::state::{
-    GravityHistory, BondingMode, Contact, ContactExchange, OutputInterval, DetectionCache, CachedPair, SolvedContact, State, ContactStatus, UNKNOWN_FEATURE,
+    BondingMode, CachedPair, Contact, ContactExchange, ContactStatus, DetectionCache, GravityHistory, OutputInterval,
+    SolvedContact, State, UNKNOWN_FEATURE,
 };
 
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
@@ -53,7 +54,7 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
 /// What a run has made its last step with.
 pub struct PreviousRun {
     pub parameters: RunParameters,
-    /// As [`cd_formats::compute::Compute::of_results`].
+    /// As [`cd_formats::compute::Compute::result_options`].
     pub options: BTreeMap<String, String>,
 }
 

@@ -10,8 +10,10 @@ use bytemuck::Pod;
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
-use crate::assemble::{SolverBody, ContactConstraint, ContactProblem};
-use crate::math::lanes::{Arithmetic, BodyHalfLine, F64Arithmetic, BodyLine, LaneFloat, BodyHalfLineF32, BodyLineF32, SimdWidth};
+use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
+use crate::math::lanes::{
+    Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, F64Arithmetic, LaneFloat, SimdWidth,
+};
 use crate::math::{PAR_MIN_LEN, Vec3, group_by_key};
 use crate::solve::local::{dot_product, triple};
 use crate::solve::nlgs::ContactReactions;
@@ -115,7 +117,12 @@ impl SweepUnits {
     pub const SI: SweepUnits = SweepUnits { velocity: 1.0, impulse: 1.0 };
 
     /// Those of the rows `active`, which start from `reactions` and the velocities that they lead to.
-    pub fn from_problem(system: &ContactProblem, active: &[u32], reactions: &ContactReactions, records: &[SolverBody]) -> SweepUnits {
+    pub fn from_problem(
+        system: &ContactProblem,
+        active: &[u32],
+        reactions: &ContactReactions,
+        records: &[SolverBody],
+    ) -> SweepUnits {
         let of_row = |&k: &u32| {
             let (k, w) = (k as usize, system.rows[k as usize].w_n);
             (w, system.shifted_velocity(k, records).norm() + w * reactions.impulses[k].norm())
@@ -218,7 +225,11 @@ impl<B: PackedBody> DiagonalProblem<B> {
     /// The problem of the rows `active`, starting from `reactions` and from the velocities that they lead to.
     pub fn new(system: &ContactProblem, active: &[u32], reactions: &ContactReactions, records: &[SolverBody]) -> Self {
         let layout = BatchLayout::new(system, active);
-        let units = if B::STORES_DELTAS { SweepUnits::from_problem(system, active, reactions, records) } else { SweepUnits::SI };
+        let units = if B::STORES_DELTAS {
+            SweepUnits::from_problem(system, active, reactions, records)
+        } else {
+            SweepUnits::SI
+        };
         let of_body = |&body: &u32| B::new(&records[body as usize], &units);
         let moving: Vec<B> = layout.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(of_body).collect();
         let mut lines = vec![B::PADDING; layout.starts[layout.starts.len() - 1] as usize];
@@ -246,8 +257,12 @@ impl<B: PackedBody> DiagonalProblem<B> {
             block.rolls.iter().for_each(|rolls| rolls.read_back(moments));
             for (batch, (r, rows)) in block.r.iter().zip(&block.rows).enumerate() {
                 // Rows lie in another order than contacts are swept in.
-                let later =
-                    block.rows.get(batch + PREFETCH_BATCHES).into_iter().flatten().filter_map(|&row| impulses.get(row as usize));
+                let later = block
+                    .rows
+                    .get(batch + PREFETCH_BATCHES)
+                    .into_iter()
+                    .flatten()
+                    .filter_map(|&row| impulses.get(row as usize));
                 later.for_each(|r| width.prefetch(r));
                 let mut r = r.0.map(|column| column.map(|r| r.to_f64() * unit));
                 match (B::HAS_FRICTION, B::STORES_DELTAS) {
@@ -425,7 +440,8 @@ impl BatchLayout {
         let mut r = vec![BatchVectors::default(); rows.len()];
         let mut drift = Vec::new();
         let turning = if from.system.rolling_constraints.is_empty() { 0 } else { rows.len() };
-        let (mut rolls, mut curvatures) = (vec![RollingConstraintWide::NONE; turning], vec![[[0.0; BATCH_LANES]; 2]; turning]);
+        let (mut rolls, mut curvatures) =
+            (vec![RollingConstraintWide::NONE; turning], vec![[[0.0; BATCH_LANES]; 2]; turning]);
         let mut cones = vec![FrictionCones::NONE; if B::STORES_DELTAS || !B::HAS_FRICTION { rows.len() } else { 0 }];
         let mut fixed = Vec::new();
         let first_fixed = self.starts[first] + self.cuts[first + 1] - self.cuts[first] - start;
@@ -456,7 +472,11 @@ impl BatchLayout {
                 }
                 let moves = self.pairs[place].iter().all(|rank| *rank != NONE);
                 if B::STORES_DELTAS || moves {
-                    let shift = if B::STORES_DELTAS { row.shifted_velocity(from.records) / from.units.velocity } else { row.shift };
+                    let shift = if B::STORES_DELTAS {
+                        row.shifted_velocity(from.records) / from.units.velocity
+                    } else {
+                        row.shift
+                    };
                     let along = n.dot(&shift);
                     batch.shift[lane] = B::T::from_f64(along);
                     let rest = shift - n * along;
@@ -484,7 +504,22 @@ impl BatchLayout {
         let previous = r.clone();
         let lines = lines as usize;
         let sums = SweepSums::default();
-        (RangeBatches { lines, batches, colours, r, previous, tangential_shift: drift, rolls, curvatures, rows, cones, sums }, fixed)
+        (
+            RangeBatches {
+                lines,
+                batches,
+                colours,
+                r,
+                previous,
+                tangential_shift: drift,
+                rolls,
+                curvatures,
+                rows,
+                cones,
+                sums,
+            },
+            fixed,
+        )
     }
 }
 

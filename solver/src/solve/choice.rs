@@ -4,12 +4,12 @@ use cd_formats::compute::ContactSolver;
 use cd_formats::snapshot::FallbackState;
 
 use crate::activity;
-use crate::assemble::{StoredProblem, ContactProblem};
+use crate::assemble::{ContactProblem, StoredProblem};
 use crate::math::lanes::SimdWidth;
 use crate::math::{Vec3, to_local, to_world};
-use crate::solve::nlgs::{MOMENTUM_CYCLE, ContactSolution, StoppingCriteria, closing_inactive_rows, solve_nlgs};
+use crate::solve::nlgs::{ContactSolution, MOMENTUM_CYCLE, StoppingCriteria, closing_inactive_rows, solve_nlgs};
 use crate::solve::residual::ResidualEvaluator;
-use crate::solve::stored::{self, SolverLimits, MatrixProblem, MatrixSolver, newton_cost, residual, solve};
+use crate::solve::stored::{self, MatrixProblem, MatrixSolver, SolverLimits, newton_cost, residual, solve};
 
 /// What a step asks of its solver.
 #[derive(Debug, Clone, Copy)]
@@ -56,7 +56,13 @@ const MAX_BACKOFF_FAILURES: u32 = 8;
 const MIN_FALLBACK_GAIN: f64 = 0.1;
 
 /// What the solution of a step, so many units of `dt` long, tells of the next.
-pub fn update_backoff(fallback: &mut FallbackState, task: SolveRequest, step: u64, units: u64, solution: &ContactSolution) {
+pub fn update_backoff(
+    fallback: &mut FallbackState,
+    task: SolveRequest,
+    step: u64,
+    units: u64,
+    solution: &ContactSolution,
+) {
     if task.fallback_suppressed || !task.may_use_fallback() {
         return;
     }
@@ -74,7 +80,11 @@ pub fn update_backoff(fallback: &mut FallbackState, task: SolveRequest, step: u6
 /// `aim`, as does a solver of stored problems that was asked for by name; what sweeps leave to another is not worth more.
 ///
 /// `stored` writes the rows that can close as a problem with its Delassus matrix.
-pub fn solve_contact_problem(system: &ContactProblem, task: SolveRequest, stored: impl Fn(&ContactProblem) -> StoredProblem) -> ContactSolution {
+pub fn solve_contact_problem(
+    system: &ContactProblem,
+    task: SolveRequest,
+    stored: impl Fn(&ContactProblem) -> StoredProblem,
+) -> ContactSolution {
     let found = solve_from_warm_start(system, task, stored);
     if found.residual < 1.0 {
         return found;
@@ -83,11 +93,24 @@ pub fn solve_contact_problem(system: &ContactProblem, task: SolveRequest, stored
     let mut system = system.clone();
     system.rows.iter_mut().for_each(|row| row.warm_start = row.normal * row.balancing_impulse());
     system.rolling_constraints.iter_mut().for_each(|roll| roll.warm_start = Vec3::zeros());
-    let again = solve_nlgs(&system, StoppingCriteria { max_sweeps: task.criteria.max_sweeps.min(MOMENTUM_CYCLE), ..task.criteria }, task.width);
-    ContactSolution { sweeps: found.sweeps + again.sweeps, stalled_residual: found.stalled_residual, replacement_reason: found.replacement_reason, ..again }
+    let again = solve_nlgs(
+        &system,
+        StoppingCriteria { max_sweeps: task.criteria.max_sweeps.min(MOMENTUM_CYCLE), ..task.criteria },
+        task.width,
+    );
+    ContactSolution {
+        sweeps: found.sweeps + again.sweeps,
+        stalled_residual: found.stalled_residual,
+        replacement_reason: found.replacement_reason,
+        ..again
+    }
 }
 
-fn solve_from_warm_start(system: &ContactProblem, task: SolveRequest, stored: impl Fn(&ContactProblem) -> StoredProblem) -> ContactSolution {
+fn solve_from_warm_start(
+    system: &ContactProblem,
+    task: SolveRequest,
+    stored: impl Fn(&ContactProblem) -> StoredProblem,
+) -> ContactSolution {
     let StoppingCriteria { tol, target_residual: aim, max_sweeps: limit, .. } = task.criteria;
     let limit = if task.skips_fallback() { limit.min(MOMENTUM_CYCLE) } else { limit };
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
@@ -99,9 +122,14 @@ fn solve_from_warm_start(system: &ContactProblem, task: SolveRequest, stored: im
         // The stored problem has no place for moments.
         ContactSolver::Auto if task.skips_fallback() || !system.rolling_constraints.is_empty() => return swept(limit),
         ContactSolver::Auto if !pays => return solve_with_subproblem_corrections(system, task, limit, stored),
-        ContactSolver::Auto => (MatrixSolver::Auto, MAX_FALLBACK_COST_SWEEPS * CONTACT_SWEEP_COST * contacts.max(MIN_FALLBACK_CONTACTS) as f64),
+        ContactSolver::Auto => (
+            MatrixSolver::Auto,
+            MAX_FALLBACK_COST_SWEEPS * CONTACT_SWEEP_COST * contacts.max(MIN_FALLBACK_CONTACTS) as f64,
+        ),
         ContactSolver::NlgsAnderson => (MatrixSolver::NlgsAnderson, f64::INFINITY),
-        _ if contacts >= MAX_FACTORED_CONTACTS => return ContactSolution { replacement_reason: Some(TOO_LARGE_REASON), ..swept(limit) },
+        _ if contacts >= MAX_FACTORED_CONTACTS => {
+            return ContactSolution { replacement_reason: Some(TOO_LARGE_REASON), ..swept(limit) };
+        }
         ContactSolver::ProxNewton => (MatrixSolver::ProxNewton, f64::INFINITY),
         ContactSolver::Admm => (MatrixSolver::Admm, f64::INFINITY),
         ContactSolver::InteriorPoint => (MatrixSolver::InteriorPoint, f64::INFINITY),
@@ -120,8 +148,15 @@ fn solve_from_warm_start(system: &ContactProblem, task: SolveRequest, stored: im
 
 /// Sweeps, and between them solves knots at once: the contacts in which the sweeps of a large scene run in circles, against
 /// what all others push. Where none is found, the sweeps are slow, and go on.
-fn solve_with_subproblem_corrections(system: &ContactProblem, task: SolveRequest, limit: u64, stored: impl Fn(&ContactProblem) -> StoredProblem) -> ContactSolution {
-    let swept = |system: &ContactProblem, max_sweeps| solve_nlgs(system, StoppingCriteria { max_sweeps, ..task.criteria }, task.width);
+fn solve_with_subproblem_corrections(
+    system: &ContactProblem,
+    task: SolveRequest,
+    limit: u64,
+    stored: impl Fn(&ContactProblem) -> StoredProblem,
+) -> ContactSolution {
+    let swept = |system: &ContactProblem, max_sweeps| {
+        solve_nlgs(system, StoppingCriteria { max_sweeps, ..task.criteria }, task.width)
+    };
     let mut last = swept(system, limit.min(MOMENTUM_CYCLE));
     if last.converged || last.sweeps >= limit {
         return last;
@@ -131,7 +166,8 @@ fn solve_with_subproblem_corrections(system: &ContactProblem, task: SolveRequest
     while !best.converged && best.sweeps < limit && !activity::is_stopped() {
         let solved = solve_stalled_subproblem(&system, &last.impulses, task.width, &stored);
         let taken_over = last.fallback_used || solved.is_some();
-        let sweeps = (limit - best.sweeps).min(if solved.is_some() { SWEEPS_BETWEEN_SUBPROBLEMS } else { MOMENTUM_CYCLE });
+        let sweeps =
+            (limit - best.sweeps).min(if solved.is_some() { SWEEPS_BETWEEN_SUBPROBLEMS } else { MOMENTUM_CYCLE });
         for (row, r) in system.rows.iter_mut().zip(solved.unwrap_or(last.impulses)) {
             row.warm_start = r;
             row.can_close |= r != Vec3::zeros();
@@ -234,7 +270,8 @@ fn solve_by_fallback(
         let rows: Vec<u32> = (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| k).collect();
         let judge = ResidualEvaluator::new(&system, &rows, task.width);
         best.residual = judge.residual(&best.impulses).value;
-        let balance: Vec<[f64; 3]> = rows.iter().map(|row| [system.rows[*row as usize].balancing_impulse(), 0.0, 0.0]).collect();
+        let balance: Vec<[f64; 3]> =
+            rows.iter().map(|row| [system.rows[*row as usize].balancing_impulse(), 0.0, 0.0]).collect();
         let limits_of = |matrix: &MatrixProblem, _: &[[f64; 3]]| SolverLimits {
             tol: FALLBACK_TOLERANCE_SHARE * limits.tol.max(judge.relative_floor()) * residual(matrix, &balance),
             ..left
@@ -274,7 +311,7 @@ mod tests {
     use std::cell::Cell;
 
     use super::*;
-    use crate::assemble::{SolverBody, ContactConstraint};
+    use crate::assemble::{ContactConstraint, SolverBody};
 
     /// Balls of mass 1 that come down on one floor at 1 m/s.
     fn balls(count: u32) -> ContactProblem {
@@ -298,7 +335,13 @@ mod tests {
         };
         let mut records = vec![record(-1.0, 1.0); count as usize];
         records.push(record(0.0, 0.0));
-        ContactProblem { rows: (0..count).map(row).collect(), block_data: None, rolling_constraints: vec![], order: (0..=count).collect(), bodies: records }
+        ContactProblem {
+            rows: (0..count).map(row).collect(),
+            block_data: None,
+            rolling_constraints: vec![],
+            order: (0..=count).collect(),
+            bodies: records,
+        }
     }
 
     /// The rows of such balls that can close, which do not feel each other.
@@ -321,7 +364,12 @@ mod tests {
             asked.set(true);
             written(system)
         };
-        let task = SolveRequest { solver, criteria: StoppingCriteria::new(1e-9, 50), width: SimdWidth::detect(), fallback_suppressed: false };
+        let task = SolveRequest {
+            solver,
+            criteria: StoppingCriteria::new(1e-9, 50),
+            width: SimdWidth::detect(),
+            fallback_suppressed: false,
+        };
         let solution = solve_contact_problem(system, task, stored);
         assert!(solution.converged && solution.residual <= 1e-9, "{solver}");
         (solution.replacement_reason, asked.get())
@@ -337,7 +385,12 @@ mod tests {
         let start = ContactSolution { impulses: vec![Vec3::zeros(), Vec3::z()], ..swept };
         let limits = SolverLimits { tol: 1e-9, max_sweeps: 50, max_time: None, max_cost: f64::INFINITY };
         let until = StoppingCriteria::new(1e-9, 50);
-        let task = SolveRequest { solver: ContactSolver::ProxNewton, criteria: until, width: SimdWidth::detect(), fallback_suppressed: false };
+        let task = SolveRequest {
+            solver: ContactSolver::ProxNewton,
+            criteria: until,
+            width: SimdWidth::detect(),
+            fallback_suppressed: false,
+        };
         let solution = solve_by_fallback(&system, start, MatrixSolver::ProxNewton, limits, task, written);
         assert!(solution.converged && solution.active_rows == 2);
         for (k, r) in [1.0, 0.0].into_iter().enumerate() {
@@ -355,12 +408,20 @@ mod tests {
         impulses[7] *= 0.5;
         let found = solved(&impulses).unwrap();
         // What it misses falls from 0.5 to a tenth.
-        assert!((found[7] - Vec3::z()).norm() <= SUBPROBLEM_TOLERANCE * 0.5 && found[999] == impulses[999], "{}", found[7]);
+        assert!(
+            (found[7] - Vec3::z()).norm() <= SUBPROBLEM_TOLERANCE * 0.5 && found[999] == impulses[999],
+            "{}",
+            found[7]
+        );
         impulses.fill(Vec3::z() * 0.5);
         assert_eq!(solved(&impulses), None);
         // Too large for the stored solvers as a whole, and done by one look of the sweeps.
-        let task =
-            SolveRequest { solver: ContactSolver::Auto, criteria: StoppingCriteria::new(1e-9, 5000), width: SimdWidth::detect(), fallback_suppressed: false };
+        let task = SolveRequest {
+            solver: ContactSolver::Auto,
+            criteria: StoppingCriteria::new(1e-9, 5000),
+            width: SimdWidth::detect(),
+            fallback_suppressed: false,
+        };
         let solution = solve_with_subproblem_corrections(&system, task, 5000, written);
         assert!(solution.converged && !solution.fallback_used);
     }
@@ -372,7 +433,12 @@ mod tests {
             ContactSolution { converged, sweeps, ..solved }
         };
         let until = |max_sweeps| StoppingCriteria::new(1e-9, max_sweeps);
-        let task = SolveRequest { solver: ContactSolver::Auto, criteria: until(5000), width: SimdWidth::detect(), fallback_suppressed: false };
+        let task = SolveRequest {
+            solver: ContactSolver::Auto,
+            criteria: until(5000),
+            width: SimdWidth::detect(),
+            fallback_suppressed: false,
+        };
         let mut fallback = FallbackState::default();
         for (step, due) in [(10, 16), (16, 28), (28, 52)] {
             update_backoff(&mut fallback, task, step, 3, &solution(false, 5000)); // steps of three units
@@ -389,7 +455,8 @@ mod tests {
         update_backoff(&mut fallback, task, 200, 1, &solution(true, MOMENTUM_CYCLE + 1));
         assert_eq!(fallback, FallbackState::default());
         // What makes E ten times smaller was worth it.
-        let solved = |stalled, residual| ContactSolution { stalled_residual: Some(stalled), residual, ..solution(false, 5000) };
+        let solved =
+            |stalled, residual| ContactSolution { stalled_residual: Some(stalled), residual, ..solution(false, 5000) };
         update_backoff(&mut fallback, task, 250, 1, &solved(1e-2, 9e-4));
         assert_eq!(fallback, FallbackState::default());
         update_backoff(&mut fallback, task, 260, 1, &solved(1e-2, 2e-3));
@@ -399,7 +466,10 @@ mod tests {
         let short = SolveRequest { criteria: until(MOMENTUM_CYCLE), ..task };
         update_backoff(&mut fallback, short, 300, 1, &solution(false, MOMENTUM_CYCLE));
         assert_eq!(fallback, FallbackState::default());
-        assert!(SolveRequest { fallback_suppressed: true, ..task }.skips_fallback() && !SolveRequest { fallback_suppressed: true, ..short }.skips_fallback());
+        assert!(
+            SolveRequest { fallback_suppressed: true, ..task }.skips_fallback()
+                && !SolveRequest { fallback_suppressed: true, ..short }.skips_fallback()
+        );
     }
 
     #[test]
@@ -408,7 +478,12 @@ mod tests {
         // Of a step that had no solution.
         system.rows.iter_mut().for_each(|row| row.warm_start = Vec3::z() * 1e17);
         for (solver, sweeps) in [(ContactSolver::Auto, 0), (ContactSolver::Nlgs, 0), (ContactSolver::Nlgs, 100)] {
-            let task = SolveRequest { solver, criteria: StoppingCriteria::new(1e-9, sweeps), width: SimdWidth::detect(), fallback_suppressed: false };
+            let task = SolveRequest {
+                solver,
+                criteria: StoppingCriteria::new(1e-9, sweeps),
+                width: SimdWidth::detect(),
+                fallback_suppressed: false,
+            };
             let solution = solve_contact_problem(&system, task, written);
             // Each must lose 1 m/s.
             let expected = if sweeps == 0 { 1.0 } else { 0.0 };

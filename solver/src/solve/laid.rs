@@ -1,10 +1,10 @@
 //! The problem laid out for the sweeps that its contacts need.
 
-use crate::assemble::{SolverBody, ContactProblem};
-use crate::math::lanes::{BodyHalfLine, BodyLine, BodyHalfLineF32, BodyLineF32, SimdWidth};
+use crate::assemble::{ContactProblem, SolverBody};
+use crate::math::lanes::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, SimdWidth};
 use crate::solve::batches::DiagonalProblem;
 use crate::solve::full;
-use crate::solve::full::batches::{FrictionlessPoint, FrictionalPoint};
+use crate::solve::full::batches::{FrictionalPoint, FrictionlessPoint};
 use crate::solve::nlgs::ContactReactions;
 use crate::solve::sweep::{sweep_contacts, sweep_single};
 
@@ -44,18 +44,24 @@ impl PackedProblem {
     ) -> Self {
         match (&system.block_data, system.has_friction(active), single) {
             (None, true, false) => PackedProblem::Diagonal(DiagonalProblem::new(system, active, reactions, records)),
-            (None, true, true) => PackedProblem::DiagonalSingle(DiagonalProblem::new(system, active, reactions, records)),
-            (None, false, false) => PackedProblem::Frictionless(DiagonalProblem::new(system, active, reactions, records)),
-            (None, false, true) => PackedProblem::FrictionlessSingle(DiagonalProblem::new(system, active, reactions, records)),
+            (None, true, true) => {
+                PackedProblem::DiagonalSingle(DiagonalProblem::new(system, active, reactions, records))
+            }
+            (None, false, false) => {
+                PackedProblem::Frictionless(DiagonalProblem::new(system, active, reactions, records))
+            }
+            (None, false, true) => {
+                PackedProblem::FrictionlessSingle(DiagonalProblem::new(system, active, reactions, records))
+            }
             (Some(full), true, false) => {
                 PackedProblem::Full(full::batches::BlockProblem::new(system, full, active, reactions, records, width))
             }
-            (Some(full), true, true) => {
-                PackedProblem::FullSingle(full::batches::BlockProblem::new(system, full, active, reactions, records, width))
-            }
-            (Some(full), false, false) => {
-                PackedProblem::FullFrictionless(full::batches::BlockProblem::new(system, full, active, reactions, records, width))
-            }
+            (Some(full), true, true) => PackedProblem::FullSingle(full::batches::BlockProblem::new(
+                system, full, active, reactions, records, width,
+            )),
+            (Some(full), false, false) => PackedProblem::FullFrictionless(full::batches::BlockProblem::new(
+                system, full, active, reactions, records, width,
+            )),
             (Some(full), false, true) => PackedProblem::FullFrictionlessSingle(full::batches::BlockProblem::new(
                 system, full, active, reactions, records, width,
             )),

@@ -13,7 +13,12 @@ pub fn dot_product<L: Arithmetic>(l: L, a: LaneVector<L::V>, b: LaneVector<L::V>
 
 /// a x b + c
 #[inline(always)]
-pub fn cross_add<L: Arithmetic>(l: L, a: LaneVector<L::V>, b: LaneVector<L::V>, c: LaneVector<L::V>) -> LaneVector<L::V> {
+pub fn cross_add<L: Arithmetic>(
+    l: L,
+    a: LaneVector<L::V>,
+    b: LaneVector<L::V>,
+    c: LaneVector<L::V>,
+) -> LaneVector<L::V> {
     [
         l.mul_add(a[1], b[2], l.neg_mul_add(a[2], b[1], c[0])),
         l.mul_add(a[2], b[0], l.neg_mul_add(a[0], b[2], c[1])),

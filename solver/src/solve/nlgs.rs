@@ -12,11 +12,11 @@ use cd_formats::compute::SweepPrecision;
 use rayon::prelude::*;
 
 use crate::activity;
-use crate::assemble::{SolverBody, ContactProblem};
+use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::lanes::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::solve::laid::PackedProblem;
-use crate::solve::residual::{ResidualEvaluator, BodyMotion, Residual};
+use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
 
 /// Largest share of the last change that is carried on where there is friction, by the place of the
 /// sweep in a round of [`MOMENTUM_CYCLE`]. Uncapped momentum bounces on dense frictional packings, 0.7 to 0.85 are
@@ -57,7 +57,10 @@ pub struct ContactReactions {
 
 impl ContactReactions {
     pub fn zeros(system: &ContactProblem) -> Self {
-        ContactReactions { impulses: vec![Vec3::zeros(); system.rows.len()], moments: vec![Vec3::zeros(); system.rolling_constraints.len()] }
+        ContactReactions {
+            impulses: vec![Vec3::zeros(); system.rows.len()],
+            moments: vec![Vec3::zeros(); system.rolling_constraints.len()],
+        }
     }
 
     /// The warm start of the rows `active`: no moment where nothing presses.
@@ -119,7 +122,14 @@ pub struct StoppingCriteria {
 impl StoppingCriteria {
     /// To E <= `tol`, or `max_sweeps`.
     pub fn new(tol: f64, max_sweeps: u64) -> Self {
-        StoppingCriteria { tol, target_residual: tol, min_sweeps: 0, max_sweeps, check_every: None, precision: SweepPrecision::Auto }
+        StoppingCriteria {
+            tol,
+            target_residual: tol,
+            min_sweeps: 0,
+            max_sweeps,
+            check_every: None,
+            precision: SweepPrecision::Auto,
+        }
     }
 }
 
@@ -184,7 +194,8 @@ fn iterate_sweeps(
     if solved || *sweeps >= max_sweeps {
         return best;
     }
-    let end_of = |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + MOMENTUM_CYCLE) } else { max_sweeps };
+    let end_of =
+        |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + MOMENTUM_CYCLE) } else { max_sweeps };
     let mut end = end_of(best.0.value, *sweeps);
     let mut problem = PackedProblem::new(system, active, reactions, &judge.solver_bodies(&best.1), single, judge.width);
     let mut laid = (*sweeps, best.0.value);
@@ -322,7 +333,8 @@ impl SweepMomentum {
             (self.window, self.before) = ([to, to + STAGNATION_WINDOW.max(to / 2)], Some(mean));
         }
         if self.position == end {
-            (self.position, self.since, self.window, self.changes, self.before) = (end % MOMENTUM_CYCLE, 0, [0, STAGNATION_WINDOW], 0.0, None);
+            (self.position, self.since, self.window, self.changes, self.before) =
+                (end % MOMENTUM_CYCLE, 0, [0, STAGNATION_WINDOW], 0.0, None);
         }
     }
 
@@ -367,7 +379,8 @@ mod tests {
     fn single_precision_is_for_many_contacts() {
         let row = ContactConstraint { w_n: 1.0, can_close: true, ..ContactConstraint::default() };
         let rows = vec![row; MIN_F32_CONTACTS];
-        let system = ContactProblem { rows, block_data: None, rolling_constraints: vec![], order: vec![], bodies: vec![] };
+        let system =
+            ContactProblem { rows, block_data: None, rolling_constraints: vec![], order: vec![], bodies: vec![] };
         let all: Vec<u32> = (0..MIN_F32_CONTACTS as u32).collect();
         let [auto, single, double] = [SweepPrecision::Auto, SweepPrecision::Single, SweepPrecision::Double]
             .map(|precision| StoppingCriteria { precision, ..StoppingCriteria::new(1e-3, 10) });

@@ -18,7 +18,7 @@
 
 use nalgebra::Matrix3;
 
-use crate::assemble::{SolverBody, ContactProblem};
+use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::Vec3;
 use crate::math::lanes::Scalar;
 use crate::solve::full;
@@ -119,7 +119,13 @@ mod tests {
             bond: None,
         };
         let records = vec![record(Vec3::z() * -6.0, 2.0), record(Vec3::zeros(), 0.0)];
-        ContactProblem { rows: (0..contacts).map(row).collect(), rolling_constraints: vec![], block_data: None, bodies: records, order: vec![0, 1] }
+        ContactProblem {
+            rows: (0..contacts).map(row).collect(),
+            rolling_constraints: vec![],
+            block_data: None,
+            bodies: records,
+            order: vec![0, 1],
+        }
     }
 
     fn velocities(system: &ContactProblem, impulses: &[Vec3]) -> Vec<SolverBody> {
@@ -165,8 +171,12 @@ mod tests {
         (sphere.bodies[0].radius, sphere.bodies[0].inverse_inertia) = (1.0, 5.0);
         (sphere.bodies[0].v, sphere.bodies[0].w) = (Vec3::new(0.5, -1.0, -6.0), Vec3::new(0.3, 0.2, 0.1));
         let inverse_inertia = vec![Matrix3::identity() * 5.0, Matrix3::zeros()];
-        let full =
-            BlockData { arms: vec![[-Vec3::z(), Vec3::zeros()]], friction_offsets: vec![], locked_axes: vec![], inverse_inertia };
+        let full = BlockData {
+            arms: vec![[-Vec3::z(), Vec3::zeros()]],
+            friction_offsets: vec![],
+            locked_axes: vec![],
+            inverse_inertia,
+        };
         let other = ContactProblem { block_data: Some(full), ..sphere.clone() };
         let early = [Vec3::new(0.1, 0.2, 1.0)];
         let (a, b) = (lmgc90_norms(&sphere, &early, &sphere.bodies), lmgc90_norms(&other, &early, &other.bodies));

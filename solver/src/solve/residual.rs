@@ -11,7 +11,7 @@
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
-use crate::assemble::{SolverBody, RollingConstraint, ContactProblem};
+use crate::assemble::{ContactProblem, RollingConstraint, SolverBody};
 use crate::math::lanes::{F64Arithmetic, Scalar, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
 
@@ -69,10 +69,17 @@ pub struct Residual {
 
 impl<'a> ResidualEvaluator<'a> {
     pub fn new(system: &'a ContactProblem, rows: &'a [u32], width: SimdWidth) -> Self {
-        let contacts = rows.par_chunks(GROUP_LANES).with_min_len(GROUPS_PER_TASK).map(|rows| contact_group(system, rows)).collect();
+        let contacts = rows
+            .par_chunks(GROUP_LANES)
+            .with_min_len(GROUPS_PER_TASK)
+            .map(|rows| contact_group(system, rows))
+            .collect();
         let has_levers = system.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty());
-        let levers =
-            if has_levers { rows.chunks(GROUP_LANES).map(|rows| group_levers(system, rows)).collect() } else { Vec::new() };
+        let levers = if has_levers {
+            rows.chunks(GROUP_LANES).map(|rows| group_levers(system, rows)).collect()
+        } else {
+            Vec::new()
+        };
         let of_some = |rows: &[u32]| {
             rows.iter().fold((0.0, 0.0), |(trace, speeds), &k| {
                 let row = &system.rows[k as usize];
@@ -144,8 +151,11 @@ impl<'a> ResidualEvaluator<'a> {
         // On each body the sums of the impulses and of their moments about its centre, in parts that the number of
         // contacts alone decides.
         let bodies = self.system.bodies.len();
-        let half =
-            if self.contacts.len() < GROUPS_PER_TASK { self.contacts.len().max(1) } else { self.contacts.len().div_ceil(2) };
+        let half = if self.contacts.len() < GROUPS_PER_TASK {
+            self.contacts.len().max(1)
+        } else {
+            self.contacts.len().div_ceil(2)
+        };
         let of_part = |(part, (contacts, rows)): (usize, (&[ContactGroup], &[u32]))| {
             let levers = self.levers.get(part * half..).unwrap_or_default();
             body_impulse_sums(contacts, levers, rows, impulses, bodies)
@@ -198,7 +208,11 @@ impl<'a> ResidualEvaluator<'a> {
                 SimdWidth::Eight(lanes) => self.evaluate_groups(lanes, rows, contacts, impulses, motions),
             }
         };
-        let tasks = self.rows.par_chunks(GROUP_LANES * GROUPS_PER_TASK).zip(self.contacts.par_chunks(GROUPS_PER_TASK)).enumerate();
+        let tasks = self
+            .rows
+            .par_chunks(GROUP_LANES * GROUPS_PER_TASK)
+            .zip(self.contacts.par_chunks(GROUPS_PER_TASK))
+            .enumerate();
         let parts: Vec<(f64, f64, Option<u32>)> = tasks.map(of_task).collect();
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
         let of_moment = |(roll, m): (&RollingConstraint, &Vec3)| {
@@ -242,7 +256,8 @@ impl<'a> ResidualEvaluator<'a> {
     pub fn contributions(&self, impulses: &[Vec3], motions: &[BodyMotion]) -> Vec<f64> {
         let mut sizes2 = vec![0.0; self.contacts.len() * GROUP_LANES];
         let ResidualEvaluator { rows, rho, contacts, levers, .. } = self;
-        let map = NaturalMap { lanes: Scalar, rows, contacts, levers, impulses, motions, rho: *rho, sizes2: &mut sizes2 };
+        let map =
+            NaturalMap { lanes: Scalar, rows, contacts, levers, impulses, motions, rho: *rho, sizes2: &mut sizes2 };
         map.call();
         sizes2.truncate(rows.len());
         sizes2
@@ -271,7 +286,13 @@ impl<'a> ResidualEvaluator<'a> {
 }
 
 /// On each of `bodies` the sums of the impulses and of their moments about its centre.
-fn body_impulse_sums(contacts: &[ContactGroup], levers: &[GroupLevers], rows: &[u32], impulses: &[Vec3], bodies: usize) -> Vec<[f64; 6]> {
+fn body_impulse_sums(
+    contacts: &[ContactGroup],
+    levers: &[GroupLevers],
+    rows: &[u32],
+    impulses: &[Vec3],
+    bodies: usize,
+) -> Vec<[f64; 6]> {
     let mut sums = vec![[0.0; 6]; bodies];
     for (place, (eight, rows)) in contacts.iter().zip(rows.chunks(GROUP_LANES)).enumerate() {
         for (lane, &k) in rows.iter().enumerate() {
@@ -415,7 +436,14 @@ fn natural_map_squared<L: F64Arithmetic>(
 
 /// Component k of v + w x arm of the bodies on one side.
 #[inline(always)]
-fn point_velocity<L: F64Arithmetic>(l: L, eight: &ContactGroup, motion: &[L::V; 8], side: usize, k: usize, from: usize) -> L::V {
+fn point_velocity<L: F64Arithmetic>(
+    l: L,
+    eight: &ContactGroup,
+    motion: &[L::V; 8],
+    side: usize,
+    k: usize,
+    from: usize,
+) -> L::V {
     let (i, j) = ((k + 1) % 3, (k + 2) % 3);
     let arm_i = l.load(&eight.arms[side][i][from..from + L::WIDTH]);
     let arm_j = l.load(&eight.arms[side][j][from..from + L::WIDTH]);
@@ -467,7 +495,8 @@ mod tests {
             inverse_inertia: 10.0,
             radius: 0.5,
         };
-        let plate = SolverBody { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 };
+        let plate =
+            SolverBody { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 };
         let row = ContactConstraint {
             bodies: [0, 1],
             normal: Vec3::z(),
@@ -487,7 +516,13 @@ mod tests {
             shift: -turning,
             warm_start: Vec3::zeros(),
         };
-        ContactProblem { rows: vec![row], block_data: None, rolling_constraints: vec![roll], order: vec![0, 1], bodies: vec![record, plate] }
+        ContactProblem {
+            rows: vec![row],
+            block_data: None,
+            rolling_constraints: vec![roll],
+            order: vec![0, 1],
+            bodies: vec![record, plate],
+        }
     }
 
     /// E of the impulse 1 N s along n and a moment.
@@ -521,7 +556,8 @@ mod tests {
     fn a_solver_that_takes_another_law_is_seen() {
         let system = ball_on_plate(Vec3::zeros());
         let mut other = system.clone();
-        let solved = |system: &ContactProblem| solve_nlgs(system, StoppingCriteria::new(1e-12, 100), SimdWidth::detect());
+        let solved =
+            |system: &ContactProblem| solve_nlgs(system, StoppingCriteria::new(1e-12, 100), SimdWidth::detect());
         let e = |solution: &crate::solve::ContactSolution| {
             let judge = ResidualEvaluator::new(&system, &[0], SimdWidth::detect());
             let motions = judge.motions_with(&solution.impulses, &solution.moments);

@@ -13,7 +13,7 @@ use crate::assemble::ContactProblem;
 use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, LaneFloat};
 use crate::solve::batches::{BATCH_LANES, NONE, set_lane};
-use crate::solve::local::{LaneVector, dot_product, triple, project_to_ball};
+use crate::solve::local::{LaneVector, dot_product, project_to_ball, triple};
 
 /// Resistance of sixteen contacts to rolling and spinning, [`crate::assemble::Roll`], and their moments.
 #[derive(Debug, Clone, Copy)]
@@ -101,7 +101,13 @@ fn load_vector<L: Arithmetic>(l: L, columns: &[[L::T; BATCH_LANES]; 3], places: 
 
 /// The nearest moment to `m` whose part along `n` is at most `spinning`, and that across at most `rolling`.
 #[inline(always)]
-fn clamp_moment<L: Arithmetic>(l: L, n: LaneVector<L::V>, m: LaneVector<L::V>, rolling: L::V, spinning: L::V) -> LaneVector<L::V> {
+fn clamp_moment<L: Arithmetic>(
+    l: L,
+    n: LaneVector<L::V>,
+    m: LaneVector<L::V>,
+    rolling: L::V,
+    spinning: L::V,
+) -> LaneVector<L::V> {
     let along = dot_product(l, n, m);
     let across = project_to_ball(l, triple!(k => l.neg_mul_add(n[k], along, m[k])), rolling);
     let least = l.sub(l.splat(0.0), spinning);

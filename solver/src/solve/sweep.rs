@@ -3,16 +3,26 @@
 use bytemuck::{cast_slice, cast_slice_mut};
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Arithmetic, BodyHalfLine, BodyLine, LaneFloat, BodyHalfLineF32, BodyLineF32, F32Lanes, SimdWidth};
-use crate::solve::batches::{BATCH_LANES, ContactBatch, RangeBatches, PackedBody, BatchVectors, L2_BYTES, DiagonalProblem, SweepSums};
-use crate::solve::local::{LaneVector, coulomb, cross_product, cross_add, dot_product, signorini, unprojected_impulse, triple};
+use crate::math::lanes::{
+    Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, F32Lanes, LaneFloat, SimdWidth,
+};
+use crate::solve::batches::{
+    BATCH_LANES, BatchVectors, ContactBatch, DiagonalProblem, L2_BYTES, PackedBody, RangeBatches, SweepSums,
+};
+use crate::solve::local::{
+    LaneVector, coulomb, cross_add, cross_product, dot_product, signorini, triple, unprojected_impulse,
+};
 use crate::solve::rolling::RollingConstraintWide;
 
 /// Batches that go through the stages of a sweep together, so that no stage waits for the one before.
 const BATCHES_PER_STAGE: usize = 8;
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
-pub fn sweep_contacts<B: SweepKernel<T = f64>>(problem: &mut DiagonalProblem<B>, width: SimdWidth, beta: f64) -> SweepSums<f64> {
+pub fn sweep_contacts<B: SweepKernel<T = f64>>(
+    problem: &mut DiagonalProblem<B>,
+    width: SimdWidth,
+    beta: f64,
+) -> SweepSums<f64> {
     match width {
         SimdWidth::One(lanes) => sweep_with(problem, lanes, beta),
         #[cfg(target_arch = "x86_64")]
@@ -23,7 +33,11 @@ pub fn sweep_contacts<B: SweepKernel<T = f64>>(problem: &mut DiagonalProblem<B>,
 }
 
 /// The same in single precision.
-pub fn sweep_single<B: SweepKernel<T = f32>>(problem: &mut DiagonalProblem<B>, width: SimdWidth, beta: f64) -> SweepSums<f32> {
+pub fn sweep_single<B: SweepKernel<T = f32>>(
+    problem: &mut DiagonalProblem<B>,
+    width: SimdWidth,
+    beta: f64,
+) -> SweepSums<f32> {
     match width {
         SimdWidth::One(lanes) => sweep_with(problem, F32Lanes(lanes), beta),
         #[cfg(target_arch = "x86_64")]
@@ -33,7 +47,11 @@ pub fn sweep_single<B: SweepKernel<T = f32>>(problem: &mut DiagonalProblem<B>, w
     }
 }
 
-fn sweep_with<L: Arithmetic, B: SweepKernel<T = L::T>>(problem: &mut DiagonalProblem<B>, lanes: L, beta: f64) -> SweepSums<L::T> {
+fn sweep_with<L: Arithmetic, B: SweepKernel<T = L::T>>(
+    problem: &mut DiagonalProblem<B>,
+    lanes: L,
+    beta: f64,
+) -> SweepSums<L::T> {
     let DiagonalProblem { lines, previous, blocks, .. } = problem;
     let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
     let far = batches * size_of::<(ContactBatch<L::T>, [BatchVectors<L::T>; 2])>() > L2_BYTES;
@@ -54,7 +72,12 @@ struct TreeSweep<L> {
 
 impl<L: Arithmetic> TreeSweep<L> {
     /// Both sides of a joint side by side, then the joint.
-    fn sweep_subtree<B: SweepKernel<T = L::T>>(self, blocks: &mut [RangeBatches<L::T>], lines: &mut [B], previous: &[B]) {
+    fn sweep_subtree<B: SweepKernel<T = L::T>>(
+        self,
+        blocks: &mut [RangeBatches<L::T>],
+        lines: &mut [B],
+        previous: &[B],
+    ) {
         let half = blocks.len() / 2;
         let (left, rest) = blocks.split_at_mut(half);
         let Some((block, right)) = rest.split_first_mut() else { return };
@@ -134,7 +157,8 @@ impl<L: Arithmetic, B: SweepKernel<T = L::T>> NullaryFnOnce for SweepBlock<'_, L
     #[inline(always)]
     fn call(self) {
         let SweepBlock { lanes: l, lines, block, beta, exceeds_l2: far } = self;
-        let RangeBatches { batches, colours, r, previous, tangential_shift: drift, rolls, curvatures, sums, .. } = block;
+        let RangeBatches { batches, colours, r, previous, tangential_shift: drift, rolls, curvatures, sums, .. } =
+            block;
         *sums = SweepSums::default();
         let zero = l.splat(0.0);
         let mut between = StageBuffers {
@@ -238,7 +262,13 @@ pub trait SweepKernel: PackedBody {
     );
 
     /// Gives a change to the bodies `a` and takes it from `b`.
-    fn apply_impulse<L: Arithmetic<T = Self::T>>(l: L, lines: &mut [Self], a: &[u32], b: &[u32], change: &ImpulseChange<L::V>);
+    fn apply_impulse<L: Arithmetic<T = Self::T>>(
+        l: L,
+        lines: &mut [Self],
+        a: &[u32],
+        b: &[u32],
+        change: &ImpulseChange<L::V>,
+    );
 
     /// Gives the bodies the moments of these contacts that follow from their new impulses. Where something resists
     /// rolling, bodies are whole lines in double precision.
@@ -281,7 +311,13 @@ macro_rules! with_friction {
         }
 
         #[inline(always)]
-        fn apply_impulse<L: Arithmetic<T = Self::T>>(l: L, lines: &mut [Self], a: &[u32], b: &[u32], change: &ImpulseChange<L::V>) {
+        fn apply_impulse<L: Arithmetic<T = Self::T>>(
+            l: L,
+            lines: &mut [Self],
+            a: &[u32],
+            b: &[u32],
+            change: &ImpulseChange<L::V>,
+        ) {
             l.apply_impulse(lines, a, b, change.impulse, change.turn);
         }
     };
@@ -302,7 +338,13 @@ macro_rules! without_friction {
         }
 
         #[inline(always)]
-        fn apply_impulse<L: Arithmetic<T = Self::T>>(l: L, halves: &mut [Self], a: &[u32], b: &[u32], change: &ImpulseChange<L::V>) {
+        fn apply_impulse<L: Arithmetic<T = Self::T>>(
+            l: L,
+            halves: &mut [Self],
+            a: &[u32],
+            b: &[u32],
+            change: &ImpulseChange<L::V>,
+        ) {
             l.apply_half_impulse(halves, a, b, change.impulse);
         }
     };

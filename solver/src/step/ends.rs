@@ -6,12 +6,12 @@ use rayon::prelude::*;
 
 use super::ITEMS_PER_TASK;
 use super::motion::VelocityErrors;
-use crate::assemble::{self, FreeMotion, SolverBody, ContactProblem, relative_velocity};
+use crate::assemble::{self, ContactProblem, FreeMotion, SolverBody, relative_velocity};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::Scene;
 use crate::solve::ContactSolution;
-use crate::state::{Contact, ContactExchange, SolvedContact, State, ContactStatus};
+use crate::state::{Contact, ContactExchange, ContactStatus, SolvedContact, State};
 
 /// Velocities and contacts at the step's end, and what contacts have done.
 pub struct StepOutcome {
@@ -49,7 +49,8 @@ pub fn finish_contacts(
     ends.resize(contacts.len(), SolvedContact::default());
     let driven: Vec<bool> = scene.bodies.iter().map(|body| body.driven).collect();
     let deep = OVERLAP_WARNING_SHARE * scene.smallest_radius;
-    let end = PostSolve { scene, state, q_c, system, solution, motion, v: &v, w: &w, driven: &driven, warning_depth: deep };
+    let end =
+        PostSolve { scene, state, q_c, system, solution, motion, v: &v, w: &w, driven: &driven, warning_depth: deep };
     // In parts that the number of rows alone decides.
     let parts = ends.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
     let parts: Vec<(ContactTotals, Vec<ContactExchange>)> =
@@ -115,7 +116,12 @@ pub fn deeper_overlap(a: Option<Overlap>, b: Overlap) -> Option<Overlap> {
 
 impl PostSolve<'_> {
     /// Fills `ends` with those of contacts of which the first has the number `first`; what they do in the step.
-    fn finish_chunk(&self, first: usize, contacts: &[Contact], ends: &mut [SolvedContact]) -> (ContactTotals, Vec<ContactExchange>) {
+    fn finish_chunk(
+        &self,
+        first: usize,
+        contacts: &[Contact],
+        ends: &mut [SolvedContact],
+    ) -> (ContactTotals, Vec<ContactExchange>) {
         let PostSolve { q_c, system, solution, .. } = self;
         let (mut given, mut exchanges) = (ContactTotals::default(), Vec::with_capacity(contacts.len()));
         let roll = system.rolling_constraints.partition_point(|roll| (roll.row as usize) < first);
@@ -154,8 +160,9 @@ impl PostSolve<'_> {
         let local = to_local(&frame, r);
         let law = &state.laws[contact.law as usize];
         let motion = self.motion.filter(|_| law.has_irreversible_loss());
-        let (opens, slides) =
-            motion.map_or((false, false), |motion| motion.opens_or_slides(row, &system.shifted_velocity(k, &solution.records)));
+        let (opens, slides) = motion.map_or((false, false), |motion| {
+            motion.opens_or_slides(row, &system.shifted_velocity(k, &solution.records))
+        });
         // On the cone's side to rounding.
         let bound = row.friction * local.x * (1.0 - 1e-12);
         let at_limit = if motion.is_some() && row.friction > 0.0 { slides } else { local.yz().norm() >= bound };

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::ITEMS_PER_TASK;
 use super::ends::{Overlap, StepOutcome};
 use super::unforeseen::work_from_start;
-use crate::assemble::{FreeMotion, GravityReport, ContactProblem};
+use crate::assemble::{ContactProblem, FreeMotion, GravityReport};
 use crate::detect::NarrowPhaseError;
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};

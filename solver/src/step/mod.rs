@@ -23,7 +23,7 @@ use crate::math::Vec3;
 use crate::math::lanes::SimdWidth;
 use crate::scene::Scene;
 use crate::solve::{self, SolveRequest, StoppingCriteria};
-use crate::state::{StateBackup, BondingMode, Contact, State};
+use crate::state::{BondingMode, Contact, State, StateBackup};
 
 /// Time spent in each room.
 #[derive(Debug, Clone, Copy, Default)]
@@ -94,7 +94,11 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     lap.add_lap(&mut clock.solve);
     let solved = finish_contacts(scene, state, &q_c, &contacts, &free, &system, &solution, motion.as_ref());
     let given_up = task.skips_fallback() && !solution.converged;
-    let mut report = StepReport { narrow_phase_error: missed, fallback_suppressed: given_up, ..update_ledger(scene, state, &q_c, &free, &system, &solution, &solved) };
+    let mut report = StepReport {
+        narrow_phase_error: missed,
+        fallback_suppressed: given_up,
+        ..update_ledger(scene, state, &q_c, &free, &system, &solution, &solved)
+    };
     if !happened.shakes.is_empty() {
         report.flight_error = 0.0; // what shakes is an impulse, and exact
     }
@@ -134,15 +138,31 @@ fn solve_request(scene: &Scene, state: &State, units: u64) -> SolveRequest {
     // No later step makes good what a shock has given or taken.
     let shock = if state.laws.iter().any(ContactLaw::has_restitution) { MIN_TOLERANCE_FACTOR } else { 1.0 };
     // Nor what it has broken or set off.
-    let lost = if state.laws.iter().any(ContactLaw::has_irreversible_loss) { LOSS_TOLERANCE_FACTOR.min(MAX_LOSS_RESIDUAL / tol) } else { 1.0 };
+    let lost = if state.laws.iter().any(ContactLaw::has_irreversible_loss) {
+        LOSS_TOLERANCE_FACTOR.min(MAX_LOSS_RESIDUAL / tol)
+    } else {
+        1.0
+    };
     // What a residual leaves in velocities goes with what the step would change them by alone, and that with its length.
     let long = 1.0 / units as f64;
-    let aim = tol * shock.min(lost).min(tolerance_factor(options.penetration_tol(), state.ledger.penetration_left)).min(long);
+    let aim =
+        tol * shock.min(lost).min(tolerance_factor(options.penetration_tol(), state.ledger.penetration_left)).min(long);
     let (check_every, precision) = (options.check_every, options.sweep_precision);
     // One for each unit; blocks are as many as they are told to be.
     let least_sweeps = if check_every.is_some() { 0 } else { units };
-    let until = StoppingCriteria { target_residual: aim, min_sweeps: least_sweeps, check_every, precision, ..StoppingCriteria::new(tol, options.max_sweeps()) };
-    SolveRequest { solver: options.solver, criteria: until, width: SimdWidth::detect(), fallback_suppressed: state.step < state.fallback.due }
+    let until = StoppingCriteria {
+        target_residual: aim,
+        min_sweeps: least_sweeps,
+        check_every,
+        precision,
+        ..StoppingCriteria::new(tol, options.max_sweeps())
+    };
+    SolveRequest {
+        solver: options.solver,
+        criteria: until,
+        width: SimdWidth::detect(),
+        fallback_suppressed: state.step < state.fallback.due,
+    }
 }
 
 /// The most by which added overlap makes the residual sought smaller.
@@ -169,7 +189,8 @@ pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProbl
     let happened = assemble::apply_events(scene, &mut state);
     let units = integrate::choose_step_multiple(scene, &state, happened.any_event);
     assemble::apply_torque_and_damping(scene, &mut state, units);
-    let q_c = contact_configuration(scene, &state, units, unforeseen::velocities_are_unbounded(scene, &state, &happened));
+    let q_c =
+        contact_configuration(scene, &state, units, unforeseen::velocities_are_unbounded(scene, &state, &happened));
     let free = assemble::free_velocity(scene, &state, &q_c, &happened.shakes);
     let contacts = detect::listed_contacts(scene, &q_c, [&free.v, &free.w], &mut state.detection_cache);
     let system = assemble::contact_problem(scene, &state, &q_c, &contacts, &free.v, &free.w);

@@ -9,7 +9,7 @@
 use rayon::prelude::*;
 
 use super::drift::LARGEST_OPENING;
-use crate::assemble::{SolverBody, ContactConstraint, ContactProblem};
+use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::Scene;
@@ -37,9 +37,11 @@ pub struct VelocityErrors {
 
 impl VelocityErrors {
     pub fn new(system: &ContactProblem, solution: &ContactSolution) -> Self {
-        let of_row =
-            |(k, r): (usize, &Vec3)| if system.rows[k].can_close { velocity_error(system, solution, k, r) } else { 0.0 };
-        let of_rows: Vec<f64> = solution.impulses.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(of_row).collect();
+        let of_row = |(k, r): (usize, &Vec3)| {
+            if system.rows[k].can_close { velocity_error(system, solution, k, r) } else { 0.0 }
+        };
+        let of_rows: Vec<f64> =
+            solution.impulses.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(of_row).collect();
         let mut errors = vec![0.0f64; system.bodies.len()];
         for (row, error) in system.rows.iter().zip(of_rows) {
             // A body that does not move passes nothing on.
@@ -106,7 +108,9 @@ pub fn refine_until_decided(
                     scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
                 };
                 let bonded = system.rows[k].bond.is_some() && system.rows[k].impulse_shift != 0.0;
-                bonded && laws[contact.law as usize].has_irreversible_loss() && motion.is_undecided(system, solution, k, h, radius())
+                bonded
+                    && laws[contact.law as usize].has_irreversible_loss()
+                    && motion.is_undecided(system, solution, k, h, radius())
             };
             if !solution.converged || !contacts.par_iter().enumerate().with_min_len(PAR_MIN_LEN).any(is_open) {
                 break;
@@ -114,11 +118,28 @@ pub fn refine_until_decided(
             system.rows.iter_mut().zip(&solution.impulses).for_each(|(row, r)| row.warm_start = *r);
             system.rolling_constraints.iter_mut().zip(&solution.moments).for_each(|(roll, m)| roll.warm_start = *m);
             let aim = 0.1 * solution.residual.min(task.criteria.target_residual);
-            let further = solve_nlgs(system, StoppingCriteria { target_residual: aim, min_sweeps: 0, ..task.criteria }, task.width);
+            let further = solve_nlgs(
+                system,
+                StoppingCriteria { target_residual: aim, min_sweeps: 0, ..task.criteria },
+                task.width,
+            );
             let stalls = further.residual > 0.5 * solution.residual;
-            let ContactSolution { fallback_used: taken_over, stalled_residual: stalled, replacement_reason: replaced, single_precision: single, .. } = *solution;
+            let ContactSolution {
+                fallback_used: taken_over,
+                stalled_residual: stalled,
+                replacement_reason: replaced,
+                single_precision: single,
+                ..
+            } = *solution;
             let sweeps = solution.sweeps + further.sweeps;
-            *solution = ContactSolution { sweeps, fallback_used: taken_over, stalled_residual: stalled, replacement_reason: replaced, single_precision: single || further.single_precision, ..further };
+            *solution = ContactSolution {
+                sweeps,
+                fallback_used: taken_over,
+                stalled_residual: stalled,
+                replacement_reason: replaced,
+                single_precision: single || further.single_precision,
+                ..further
+            };
             motion = VelocityErrors::new(system, solution);
             if stalls {
                 break;
@@ -136,8 +157,10 @@ fn velocity_error(system: &ContactProblem, solution: &ContactSolution, k: usize,
         let SolverBody { v, w, .. } = &solution.records[row.bodies[side] as usize];
         v.norm() + w.norm() * system.contact_arm(k, side).norm()
     };
-    let rounding = ROUNDING_SHARE * (speed(0) + speed(1) + row.shift.norm() + (r.norm() + row.impulse_shift.abs()) / rho);
-    natural_map(&row.normal, row.friction, rho, &system.shifted_velocity(k, &solution.records), r).norm() / rho + rounding
+    let rounding =
+        ROUNDING_SHARE * (speed(0) + speed(1) + row.shift.norm() + (r.norm() + row.impulse_shift.abs()) / rho);
+    natural_map(&row.normal, row.friction, rho, &system.shifted_velocity(k, &solution.records), r).norm() / rho
+        + rounding
 }
 
 /// F = r - P(r - ρ (û + μ |û_T| n)) with the projection P on Coulomb's cone, N s: 0 of a contact that obeys Signorini and Coulomb.

@@ -3,7 +3,7 @@
 //! A step bounds its end velocities V⁺ by the gaps on the path to the next contact configuration, x_c + h V⁺. Where velocities
 //! are new when a step begins, nothing has bounded the path (1-θ) h V to its contact configuration.
 
-use crate::assemble::{self, FreeMotion, AppliedEvents, relative_velocity};
+use crate::assemble::{self, AppliedEvents, FreeMotion, relative_velocity};
 use crate::detect;
 use crate::integrate::{ContactConfiguration, MAX_STEP_GROWTH, predict_configuration};
 use crate::math::Vec3;

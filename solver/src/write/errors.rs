@@ -132,7 +132,9 @@ impl ErrorEstimator {
         }
         let steps = row.get("steps");
         self.flights.push([time, row.get("flight_error"), if steps.is_nan() { 1.0 } else { steps }]);
-        for (sum, name) in [(&mut self.virials, "gravity_sampled_virial"), (&mut self.narrow_phase_error, "narrow_error")] {
+        for (sum, name) in
+            [(&mut self.virials, "gravity_sampled_virial"), (&mut self.narrow_phase_error, "narrow_error")]
+        {
             let value = row.get(name);
             if !value.is_nan() {
                 *sum = [sum[0] + value, sum[1] + 1.0];
@@ -203,7 +205,12 @@ impl ErrorEstimator {
             of("step", "dt", 2.0 * depth + flight, detection + integration),
             of("gravity", "gravity_error", mean_of_sum(self.virials).abs(), gravity),
             of("narrow", "narrow_phase", 2.0 * mean_of_sum(self.narrow_phase_error), none),
-            of("chance", "", lost * (over(SAMPLING_FACTOR, (pairs.len() as f64).sqrt()) + self_balanced_wall_share(scene, state)), none),
+            of(
+                "chance",
+                "",
+                lost * (over(SAMPLING_FACTOR, (pairs.len() as f64).sqrt()) + self_balanced_wall_share(scene, state)),
+                none,
+            ),
             of("energy", "theta", drift.abs(), none),
             of("momentum", "", over(0.5 * stray * stray / mass, scale), none),
             of("writing", "output_every", 0.0, writing),
@@ -322,7 +329,8 @@ pub fn is_there(case: &Path) -> bool {
 
 /// Writes [`ERRORS_FILE`].
 pub fn write_errors(case: &Path, sources: &[ErrorSource]) -> Result<(), Faults> {
-    let row = |source: &ErrorSource| format!("{},{},{:e},{:e}\n", source.name, source.option, source.error, source.seconds);
+    let row =
+        |source: &ErrorSource| format!("{},{},{:e},{:e}\n", source.name, source.option, source.error, source.seconds);
     let text = format!("source,option,error,seconds\n{}", sources.iter().map(row).collect::<String>());
     atomic::write(&case.join(ERRORS_FILE), text.as_bytes())
 }

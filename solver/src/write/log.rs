@@ -183,7 +183,12 @@ impl LogTable {
     }
 
     /// Enters the figures of a step, and writes a row where it is due, which `take` gets.
-    pub fn add_step(&mut self, cells: Vec<LogCell>, due: RowSchedule, take: impl FnOnce(&LogRow)) -> Result<(), Faults> {
+    pub fn add_step(
+        &mut self,
+        cells: Vec<LogCell>,
+        due: RowSchedule,
+        take: impl FnOnce(&LogRow),
+    ) -> Result<(), Faults> {
         let step = cells[0].to_f64() as u64;
         match &mut self.pending {
             None => self.pending = Some(cells),
@@ -342,7 +347,8 @@ mod tests {
         std::fs::write(&path, "step,a\n1,x\n2,1e0\n3,z\n4,").unwrap();
         let mut kept = Vec::new();
         let mut table =
-            LogTable::open(&path, A, [0, 2], EACH, |row| kept.push(["step", "a", "b"].map(|name| row.get(name)))).unwrap();
+            LogTable::open(&path, A, [0, 2], EACH, |row| kept.push(["step", "a", "b"].map(|name| row.get(name))))
+                .unwrap();
         assert_eq!(kept.iter().map(|row| row[0]).collect::<Vec<_>>(), [1.0, 2.0]);
         assert!(kept[0][1].is_nan() && kept[1][1] == 1.0 && kept[1][2].is_nan());
         table.add_step(cells(3, 0.25), EACH, |row| assert_eq!(row.get("a"), 0.25)).unwrap();
@@ -373,8 +379,12 @@ mod tests {
 
     #[test]
     fn rows_sum_up_steps_and_go_on_after_any_of_them() {
-        const ALL: &[Column] =
-            &[("step", ColumnKind::Last), ("sum", ColumnKind::Sum), ("most", ColumnKind::Largest), ("known", ColumnKind::Known)];
+        const ALL: &[Column] = &[
+            ("step", ColumnKind::Last),
+            ("sum", ColumnKind::Sum),
+            ("most", ColumnKind::Largest),
+            ("known", ColumnKind::Known),
+        ];
         let due = RowSchedule { log_every: 4, output_every: 6 };
         let figures = |k: u64| -> Vec<LogCell> {
             let known = if k.is_multiple_of(5) { k as f64 } else { f64::NAN };

@@ -21,7 +21,7 @@ use crate::state::State;
 use crate::step::{StageTimes, StepReport};
 
 use errors::ErrorEstimator;
-use log::{LogCell, RowSchedule, LogTable};
+use log::{LogCell, LogTable, RowSchedule};
 pub use problem::{check_dump_step as expect_problem, write_problem as problem};
 
 /// The results of a case: snapshots and `steps.csv` in OUTBOX, `TIMER.csv` beside it. Durations

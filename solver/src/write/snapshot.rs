@@ -10,8 +10,8 @@ use cd_formats::tact_behav::LAW_LABELS;
 
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::Vec3;
-use crate::scene::{RigidBody, BodyPart, Scene, BodyShape};
-use crate::state::{SolvedContact, State, ContactStatus};
+use crate::scene::{BodyPart, BodyShape, RigidBody, Scene};
+use crate::state::{ContactStatus, SolvedContact, State};
 
 /// All of the state, with what of the scene its reader needs.
 pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
@@ -29,7 +29,8 @@ pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
 
 fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
     let options = &scene.options;
-    let laws: Vec<LawName> = scene.law_names.iter().zip(&state.laws).map(|(name, law)| current_law(name, law)).collect();
+    let laws: Vec<LawName> =
+        scene.law_names.iter().zip(&state.laws).map(|(name, law)| current_law(name, law)).collect();
     let changed = laws != scene.law_names;
     SnapshotMeta {
         format: FORMAT_VERSION,

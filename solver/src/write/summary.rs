@@ -11,9 +11,9 @@ use crate::gravity::sample::SampledError;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::State;
-use crate::step::{StageTimes, OVERLAP_WARNING_SHARE, MotionTotals, Overlap};
+use crate::step::{MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes};
 
-use super::errors::{self, ErrorSource, ErrorEstimator};
+use super::errors::{self, ErrorEstimator, ErrorSource};
 
 /// Figures of this run's steps that the state does not hold.
 #[derive(Debug, Clone, Default)]
@@ -131,7 +131,10 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
     }
     if let Some(overlap) = course.overlap {
         let deep = 100.0 * OVERLAP_WARNING_SHARE;
-        line("warning", format!("{}: more than {deep} %; volumes and stresses are off accordingly", overlap.message_text()));
+        line(
+            "warning",
+            format!("{}: more than {deep} %; volumes and stresses are off accordingly", overlap.message_text()),
+        );
     }
     line("energy drift", format!("{:.2e}", energy_drift(scene, state).0));
     if let Some(SampledError { rms, largest, .. }) = course.gravity {

@@ -9,8 +9,8 @@ use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
 use crate::laws::Cohesion;
 use crate::math::Vec3;
-use crate::scene::{ContactorShape, BodyPart, Scene, BodyShape};
-use crate::state::{SolvedContact, State, ContactStatus};
+use crate::scene::{BodyPart, BodyShape, ContactorShape, Scene};
+use crate::state::{ContactStatus, SolvedContact, State};
 
 const DOF_PREFIX: &str = "DOF.OUT.";
 

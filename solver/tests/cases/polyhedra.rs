@@ -244,7 +244,8 @@ fn what_is_known_of_pairs_changes_nothing() {
     let mut afresh = state.clone();
     let (mut looked_for, mut contacts) = (0, 0);
     for step in 0..250 {
-        afresh.detection_cache = DetectionCache { restored_pairs: afresh.detection_cache.cached_pairs(), ..DetectionCache::default() };
+        afresh.detection_cache =
+            DetectionCache { restored_pairs: afresh.detection_cache.cached_pairs(), ..DetectionCache::default() };
         let before = state.detection_cache.neighbours.centres.clone();
         for state in [&mut state, &mut afresh] {
             cd_solve::step::step(&scene, state, &mut StageTimes::default());

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, SQRT_2};
 
-use cd_solve::geometry::{Manifold, ListingRange, polyhedron_cylinder};
+use cd_solve::geometry::{ListingRange, Manifold, polyhedron_cylinder};
 use cd_solve::math::{Quat, Vec3};
 
 use crate::check;
@@ -20,7 +20,14 @@ fn at(a: &Solid, qa: &Quat, x: Vec3, size: [f64; 2], range: impl Into<ListingRan
 }
 
 /// The same, all turned.
-fn turned(a: &Solid, qa: &Quat, x: Vec3, turn: &Quat, size: [f64; 2], range: impl Into<ListingRange>) -> Option<Manifold> {
+fn turned(
+    a: &Solid,
+    qa: &Quat,
+    x: Vec3,
+    turn: &Quat,
+    size: [f64; 2],
+    range: impl Into<ListingRange>,
+) -> Option<Manifold> {
     polyhedron_cylinder(&a.shape.posed_by(&(turn * qa)), &-(turn * x), turn, size, range)
 }
 

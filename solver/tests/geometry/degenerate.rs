@@ -1,6 +1,6 @@
 //! Constructed contacts, a thousand and more of each class: what touches what is known, and noise must not change it.
 
-use cd_solve::geometry::{Manifold, CachedFeature, NarrowPhaseMode};
+use cd_solve::geometry::{CachedFeature, Manifold, NarrowPhaseMode};
 use cd_solve::math::{Quat, Vec3};
 use nalgebra::{Matrix3, Rotation3};
 

@@ -9,7 +9,7 @@ mod random;
 mod shapes;
 mod table;
 
-use cd_solve::geometry::{Manifold, CachedFeature, NarrowPhaseMode, polyhedron_polyhedron};
+use cd_solve::geometry::{CachedFeature, Manifold, NarrowPhaseMode, polyhedron_polyhedron};
 use cd_solve::math::{Quat, Vec3};
 
 use oracle::Solid;

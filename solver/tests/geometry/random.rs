@@ -1,6 +1,6 @@
 //! Random hulls at depths from deep to apart, turned anyhow or with faces and edges pressed together.
 
-use cd_solve::geometry::{Manifold, CachedFeature, NarrowPhaseMode};
+use cd_solve::geometry::{CachedFeature, Manifold, NarrowPhaseMode};
 use cd_solve::math::{Quat, Vec3};
 
 use crate::degenerate::{edge_to, face_to, vertex_to};

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, SQRT_2};
 
-use cd_solve::geometry::{Manifold, CachedFeature, NarrowPhaseMode, ListingRange, polyhedron_polyhedron};
+use cd_solve::geometry::{CachedFeature, ListingRange, Manifold, NarrowPhaseMode, polyhedron_polyhedron};
 use cd_solve::math::{Quat, Vec3};
 
 use crate::oracle::{Solid, common_area, separation};
@@ -201,7 +201,9 @@ fn area_counts_as_far_as_it_is_near() {
         let c = Vec3::z() * (low - 1.0);
         let area = |range: ListingRange| {
             let (a, b) = (cube.shape.posed_by(&turn), table.shape.posed_by(&Quat::identity()));
-            let found = polyhedron_polyhedron(&a, &b, &c, range, NarrowPhaseMode::Accurate, &mut CachedFeature::default()).unwrap();
+            let found =
+                polyhedron_polyhedron(&a, &b, &c, range, NarrowPhaseMode::Accurate, &mut CachedFeature::default())
+                    .unwrap();
             assert!((found.normal - Vec3::z()).norm() < ROUNDING, "{found:?}");
             found.area
         };

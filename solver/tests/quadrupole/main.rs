@@ -77,7 +77,8 @@ fn where_it_fades_the_force_is_about_that_of_the_quadrupoles() {
     let long = rigid(&rock([1.0, 0.5, 0.5], Vec3::zeros()));
     for k in 0..=100 {
         let r = Vec3::x() * (3.0 + 0.04 * f64::from(k));
-        let [whole, faded] = [f64::INFINITY, 6.0].map(|reach| quadrupole_correction(&r, [&long, &long], reach, 1.0).force.x);
+        let [whole, faded] =
+            [f64::INFINITY, 6.0].map(|reach| quadrupole_correction(&r, [&long, &long], reach, 1.0).force.x);
         // Of s + |d ds/dd|/3 the largest is 1.33.
         assert!((-1e-12..1.34).contains(&(faded / whole)), "{k}: {faded} {whole}");
     }

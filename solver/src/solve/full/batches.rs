@@ -9,10 +9,10 @@ use std::marker::PhantomData;
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
-use crate::assemble::{BlockData, SolverBody, ContactProblem};
+use crate::assemble::{BlockData, ContactProblem, SolverBody};
 use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, F64Arithmetic, LaneFloat, SimdWidth};
-use crate::solve::batches::{BATCH_LANES, FrictionCones, NONE, SweepSums, SweepUnits, snap_to_cones, set_lane};
+use crate::solve::batches::{BATCH_LANES, FrictionCones, NONE, SweepSums, SweepUnits, set_lane, snap_to_cones};
 use crate::solve::full::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
 use crate::solve::local::{dot_product, triple};
 use crate::solve::nlgs::ContactReactions;
@@ -209,7 +209,8 @@ impl<C: PairContacts> BlockProblem<C> {
         records: &[SolverBody],
         width: SimdWidth,
     ) -> Self {
-        let units = if C::T::IS_SINGLE { SweepUnits::from_problem(system, active, reactions, records) } else { SweepUnits::SI };
+        let units =
+            if C::T::IS_SINGLE { SweepUnits::from_problem(system, active, reactions, records) } else { SweepUnits::SI };
         let fill = BlockSource { system, full, reactions, records, units, width };
         let mut pairs = group_into_pairs(system, active);
         // Which range each moving body is in; bodies in the order of space.
@@ -366,7 +367,12 @@ impl<C: PairContacts> PairBatches<C> {
         let has_lever =
             |row: &u32| full.friction_offsets.get(*row as usize).is_some_and(|offset| *offset != Vec3::zeros());
         let levers = members.iter().any(|&k| pairs[k as usize].rows.iter().any(has_lever));
-        let mut batch = BodyPairBatch { bodies: [[unused; BATCH_LANES]; 2], points: [first, first + most], has_locked_axes: held, levers };
+        let mut batch = BodyPairBatch {
+            bodies: [[unused; BATCH_LANES]; 2],
+            points: [first, first + most],
+            has_locked_axes: held,
+            levers,
+        };
         for (lane, &k) in members.iter().enumerate() {
             let pair = &pairs[k as usize];
             for side in 0..2 {
@@ -426,8 +432,14 @@ impl<T: LaneFloat> PairContacts for FrictionalPoint<T> {
         levers
     }
 
-    fn world_impulses(&self, from: &UnpackContext, rows: &LaneRows, values: &FrictionalImpulses<T>) -> [BatchColumn<f64>; 3] {
-        let part = |axis: usize, k: usize, lane: usize| self.axes[axis][k][lane].to_f64() * values.r[axis][lane].to_f64();
+    fn world_impulses(
+        &self,
+        from: &UnpackContext,
+        rows: &LaneRows,
+        values: &FrictionalImpulses<T>,
+    ) -> [BatchColumn<f64>; 3] {
+        let part =
+            |axis: usize, k: usize, lane: usize| self.axes[axis][k][lane].to_f64() * values.r[axis][lane].to_f64();
         let along = |k: usize| {
             array::from_fn(|lane| (part(0, k, lane) + part(1, k, lane) + part(2, k, lane)) * from.units.impulse)
         };
@@ -476,7 +488,8 @@ impl RowColumns {
             set_lane(&mut seen.u, lane, &from.starting_velocity::<T>(k));
             set_lane(&mut seen.r, lane, &from.reactions.impulses[k]);
             for (side, to) in seen.sides.iter_mut().enumerate() {
-                let BodySide { arm, inverse_mass, inverse_inertia } = BodySide::from_row(from.system, from.full, k, side);
+                let BodySide { arm, inverse_mass, inverse_inertia } =
+                    BodySide::from_row(from.system, from.full, k, side);
                 (0..3).for_each(|k| (to.arm[k][lane], to.inverse_mass[k][lane]) = (arm[k], inverse_mass[k]));
                 (0..6).for_each(|k| to.inverse_inertia[k][lane] = inverse_inertia[k]);
             }
@@ -612,7 +625,8 @@ impl<T: LaneFloat> PairContacts for FrictionlessPoint<T> {
             point.shift[lane] = T::from_f64(n.dot(&from.starting_velocity::<T>(k)) / units.velocity);
             values.r[lane] = T::from_f64(n.dot(&reactions.impulses[k]) / units.impulse);
             values.previous[lane] = values.r[lane];
-            (point.inverse_nn[lane], point.weight[lane]) = (T::from_f64(1.0 / row.w_n / mass), T::from_f64(row.w_n * mass));
+            (point.inverse_nn[lane], point.weight[lane]) =
+                (T::from_f64(1.0 / row.w_n / mass), T::from_f64(row.w_n * mass));
         }
         (point, values)
     }
@@ -621,7 +635,12 @@ impl<T: LaneFloat> PairContacts for FrictionlessPoint<T> {
         [[T::ZERO; BATCH_LANES]; 2] // without friction
     }
 
-    fn world_impulses(&self, from: &UnpackContext, rows: &LaneRows, values: &NormalImpulses<T>) -> [BatchColumn<f64>; 3] {
+    fn world_impulses(
+        &self,
+        from: &UnpackContext,
+        rows: &LaneRows,
+        values: &NormalImpulses<T>,
+    ) -> [BatchColumn<f64>; 3] {
         let mut r = [[0.0; BATCH_LANES]; 3];
         for (lane, row) in occupied_lanes(rows) {
             let size = values.r[lane].to_f64() * from.units.impulse;

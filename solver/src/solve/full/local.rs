@@ -67,8 +67,16 @@ fn side_block<L: Arithmetic>(l: L, side: BodySide<L::V>) -> Symmetric<L::V> {
     let BodySide { arm: [x, y, z], inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
     // Columns of J^-1 A, as far as they are needed.
     let of_x = [difference_of_products(l, [yy, z], [yz, y]), difference_of_products(l, [yz, z], [zz, y])];
-    let of_y = [difference_of_products(l, [xz, x], [xx, z]), difference_of_products(l, [yz, x], [xy, z]), difference_of_products(l, [zz, x], [xz, z])];
-    let of_z = [difference_of_products(l, [xx, y], [xy, x]), difference_of_products(l, [xy, y], [yy, x]), difference_of_products(l, [xz, y], [yz, x])];
+    let of_y = [
+        difference_of_products(l, [xz, x], [xx, z]),
+        difference_of_products(l, [yz, x], [xy, z]),
+        difference_of_products(l, [zz, x], [xz, z]),
+    ];
+    let of_z = [
+        difference_of_products(l, [xx, y], [xy, x]),
+        difference_of_products(l, [xy, y], [yy, x]),
+        difference_of_products(l, [xz, y], [yz, x]),
+    ];
     [
         l.add(inverse_mass[0], difference_of_products(l, [z, of_x[0]], [y, of_x[1]])),
         difference_of_products(l, [z, of_y[1]], [y, of_y[2]]),
@@ -316,7 +324,14 @@ struct SlidingState<V> {
 }
 
 #[inline(always)]
-fn sliding_state<L: Arithmetic>(l: L, axes: [L::V; 2], p: [L::V; 2], c: [L::V; 2], free: L::V, s: L::V) -> SlidingState<L::V> {
+fn sliding_state<L: Arithmetic>(
+    l: L,
+    axes: [L::V; 2],
+    p: [L::V; 2],
+    c: [L::V; 2],
+    free: L::V,
+    s: L::V,
+) -> SlidingState<L::V> {
     let e = [l.add(axes[0], s), l.add(axes[1], s)];
     let d = l.mul(e[0], e[1]);
     let r = [l.mul(p[0], e[1]), l.mul(p[1], e[0])];
@@ -328,7 +343,7 @@ fn sliding_state<L: Arithmetic>(l: L, axes: [L::V; 2], p: [L::V; 2], c: [L::V; 2
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::lanes::{Scalar, F32Lanes};
+    use crate::math::lanes::{F32Lanes, Scalar};
     use crate::solve::stored::LocalSolver;
     use proptest::prelude::*;
 
@@ -353,7 +368,8 @@ mod tests {
     fn solve_single(w_nn: f64, c: [f64; 2], s: [f64; 2], mu: f64, q: Triple, guess: f64) -> Triple {
         let short = |x: [f64; 2]| x.map(|x| x as f32);
         let inverse_s = short(s.map(|s| 1.0 / s));
-        let block = LocalBlock { inverse_nn: (1.0 / w_nn) as f32, c: short(c), s: short(s), inverse_s, friction: mu as f32 };
+        let block =
+            LocalBlock { inverse_nn: (1.0 / w_nn) as f32, c: short(c), s: short(s), inverse_s, friction: mu as f32 };
         let (r, _) = signorini_coulomb_block(F32Lanes(Scalar), &block, q.map(|q| q as f32), [0.0; 3], guess as f32);
         r.map(f64::from)
     }
@@ -386,7 +402,8 @@ mod tests {
                 for mu in [0.0, 1e-300, 0.5, 1e12, 1e300] {
                     for (n, t) in values.into_iter().flat_map(|n| values.map(|t| (n, t))) {
                         for guess in [0.0, 1.0, 1e300, f64::INFINITY, f64::NAN] {
-                            let block = LocalBlock { inverse_nn: 1.0, c, s, inverse_s: s.map(|s| 1.0 / s), friction: mu };
+                            let block =
+                                LocalBlock { inverse_nn: 1.0, c, s, inverse_s: s.map(|s| 1.0 / s), friction: mu };
                             let (r, _) = signorini_coulomb_block(Scalar, &block, [n, t, 0.3], [0.0; 3], guess);
                             assert!(r.iter().all(|x| x.is_finite()), "{c:?} {s:?} {mu} {n} {t} {guess}: {r:?}");
                             let r = solve_single(1.0, c, s, mu, [n, t, 0.3], guess);

@@ -15,7 +15,7 @@ mod tests {
     use cd_formats::compute::SweepPrecision;
     use nalgebra::Matrix3;
 
-    use crate::assemble::{BlockData, SolverBody, ContactConstraint, ContactProblem, stored_problem};
+    use crate::assemble::{BlockData, ContactConstraint, ContactProblem, SolverBody, stored_problem};
     use crate::math::lanes::SimdWidth;
     use crate::math::{Vec3, to_local, to_world};
     use crate::solve::full::local::{delassus_block_of_row, full_matrix};
@@ -72,7 +72,13 @@ mod tests {
             full.friction_offsets.push(offset - row.normal * row.normal.dot(&offset));
             rows.push(row);
         }
-        let mut system = ContactProblem { rows, rolling_constraints: vec![], block_data: Some(full), bodies: records, order: (0..count).collect() };
+        let mut system = ContactProblem {
+            rows,
+            rolling_constraints: vec![],
+            block_data: Some(full),
+            bodies: records,
+            order: (0..count).collect(),
+        };
         for k in 0..system.rows.len() {
             let full = system.block_data.as_ref().unwrap();
             let w = full_matrix(delassus_block_of_row(&system, full, k));
@@ -127,14 +133,18 @@ mod tests {
             let solution = solve_nlgs(&system, StoppingCriteria::new(tol, 100_000), SimdWidth::detect());
             assert!(solution.converged, "{friction}: {:e} after {}", solution.residual, solution.sweeps);
             let all: Vec<u32> = (0..system.rows.len() as u32).collect();
-            assert!(ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= tol);
+            assert!(
+                ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= tol
+            );
         }
     }
 
     /// The solution has no friction to give, and is that of the three unknowns with next to none.
     #[test]
     fn one_unknown_finds_what_three_find() {
-        let solved = |friction: f64| solve_nlgs(&heap(40, friction), StoppingCriteria::new(1e-11, 100_000), SimdWidth::detect()).records;
+        let solved = |friction: f64| {
+            solve_nlgs(&heap(40, friction), StoppingCriteria::new(1e-11, 100_000), SimdWidth::detect()).records
+        };
         let (one, three) = (solved(0.0), solved(1e-13));
         for (a, b) in one.iter().zip(&three) {
             // Velocities near 1, solved to 1e-11 in a heap that amplifies what is left of a contact some hundred times.
@@ -153,7 +163,9 @@ mod tests {
             let solution = solve_nlgs(&system, in_single(1e-4, 100_000), SimdWidth::detect());
             assert!(solution.single_precision && solution.converged, "{friction}: {:e}", solution.residual);
             let all: Vec<u32> = (0..system.rows.len() as u32).collect();
-            assert!(ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= 1e-4);
+            assert!(
+                ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= 1e-4
+            );
             let double = solve_nlgs(&system, StoppingCriteria::new(1e-4, 100_000), SimdWidth::detect());
             // Noise of 1e-7 is nothing to what is left: about as many sweeps.
             assert!(solution.sweeps < 2 * double.sweeps, "{friction}: {} {}", solution.sweeps, double.sweeps);

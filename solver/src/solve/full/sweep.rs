@@ -2,17 +2,22 @@
 
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Arithmetic, LaneFloat, F32Lanes, DoubleWidth, SimdWidth};
+use crate::math::lanes::{Arithmetic, DoubleWidth, F32Lanes, LaneFloat, SimdWidth};
 use crate::solve::batches::{BATCH_LANES, L2_BYTES, SweepSums};
 use crate::solve::full::batches::{
-    BodyPairBatch, PairBatches, PairContacts, FrictionalImpulses, LeverColumns, BodyNumbers, FrictionlessPoint, FrictionalPoint, BlockProblem, NormalImpulses, BodyRange,
+    BlockProblem, BodyNumbers, BodyPairBatch, BodyRange, FrictionalImpulses, FrictionalPoint, FrictionlessPoint,
+    LeverColumns, NormalImpulses, PairBatches, PairContacts,
 };
 use crate::solve::full::local::{LocalBlock, signorini_coulomb_block};
 use crate::solve::local::{cross_add, dot_product, triple};
 use crate::solve::rolling::RollingConstraintWide;
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
-pub fn sweep_contacts<C: PairSweepKernel<T = f64>>(problem: &mut BlockProblem<C>, width: SimdWidth, beta: f64) -> SweepSums<f64> {
+pub fn sweep_contacts<C: PairSweepKernel<T = f64>>(
+    problem: &mut BlockProblem<C>,
+    width: SimdWidth,
+    beta: f64,
+) -> SweepSums<f64> {
     match width {
         SimdWidth::One(lanes) => sweep_with(problem, DoubleWidth(lanes), beta),
         #[cfg(target_arch = "x86_64")]
@@ -23,7 +28,11 @@ pub fn sweep_contacts<C: PairSweepKernel<T = f64>>(problem: &mut BlockProblem<C>
 }
 
 /// The same in single precision.
-pub fn sweep_single<C: PairSweepKernel<T = f32>>(problem: &mut BlockProblem<C>, width: SimdWidth, beta: f64) -> SweepSums<f32> {
+pub fn sweep_single<C: PairSweepKernel<T = f32>>(
+    problem: &mut BlockProblem<C>,
+    width: SimdWidth,
+    beta: f64,
+) -> SweepSums<f32> {
     match width {
         SimdWidth::One(lanes) => sweep_with(problem, DoubleWidth(F32Lanes(lanes)), beta),
         #[cfg(target_arch = "x86_64")]
@@ -33,7 +42,11 @@ pub fn sweep_single<C: PairSweepKernel<T = f32>>(problem: &mut BlockProblem<C>, 
     }
 }
 
-fn sweep_with<L: Arithmetic, C: PairSweepKernel<T = L::T>>(problem: &mut BlockProblem<C>, lanes: L, beta: f64) -> SweepSums<L::T> {
+fn sweep_with<L: Arithmetic, C: PairSweepKernel<T = L::T>>(
+    problem: &mut BlockProblem<C>,
+    lanes: L,
+    beta: f64,
+) -> SweepSums<L::T> {
     let BlockProblem { lines, previous, inertia, ranges, between, .. } = problem;
     let points = between.points.len() + ranges.iter().map(|range| range.inside.points.len()).sum::<usize>();
     let far = points * size_of::<(C, C::Impulses)>() > L2_BYTES;
@@ -266,7 +279,8 @@ impl<T: LaneFloat> PairSweepKernel for FrictionalPoint<T> {
         *wa = apply_inverse_inertia(l, inertia[0], cross_add(l, arm_a, world, couple_a), *wa);
         *wb = apply_inverse_inertia(l, inertia[1], cross_add(l, world, arm_b, couple_b), *wb);
         let way = triple!(k => l.sub(new[k], r[k]));
-        moved.restart_product = l.neg_mul_add(load!(l, at, self.weight), dot_product(l, change, way), moved.restart_product);
+        moved.restart_product =
+            l.neg_mul_add(load!(l, at, self.weight), dot_product(l, change, way), moved.restart_product);
         moved.change2 = l.add(dot_product(l, change, change), moved.change2);
     }
 
@@ -296,7 +310,8 @@ impl<T: LaneFloat> PairSweepKernel for FrictionlessPoint<T> {
         let PairVelocities { va, wa, vb, wb, inverse_mass, free_axes: pushed, .. } = pair;
         let n = load3!(l, at, self.normal);
         let between = triple!(k => l.sub(va[k], vb[k]));
-        let turned = l.sub(dot_product(l, *wa, load3!(l, at, self.arms[0])), dot_product(l, *wb, load3!(l, at, self.arms[1])));
+        let turned =
+            l.sub(dot_product(l, *wa, load3!(l, at, self.arms[0])), dot_product(l, *wb, load3!(l, at, self.arms[1])));
         let u = l.add(l.add(dot_product(l, n, between), turned), load!(l, at, self.shift));
         let (r, before) = (load!(l, at, values.r), load!(l, at, values.previous));
         let y = l.mul_add(beta, l.sub(r, before), r);
@@ -312,12 +327,18 @@ impl<T: LaneFloat> PairSweepKernel for FrictionlessPoint<T> {
         *vb = triple!(k => l.neg_mul_add(to_b[k], push_b, vb[k]));
         *wa = triple!(k => l.mul_add(load!(l, at, self.answers[0][k]), change, wa[k]));
         *wb = triple!(k => l.neg_mul_add(load!(l, at, self.answers[1][k]), change, wb[k]));
-        moved.restart_product = l.neg_mul_add(l.mul(load!(l, at, self.weight), change), l.sub(new, r), moved.restart_product);
+        moved.restart_product =
+            l.neg_mul_add(l.mul(load!(l, at, self.weight), change), l.sub(new, r), moved.restart_product);
         moved.change2 = l.mul_add(change, change, moved.change2);
     }
 
     #[inline(always)]
-    fn normal_impulse<L: Arithmetic<T = T>>(&self, l: L, values: &NormalImpulses<T>, at: std::ops::Range<usize>) -> ([L::V; 3], L::V) {
+    fn normal_impulse<L: Arithmetic<T = T>>(
+        &self,
+        l: L,
+        values: &NormalImpulses<T>,
+        at: std::ops::Range<usize>,
+    ) -> ([L::V; 3], L::V) {
         (load3!(l, at, self.normal), load!(l, at, values.r))
     }
 }
@@ -365,7 +386,8 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKer
         free_axes: pushed,
         inertia: [inertia_a, inertia_b],
     };
-    let mut moved = LaneSums { restart_product: load!(l, at, sums.restart_product), change2: load!(l, at, sums.change2) };
+    let mut moved =
+        LaneSums { restart_product: load!(l, at, sums.restart_product), change2: load!(l, at, sums.change2) };
     let mut rolls = rolls.iter_mut();
     for (i, (point, values)) in points.iter().zip(impulses).enumerate() {
         if FAR && from == 0 && i < later.0.len() {

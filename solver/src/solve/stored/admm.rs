@@ -16,7 +16,7 @@ use super::anderson::AndersonAcceleration;
 use super::factors::{BlockEntry, LuFactors, solution_cost};
 use super::scaled::ScaledProblem;
 use super::sweep::ANDERSON_DEPTH;
-use super::{SolverRun, LocalVector};
+use super::{LocalVector, SolverRun};
 
 /// The penalty c, relative to the mean diagonal.
 const PENALTY: f64 = 0.1;

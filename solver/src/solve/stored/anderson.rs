@@ -28,7 +28,16 @@ impl AndersonAcceleration {
     pub fn new(depth: usize, n: usize) -> Self {
         let ring = || vec![vec![0.0; n]; depth];
         let (f, g) = (vec![0.0; n], vec![0.0; n]);
-        AndersonAcceleration { depth, df: ring(), dg: ring(), gram: vec![vec![0.0; depth]; depth], f, g, seen: 0, norm: 0.0 }
+        AndersonAcceleration {
+            depth,
+            df: ring(),
+            dg: ring(),
+            gram: vec![vec![0.0; depth]; depth],
+            f,
+            g,
+            seen: 0,
+            norm: 0.0,
+        }
     }
 
     /// Drops the history.

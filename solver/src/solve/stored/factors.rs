@@ -11,7 +11,7 @@
 
 use pulp::NullaryFnOnce;
 
-use super::{MatrixBlock, LocalVector};
+use super::{LocalVector, MatrixBlock};
 use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
 
 /// Rows below which one front is always the faster.
@@ -211,7 +211,10 @@ fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix
     let contacts = |ranks: &[u32]| ranks.iter().map(|&k| order[k as usize] as u32).collect();
     fronts
         .iter()
-        .map(|(own, _)| FrontalMatrix { later: contacts(&later[own[own.len() - 1] as usize]), ..FrontalMatrix::from_contacts(contacts(own)) })
+        .map(|(own, _)| FrontalMatrix {
+            later: contacts(&later[own[own.len() - 1] as usize]),
+            ..FrontalMatrix::from_contacts(contacts(own))
+        })
         .collect()
 }
 
@@ -267,7 +270,8 @@ impl<L: F64Arithmetic> NullaryFnOnce for FrontElimination<'_, L> {
                 }
             }
             let (before, after) = a.split_at_mut(to * stride);
-            let panel = ColumnPanel { columns: &before[from * stride..], stride, from, pivots: &pivots[from..to], size };
+            let panel =
+                ColumnPanel { columns: &before[from * stride..], stride, from, pivots: &pivots[from..to], size };
             let mut groups = after[..(size - to) * stride].chunks_exact_mut(4 * stride);
             groups.by_ref().for_each(|columns| panel.update_columns::<L, 4>(l, columns));
             groups.into_remainder().chunks_exact_mut(stride).for_each(|column| panel.update_columns::<L, 1>(l, column));
@@ -308,7 +312,11 @@ impl ColumnPanel<'_> {
             swap_rows(column, from, pivots);
             for k in from..to {
                 u[k - from][q] = column[k];
-                subtract_multiple(&mut column[k + 1..to], &panel[(k - from) * stride + k + 1..][..to - k - 1], u[k - from][q]);
+                subtract_multiple(
+                    &mut column[k + 1..to],
+                    &panel[(k - from) * stride + k + 1..][..to - k - 1],
+                    u[k - from][q],
+                );
             }
         }
         for row in (to..size).step_by(2 * L::WIDTH) {

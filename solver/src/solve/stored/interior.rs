@@ -18,7 +18,7 @@
 use super::factors::{BlockEntry, LuFactors};
 use super::newton::prox_newton;
 use super::scaled::ScaledProblem;
-use super::{MatrixBlock, SolverRun, LocalVector};
+use super::{LocalVector, MatrixBlock, SolverRun};
 
 /// Share of the way to the cones' sides that a step goes.
 const STEP_SHARE: f64 = 0.99;
@@ -65,7 +65,12 @@ fn apply_cone_scaling([n, t]: [f64; 2], v: LocalVector) -> LocalVector {
 }
 
 /// The changes of x and y; none where the numbers end.
-fn newton_direction(scaled: &ScaledProblem, sizes: &[[f64; 2]], x: &[LocalVector], y: &[LocalVector]) -> Option<[Vec<LocalVector>; 2]> {
+fn newton_direction(
+    scaled: &ScaledProblem,
+    sizes: &[[f64; 2]],
+    x: &[LocalVector],
+    y: &[LocalVector],
+) -> Option<[Vec<LocalVector>; 2]> {
     let count = x.len();
     let r: Vec<LocalVector> = x.iter().zip(sizes).map(|(x, size)| apply_cone_scaling(*size, *x)).collect();
     let u = scaled.relative_velocities(&r);
@@ -76,7 +81,8 @@ fn newton_direction(scaled: &ScaledProblem, sizes: &[[f64; 2]], x: &[LocalVector
             [u[0] + slip - y[i][0], u[1] - y[i][1], u[2] - y[i][2]]
         })
         .collect();
-    let scalings: Vec<NesterovToddScaling> = x.iter().zip(y).map(|(x, y)| NesterovToddScaling::new(x, y)).collect::<Option<_>>()?;
+    let scalings: Vec<NesterovToddScaling> =
+        x.iter().zip(y).map(|(x, y)| NesterovToddScaling::new(x, y)).collect::<Option<_>>()?;
     let points: Vec<LocalVector> = x.iter().zip(&scalings).map(|(x, scaling)| scaling.apply_scaling(x)).collect();
     // (S W S + N T^2) dx = -missed + N T g,   dy = T g - T^2 dx,   N = 1 - n y_T / |y_T|.
     let squares: Vec<MatrixBlock> = scalings.iter().map(NesterovToddScaling::squared_matrix).collect();
@@ -98,13 +104,15 @@ fn newton_direction(scaled: &ScaledProblem, sizes: &[[f64; 2]], x: &[LocalVector
     }
     let factors = LuFactors::new(count, &matrix)?;
     let toward = |goals: &[LocalVector]| -> [Vec<LocalVector>; 2] {
-        let pushed: Vec<LocalVector> = (0..count).map(|i| scalings[i].apply_scaling(&jordan_quotient(&points[i], &goals[i]))).collect();
+        let pushed: Vec<LocalVector> =
+            (0..count).map(|i| scalings[i].apply_scaling(&jordan_quotient(&points[i], &goals[i]))).collect();
         let right = (0..count).map(|i| {
             let leaning = lean(i, pushed[i]);
             std::array::from_fn(|k| leaning[k] - missed[i][k])
         });
         let dx = factors.solve(&right.collect::<Vec<LocalVector>>());
-        let dy = (0..count).map(|i| std::array::from_fn(|k| pushed[i][k] - dot_product(&squares[i][k], &dx[i]))).collect();
+        let dy =
+            (0..count).map(|i| std::array::from_fn(|k| pushed[i][k] - dot_product(&squares[i][k], &dx[i]))).collect();
         [dx, dy]
     };
     // First as if tau could be 0 at once; how far that leads tells how low tau may be asked to go.
@@ -187,7 +195,11 @@ impl NesterovToddScaling {
         let double = 2.0 * (0.5 * (1.0 + dot_product(&x, &y))).sqrt();
         let w = [(y[0] + x[0]) / double, (y[1] - x[1]) / double, (y[2] - x[2]) / double];
         let length = (2.0 * (w[0] + 1.0)).sqrt();
-        Some(NesterovToddScaling { beta: (of_y / of_x).sqrt().sqrt(), v: [(w[0] + 1.0) / length, w[1] / length, w[2] / length], w })
+        Some(NesterovToddScaling {
+            beta: (of_y / of_x).sqrt().sqrt(),
+            v: [(w[0] + 1.0) / length, w[1] / length, w[2] / length],
+            w,
+        })
     }
 
     /// T u

@@ -1,6 +1,6 @@
 //! One contact of a full 3x3 block, exactly, with every other impulse frozen.
 
-use super::{MatrixBlock, LocalVector};
+use super::{LocalVector, MatrixBlock};
 
 /// A contact's own block prepared for solving: the normal unknown eliminated, the tangents turned to
 /// the axes of what is left.

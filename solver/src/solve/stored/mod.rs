@@ -205,7 +205,12 @@ pub struct MatrixSolution {
 
 /// Solves to a residual of at most `limits.tol`, or returns the best that was met. Starts from the impulses
 /// `start`, or from 0 where these are the better.
-pub fn solve(problem: &MatrixProblem, solver: MatrixSolver, start: &[LocalVector], limits: SolverLimits) -> MatrixSolution {
+pub fn solve(
+    problem: &MatrixProblem,
+    solver: MatrixSolver,
+    start: &[LocalVector],
+    limits: SolverLimits,
+) -> MatrixSolution {
     let mut run = SolverRun::new(problem, limits);
     let from_zero = run.best.1;
     let warm = start.len() == problem.len() && run.record_iterate(start) < from_zero;
@@ -218,7 +223,13 @@ pub fn solve(problem: &MatrixProblem, solver: MatrixSolver, start: &[LocalVector
         MatrixSolver::InteriorPoint => interior::interior_point(&mut run, u64::MAX),
     }
     let converged = run.best.1 <= limits.tol;
-    MatrixSolution { residual: residual(problem, &run.best.0), r: run.best.0, sweeps: run.sweeps, cost: run.cost, converged }
+    MatrixSolution {
+        residual: residual(problem, &run.best.0),
+        r: run.best.0,
+        sweeps: run.sweeps,
+        cost: run.cost,
+        converged,
+    }
 }
 
 /// Accelerated sweeps first, as many as cost what ten Newton steps do, 100 to 1000. Where they stall, once the interior-point

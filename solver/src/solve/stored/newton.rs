@@ -17,7 +17,7 @@ use super::anderson::AndersonAcceleration;
 use super::factors::{BlockEntry, LuFactors};
 use super::scaled::ScaledProblem;
 use super::sweep::ANDERSON_DEPTH;
-use super::{MatrixBlock, SolverRun, LocalVector};
+use super::{LocalVector, MatrixBlock, SolverRun};
 
 /// The proximal parameter a: where it starts, its limits, and its change after success and failure.
 const INITIAL_PROXIMAL: f64 = 1e-3;

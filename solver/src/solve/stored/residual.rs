@@ -1,6 +1,6 @@
 //! Judges a solution of a stored problem; shares no arithmetic with what solves.
 
-use super::{MatrixProblem, LocalVector};
+use super::{LocalVector, MatrixProblem};
 
 /// |F| / (rho |q|) of the impulses `r`, with rho = 3N / trace W, the natural map
 ///

@@ -1,6 +1,6 @@
 //! A problem in units in which each diagonal block has trace 3.
 
-use super::{MatrixBlock, MatrixProblem, LocalVector};
+use super::{LocalVector, MatrixBlock, MatrixProblem};
 
 /// W_ij s_i s_j, q_i s_i and r_i / s_i with s_i = (3 / trace W_ii)^1/2: one number a contact leaves the cones as they
 /// are.

@@ -3,7 +3,7 @@
 //! Source: M. Jean, Comput. Methods Appl. Mech. Engrg. 177 (1999) 235-257.
 
 use super::anderson::AndersonAcceleration;
-use super::{LocalSolver, MatrixProblem, SolverRun, LocalVector};
+use super::{LocalSolver, LocalVector, MatrixProblem, SolverRun};
 
 /// Number of past sweeps that Anderson's acceleration combines.
 pub const ANDERSON_DEPTH: usize = 10;
