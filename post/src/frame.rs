@@ -198,7 +198,7 @@ impl Frame {
     /// Reads a snapshot and takes it apart.
     ///
     /// Errors: those of [`Snapshot::read`], each body with a mass, moment of inertia or length that is not positive, and
-    /// with polyhedra those of [`Shapes::from_snapshot`].
+    /// with polyhedra those of `ShapeCache::from_snapshot`.
     pub fn read(path: &Path, shapes: &ShapeCache) -> Result<Frame, Faults> {
         let snapshot = Snapshot::read(path)?;
         let mut faults = Faults::default();

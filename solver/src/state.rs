@@ -86,7 +86,7 @@ impl PartialEq for DetectionCache {
 /// Near pairs that hold as long as nothing has left its room.
 #[derive(Debug, Clone, Default)]
 pub struct NeighbourList {
-    /// All pairs i < j that are as near as [`crate::detect::broad::pairs`] asks, and others.
+    /// All pairs i < j that are as near as [`crate::detect::broad::near_pairs`] asks, and others.
     pub pairs: Vec<[u32; 2]>,
     /// Where things were when they were looked for, how far they reached then, and the room that they have since, m.
     pub centres: Vec<Vec3>,

@@ -27,7 +27,7 @@ fn accepted(scene: &str) -> bool {
     let code = pre(&file, case.path());
     assert!(code == 0 || code == 2, "{code}\n{scene}");
     if code == 0 {
-        let read = cd_solve::read::case(case.path(), &ComputeFlags::default());
+        let read = cd_solve::read::read_case(case.path(), &ComputeFlags::default());
         read.map(drop).unwrap_or_else(|faults| panic!("{scene}\n{faults}"));
     }
     code == 0

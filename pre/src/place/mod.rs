@@ -2,7 +2,7 @@
 //!
 //! | module | |
 //! |---|---|
-//! | [`region`] | ball, ellipsoid, box: volume, and what lies inside |
+//! | `region` | ball, ellipsoid, box: volume, and what lies inside |
 //! | [`inside`] | a closed surface as a room |
 //! | [`lattice`] | sites of a face-centred cubic lattice |
 //! | [`sequential`] | one grain after the other at random |

@@ -136,7 +136,7 @@ struct Side {
 const FIXED: u32 = u32::MAX;
 
 impl Joints<'_> {
-    /// The friction offsets of [`Full`], with those of the faces that lie over joints.
+    /// The friction offsets of [`BlockData`], with those of the faces that lie over joints.
     pub fn with_joined_faces(
         &self,
         load: impl Fn(usize) -> f64 + Sync,

@@ -25,7 +25,7 @@ pub struct FreeMotion {
     /// Potential energy in self-gravity, uniform gravity and outer fields, in the contact configuration, J.
     pub potential: f64,
     pub gravity: GravityReport,
-    /// Self-gravity for the steps that follow, see [`Attraction`].
+    /// Self-gravity for the steps that follow, see [`GravityHistory`].
     pub attraction: Option<GravityHistory>,
     /// Impulse of uniform gravity, outer fields and imposed forces on the free bodies, N s.
     pub impulse: Vec3,
@@ -427,7 +427,7 @@ fn point_masses(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
     scene.free.iter().map(|&i| (x[i as usize], scene.bodies[i as usize].mass)).unzip()
 }
 
-/// Accelerations, energy and what was removed, see [`Field`]; `order` is that of all bodies.
+/// Accelerations, energy and what was removed, see [`GravityField`]; `order` is that of all bodies.
 fn evaluate_self_gravity(scene: &Scene, order: &[u32], positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
     let place = |body| scene.free.binary_search(body).ok().map(|k| k as u32);
     let of_free: Vec<u32> = order.iter().filter_map(place).collect();

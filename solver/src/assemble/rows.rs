@@ -65,7 +65,7 @@ pub struct ContactConstraint {
     pub bond: Option<f64>,
 }
 
-/// Resistance of a row's contact to rolling and spinning, see [`crate::laws::Rolling`].
+/// Resistance of a row's contact to rolling and spinning, see [`crate::laws::RollingFriction`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RollingConstraint {
     /// Index into the rows.

@@ -4,7 +4,7 @@
 //! the range of its cohesion, or when the free velocities of its two bodies against each other close it in the
 //! step: so no contact that can close in the step is missed, however short the alert distance, and no motion that
 //! bodies have in common, or that parts them, lists a pair. Contact impulses may turn bodies towards others:
-//! [`late`] finds the pairs that the solved velocities close.
+//! `late` finds the pairs that the solved velocities close.
 
 pub mod broad;
 mod joints;
@@ -63,7 +63,7 @@ struct TravelBounds<'a> {
     w_free: &'a [Vec3],
     /// s
     lookahead: f64,
-    /// [`NEARBY`] for the time looked ahead.
+    /// [`NEARBY_GAP`] for the time looked ahead.
     nearby: f64,
 }
 

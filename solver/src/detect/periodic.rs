@@ -7,7 +7,7 @@ use crate::math::Vec3;
 /// Steps to images of which each pair of neighbouring cells is one.
 const IMAGE_STEPS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
 
-/// All pairs i < j of which some images are as near as [`broad::periodic_pairs`] asks, each once, in an order that does not depend
+/// All pairs i < j of which some images are as near as [`broad::near_pairs`] asks, each once, in an order that does not depend
 /// on threads.
 ///
 /// Positions may be anywhere; images of what is near a cell's border are put beyond the opposite one.
@@ -20,7 +20,7 @@ pub fn periodic_pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> V
     pairs_of_originals(broad::near_pairs(&centres, &reaches), x.len(), &of)
 }
 
-/// The same of [`swept::periodic_pairs`]; `reach`: radii with the whole length of the paths, m.
+/// The same of [`swept::swept_pairs`]; `reach`: radii with the whole length of the paths, m.
 pub fn periodic_swept_pairs(balls: &[SweptBall], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
     if periods == [None; 2] {
         return swept::swept_pairs(balls);

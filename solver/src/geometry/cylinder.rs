@@ -33,7 +33,7 @@ pub const CYLINDER_RIM: u32 = 3;
 /// # use cd_solve::geometry::{Polyhedron, polyhedron_cylinder};
 /// # use cd_solve::math::{Quat, Vec3};
 /// let cube = Polyhedron::cuboid(&Vec3::repeat(1.0));
-/// let posed = cube.posed(&Quat::identity());
+/// let posed = cube.posed_by(&Quat::identity());
 /// // The cube stands on the end of a pillar.
 /// let c = Vec3::new(0.0, 0.0, -3.5);
 /// let found = polyhedron_cylinder(&posed, &c, &Quat::identity(), [2.25, 4.0], 0.5).unwrap();

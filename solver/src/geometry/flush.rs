@@ -12,7 +12,7 @@ impl PosedPolyhedron<'_> {
     /// ```
     /// # use cd_solve::{geometry::Polyhedron, math::{Quat, Vec3}};
     /// let brick = Polyhedron::cuboid(&Vec3::new(3.0, 2.0, 0.5));
-    /// assert_eq!(brick.posed(&Quat::identity()).height(&Vec3::new(0.0, 0.6, -0.8)), 1.6);
+    /// assert_eq!(brick.posed_by(&Quat::identity()).support_height(&Vec3::new(0.0, 0.6, -0.8)), 1.6);
     /// ```
     pub fn support_height(&self, n: &Vec3) -> f64 {
         support_vertex(self, n).1

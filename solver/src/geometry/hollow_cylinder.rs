@@ -14,7 +14,7 @@ use crate::math::{Quat, Vec3};
 /// # use cd_solve::geometry::{Polyhedron, polyhedron_hollow_cylinder};
 /// # use cd_solve::math::{Quat, Vec3};
 /// let cube = Polyhedron::cuboid(&Vec3::repeat(3.0));
-/// let posed = cube.posed(&Quat::identity());
+/// let posed = cube.posed_by(&Quat::identity());
 /// // The corners at x = 3 are at 5 from the axis.
 /// let c = Vec3::new(-1.0, 0.0, 0.0);
 /// let found = polyhedron_hollow_cylinder(&posed, &c, &Quat::identity(), [9.0, 5.5], 1.0);

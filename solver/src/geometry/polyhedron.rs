@@ -37,7 +37,7 @@ struct PackedTopology {
     /// Where in `spokes` each vertex begins, and the last ends.
     half_edge_starts: Section,
     half_edges: Section,
-    /// As in [`Faces`].
+    /// As in [`ConvexMesh`].
     loops: Section,
     starts: Section,
 }

@@ -8,10 +8,10 @@ use crate::math::Vec3;
 /// From a centre inside, through the nearest face. The sphere's feature is 0.
 ///
 /// ```
-/// # use cd_solve::geometry::{Polyhedron, polyhedron_sphere, face};
+/// # use cd_solve::geometry::{Polyhedron, polyhedron_sphere, face_feature};
 /// # use cd_solve::math::{Quat, Vec3};
 /// let cube = Polyhedron::cuboid(&Vec3::repeat(1.0));
-/// let posed = cube.posed(&Quat::identity());
+/// let posed = cube.posed_by(&Quat::identity());
 /// let found = polyhedron_sphere(&posed, &Vec3::new(0.2, 0.1, 1.75), 0.5, 1.0).unwrap();
 /// assert_eq!((found.normal, found.gap()), (-Vec3::z(), 0.25));
 /// assert_eq!(found.points[0].position, Vec3::new(0.2, 0.1, 1.125));

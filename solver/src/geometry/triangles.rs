@@ -135,7 +135,7 @@ impl TriangleBatch {
         self.count = 0;
     }
 
-    /// The patch of pair `k` along `axis`, as [`Patch::clip_faces`]; false where rounding decides what is a corner of it.
+    /// The patch of pair `k` along `axis`, as [`ContactPatch::clip_faces`]; false where rounding decides what is a corner of it.
     #[inline(always)]
     pub fn write_patch(&self, k: usize, axis: &SearchAxis, area_within: f64, patch: &mut ContactPatch) -> bool {
         if self.clear >> k & 1 == 0 {

@@ -112,7 +112,7 @@ impl GravitySolver {
     /// a_i = G sum_j m_j (x_j - x_i)/|x_j - x_i|^3 and phi_i = -G sum_j m_j/|x_j - x_i|.
     ///
     /// Bodies are sorted along Morton's curve from the order `about`: faster where that is about theirs, as
-    /// [`morton::order`](crate::math::morton::order) of a step before is. It changes no result, and may be empty.
+    /// [`morton::morton_order`](crate::math::morton::morton_order) of a step before is. It changes no result, and may be empty.
     pub fn full_field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> GravityField {
         self.field_at_width(positions, masses, constant, FieldRequest { potential: true, about }, SimdWidth::detect())
     }

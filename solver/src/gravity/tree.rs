@@ -115,7 +115,7 @@ fn divide_cell(
 
 impl MassTree {
     /// The tree over at least one body, of leaves of at most `leaf` bodies (more where they coincide), with moments to
-    /// order P. Bodies are sorted from the order `about`, see [`morton::unsorted`].
+    /// order P. Bodies are sorted from the order `about`, see [`morton::unsorted_keys`].
     pub fn new<L: F64Arithmetic, const P: usize>(
         lanes: L,
         positions: &[Vec3],

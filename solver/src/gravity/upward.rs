@@ -57,7 +57,7 @@ impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
         self.lanes.run(ParentMoments { up: self, cell, outline, moments: mine, halves });
     }
 
-    /// [`Outline::multipole_unevenness`] of moments about the centre of mass: of each multipole, the mean square over eight axes.
+    /// [`CellSummary::multipole_unevenness`] of moments about the centre of mass: of each multipole, the mean square over eight axes.
     #[inline(always)]
     fn multipole_unevenness(&self, row: &NarrowRow<f64>, radius: f64, mass: f64) -> f64 {
         let (l, area) = (self.lanes, radius * radius);

@@ -119,7 +119,7 @@ pub fn predict_from_start(scene: &Scene, state: &State, units: u64, from_start: 
     ContactConfiguration { from_start, ..q_c }
 }
 
-/// [`turn_freely`] in axes that turn at `rate` (rad/s), from which orientation and `momentum` are seen before and after:
+/// [`free_rotation`] in axes that turn at `rate` (rad/s), from which orientation and `momentum` are seen before and after:
 /// with axes at rest that agree with these at first, the body turns with J W more momentum, and then against the axes.
 fn turn_in_axes(q: &Quat, momentum: &mut Vec3, inertia: &[f64; 3], rate: &Vec3, h: f64) -> Quat {
     if *rate == Vec3::zeros() {

@@ -693,7 +693,7 @@ mod x86 {
     /// Predicate of a comparison: greater than, ordered, quiet.
     const GREATER: i32 = 30;
 
-    /// Factors of line b in [`F64Arithmetic::relative_velocity`].
+    /// Factors of line b in [`LaneFloat::relative_velocity`].
     const SIGNS: [f64; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 
     const SIGNS_F32: [f32; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];

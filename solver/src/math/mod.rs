@@ -77,8 +77,8 @@ pub const PAR_MIN_LEN: usize = 2048;
 /// each group starts, with the end of the last: a sort by counting.
 ///
 /// ```
-/// # use cd_solve::math::group;
-/// assert_eq!(group(&[2, 0, 2, 1], 3), (vec![1, 3, 0, 2], vec![0, 1, 2, 4]));
+/// # use cd_solve::math::group_by_key;
+/// assert_eq!(group_by_key(&[2, 0, 2, 1], 3), (vec![1, 3, 0, 2], vec![0, 1, 2, 4]));
 /// ```
 pub fn group_by_key(keys: &[u32], groups: usize) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0; groups + 1];

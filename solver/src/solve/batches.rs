@@ -38,7 +38,7 @@ pub struct ContactBatch<T> {
     pub n: [[T; BATCH_LANES]; 3],
     /// Along n, m/s.
     pub shift: [T; BATCH_LANES],
-    /// See [`crate::assemble::Row`].
+    /// See [`crate::assemble::ContactConstraint`].
     pub arm: [T; BATCH_LANES],
     pub friction: [T; BATCH_LANES],
     /// Lines of candidate and antagonist, counted from the first of the block.
@@ -184,7 +184,7 @@ impl PackedBody for BodyHalfLine {
     }
 }
 
-/// The same as [`Line`], of changes.
+/// The same as [`BodyLine`], of changes.
 impl PackedBody for BodyLineF32 {
     type T = f32;
     const HAS_FRICTION: bool = true;
@@ -198,7 +198,7 @@ impl PackedBody for BodyLineF32 {
     }
 }
 
-/// The same as [`Half`], of changes.
+/// The same as [`BodyHalfLine`], of changes.
 impl PackedBody for BodyHalfLineF32 {
     type T = f32;
     const HAS_FRICTION: bool = false;

@@ -3,7 +3,7 @@
 //! E = |F(r)|/|F(r_0)| with the natural map F(r) = r - P_K(r - rho (û + mu |û_T| n)), rho = 3N/trace W, over
 //! the contacts that can close in the step: 1 when nothing is solved, 0 exactly at a solution, the same
 //! in any units and whatever the alert distance. r_0 is 0, and where contacts attract what takes up the attraction of
-//! each ([`Row::balance`](crate::assemble::Row::balance)): cohesion, however strong, loads nothing by itself. A moment m of rolling and spinning friction counts as an impulse m/R
+//! each ([`Row::balance`](crate::assemble::ContactConstraint::balancing_impulse)): cohesion, however strong, loads nothing by itself. A moment m of rolling and spinning friction counts as an impulse m/R
 //! against a velocity R w.
 //!
 //! Source: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 13.

@@ -15,7 +15,7 @@ use crate::math::lanes::{Arithmetic, LaneFloat};
 use crate::solve::batches::{BATCH_LANES, NONE, set_lane};
 use crate::solve::local::{LaneVector, dot_product, project_to_ball, triple};
 
-/// Resistance of sixteen contacts to rolling and spinning, [`crate::assemble::Roll`], and their moments.
+/// Resistance of sixteen contacts to rolling and spinning, [`crate::assemble::RollingConstraint`], and their moments.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub struct RollingConstraintWide<T = f64> {

@@ -22,7 +22,7 @@ use crate::math::{PAR_MIN_LEN, Vec3, rotate_by_vector};
 use crate::scene::Scene;
 use crate::state::{Contact, SolvedContact, State};
 
-/// Opening of a bond over its effective radius from which on positions are corrected. A bond is made at a gap of up to [`TOUCHING`]
+/// Opening of a bond over its effective radius from which on positions are corrected. A bond is made at a gap of up to [`MAX_TOUCHING_GAP`]
 /// and acts up to twice that; one step opens a corner by up to three times the error that [`super::motion`] accepts, which is
 /// this opening as well.
 pub const LARGEST_OPENING: f64 = 0.25 * MAX_TOUCHING_GAP;

@@ -98,7 +98,7 @@ pub struct UnpackContext<'a> {
 impl BlockSource<'_> {
     /// û that row `k` starts from without what sweeps change of the velocities, m/s.
     ///
-    /// Lines of single precision hold these changes alone, as in [`Body::CHANGES`](crate::solve::batches::Body::CHANGES).
+    /// Lines of single precision hold these changes alone, as in [`PackedBody::STORES_DELTAS`](crate::solve::batches::Body::CHANGES).
     fn starting_velocity<T: LaneFloat>(&self, k: usize) -> Vec3 {
         if T::IS_SINGLE { self.system.shifted_velocity(k, self.records) } else { self.system.rows[k].shift }
     }
@@ -181,8 +181,8 @@ pub struct BodyRange<C: PairContacts> {
 }
 
 /// Lines of the touched bodies, range by range: v, 1/m, w and an unused place; inverse inertia xx, xy, xz, yy, yz, zz, and
-/// two unused places. Of bodies that are [held](Full::held) the three hold 1 for x, y and z along which these are pushed, else 0.
-/// In single precision v and w are what sweeps change of them, in [`Units`].
+/// two unused places. Of bodies that are [held](BlockData::locked_axes) the three hold 1 for x, y and z along which these are pushed, else 0.
+/// In single precision v and w are what sweeps change of them, in [`SweepUnits`].
 pub struct BlockProblem<C: PairContacts> {
     pub units: SweepUnits,
     pub lines: Vec<BodyNumbers<C::T>>,

@@ -165,7 +165,7 @@ pub struct PairVelocities<V> {
     inertia: [[V; 8]; 2],
 }
 
-/// Sums over the contacts, see [`Sums`].
+/// Sums over the contacts, see [`SweepSums`].
 pub struct LaneSums<V> {
     restart_product: V,
     change2: V,

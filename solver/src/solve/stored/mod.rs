@@ -198,7 +198,7 @@ pub struct MatrixSolution {
     pub sweeps: u64,
     /// See [`newton_cost`].
     pub cost: f64,
-    /// See [`residual`].
+    /// See `residual`.
     pub residual: f64,
     pub converged: bool,
 }
